@@ -1,0 +1,33 @@
+"""The one family of errors a user may meet."""
+
+
+class DsfabError(Exception):
+    """Input that cannot be used, told in one sentence: what is wrong, where, and what to do.
+
+    The library raises it and never prints; ``dsfab.app.cli`` alone turns it into a line and exit code 1.
+    Anything else that escapes the library is a mistake of ours.
+    """
+
+
+class SurfaceError(DsfabError):
+    """A mesh, a shape, a support or a load that cannot be used."""
+
+
+class StaticsError(DsfabError):
+    """A sheet that cannot carry its loads: a mechanism, a piece without support, a failed solve."""
+
+
+class PatternError(DsfabError):
+    """A pattern that leaves nothing to build, or an impossible stripe."""
+
+
+class SolidError(DsfabError):
+    """A sheet that could not be thickened to a closed solid."""
+
+
+class ExportError(DsfabError):
+    """A file that could not be written, or that did not read back as what was written."""
+
+
+class PresetError(DsfabError):
+    """A preset with unknown keys, wrong types or impossible values."""
