@@ -1,0 +1,30 @@
+"""Stage 1, what is given: the mesh, its supports and its loads."""
+
+from dsfab.surface.loads import Force, Load, LoadCase, Pressure, SelfWeight, Support
+from dsfab.surface.mesh import Surface
+from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
+from dsfab.surface.reader import MeshFacts, describe, read_surface
+from dsfab.surface.shapes import SHAPES
+
+__all__ = [
+    "SHAPES",
+    "All",
+    "Ball",
+    "Boundary",
+    "Box",
+    "Facing",
+    "Force",
+    "Load",
+    "LoadCase",
+    "MeshFacts",
+    "Nearest",
+    "Picker",
+    "Pressure",
+    "SelfWeight",
+    "Side",
+    "Support",
+    "Surface",
+    "Vertices",
+    "describe",
+    "read_surface",
+]

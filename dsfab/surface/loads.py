@@ -1,0 +1,157 @@
+"""`LoadCase`: what holds the surface and what presses on it, and the supports and loads it is built from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from dsfab.arrays import Bools, Floats, lock
+from dsfab.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.pickers import STRICT, All, Picker, Real, Vector, unit_vector
+
+
+@dataclass(frozen=True)
+class Support:
+    """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
+
+    hold : the directions that are held, in metres of the surface's own axes.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    at: Picker
+    hold: Literal["xyz", "xy", "xz", "yz", "x", "y", "z"] = "xyz"
+
+    def fixed(self, surface: Surface) -> Bools:
+        """(n, 3) what it holds."""
+        return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in self.hold for axis in "xyz"]))
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force in newtons, the whole of it, spread over the picked vertices in proportion to their areas.
+
+    On a single vertex it is a point force.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    at: Picker
+    force: Vector
+    kind: Literal["force"] = "force"
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons; they sum to `force`."""
+        if not any(self.force):
+            raise SurfaceError("a load of kind 'force' is zero; give force = [fx, fy, fz] in newtons")
+        share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
+        if not share.any():
+            raise SurfaceError("a load of kind 'force' is on vertices without faces; pick vertices of the surface")
+        return np.asarray((share / share.sum())[:, None] * np.array(self.force))
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure in pascals on the faces whose corners are all picked; positive presses against their normals.
+
+    A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pressure: Real
+    at: Picker = field(default_factory=All)
+    kind: Literal["pressure"] = "pressure"
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons; they sum to -pressure times the vector area of the faces."""
+        if self.pressure == 0:
+            raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
+        faces = surface.faces_of(self.at.vertices(surface))
+        if not faces.any():
+            raise SurfaceError(
+                "a load of kind 'pressure' is on no face: no triangle has all three corners picked; pick a wider region"
+            )
+        on_face = (-self.pressure * faces * surface.areas)[:, None] * surface.normals
+        return _to_corners(surface, on_face)
+
+
+@dataclass(frozen=True)
+class SelfWeight:
+    """The weight of the whole uncut sheet, towards `direction` (any length)."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    direction: Vector = (0.0, 0.0, -1.0)
+    kind: Literal["self_weight"] = "self_weight"
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons for a sheet of `weight` newtons per square metre; they sum to weight times area."""
+        if not weight > 0:
+            raise SurfaceError(
+                f"a load of kind 'self_weight' needs a sheet that weighs something (it is {weight:g} N/m2); give the "
+                "material a density and a thickness"
+            )
+        return weight * surface.vertex_areas[:, None] * unit_vector(self.direction, "a load of kind 'self_weight'")
+
+
+Load = Annotated[Force | Pressure | SelfWeight, Field(discriminator="kind")]
+
+
+def _to_corners(surface: Surface, on_face: Floats) -> Floats:
+    """(n, 3) a third of each face's force (m, 3) at each of its corners."""
+    corners = np.repeat(on_face / 3, 3, axis=0)
+    at = surface.F.ravel()
+    return np.stack([np.bincount(at, corners[:, i], minlength=surface.n) for i in range(3)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadCase:
+    """Supports and loads on the vertices of one surface.
+
+    fixed  : (n, 3) True where a vertex may not move along x, y, z.
+    force  : (n, 3) force on each vertex, newtons.
+    loaded : (n,) True at the vertices under a concentrated load (a force; not a pressure or self-weight),
+             which the pattern may protect with `keep`.
+    """
+
+    fixed: Bools
+    force: Floats
+    loaded: Bools
+
+    def __post_init__(self) -> None:
+        lock(self, "fixed", np.bool_, (None, 3))
+        lock(self, "force", np.float64, (len(self.fixed), 3))
+        lock(self, "loaded", np.bool_, (len(self.fixed),))
+
+    @classmethod
+    def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
+        """The load case of all supports and loads together.
+
+        weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
+
+        Raises SurfaceError without a support or a load, for pickers that pick nothing, for loads that are zero, and
+        when every load is on directions that are held.
+        """
+        if not supports:
+            raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
+        if not loads:
+            raise SurfaceError("the surface has no load; add a [[surface.load]]: a force, a pressure or self_weight")
+        fixed = np.logical_or.reduce([support.fixed(surface) for support in supports])
+        force = np.sum([load.on(surface, weight) for load in loads], axis=0)
+        if not np.isfinite(force).all():
+            raise SurfaceError("a load is not a finite number; give newtons or pascals as plain numbers")
+        if not force[~fixed].any():
+            raise SurfaceError(
+                "every load is on held vertices or cancels out, so nothing is left for the surface to carry; load "
+                "vertices that are free to move"
+            )
+        loaded = np.zeros(surface.n, dtype=bool)
+        for load in loads:
+            if isinstance(load, Force):
+                loaded |= load.at.vertices(surface)
+        return cls(fixed, force, loaded)
+
+    @property
+    def held(self) -> Bools:
+        """(n,) vertices with any support."""
+        return np.asarray(self.fixed.any(axis=1))

@@ -1,0 +1,156 @@
+"""`Surface`: the triangle mesh that every stage works on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints, first, lock
+from dsfab.errors import SurfaceError
+from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
+
+ZERO_AREA = 1e-20
+"""Faces whose area is under this share of the squared size count as collapsed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A triangle mesh in space: a sheet without thickness.
+
+    V : (n, 3) vertex positions, metres.
+    F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
+
+    Raises SurfaceError for coordinates that are not finite, indices out of range and faces without area.
+    Whether the mesh is manifold and oriented is asked with `dsfab.surface.topology.manifold_faults`.
+    """
+
+    V: Floats
+    F: Ints
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+        if not len(self.F):
+            raise SurfaceError("the surface has no faces; give a mesh with at least one triangle")
+        self._check_vertices()
+        self._check_faces()
+
+    def _check_vertices(self) -> None:
+        bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
+        if len(bad):
+            raise SurfaceError(
+                f"{len(bad)} of {self.n} vertices are not finite numbers (first: {first(bad)}); repair the mesh"
+            )
+
+    def _check_faces(self) -> None:
+        bad = np.flatnonzero((self.F.min(axis=1) < 0) | (self.F.max(axis=1) >= self.n))
+        if len(bad):
+            raise SurfaceError(
+                f"{len(bad)} faces name vertices outside 0..{self.n - 1} (first faces: {first(bad)}); repair the mesh"
+            )
+        bad = np.flatnonzero(self.areas <= ZERO_AREA * self.size**2)
+        if len(bad):
+            raise SurfaceError(
+                f"{len(bad)} of {self.m} faces have no area (first: {first(bad)}); remove collapsed faces"
+            )
+
+    @property
+    def n(self) -> int:
+        """Number of vertices."""
+        return len(self.V)
+
+    @property
+    def m(self) -> int:
+        """Number of faces."""
+        return len(self.F)
+
+    @cached_property
+    def size(self) -> float:
+        """Diagonal of the bounding box, metres: the length that tolerances are relative to."""
+        return float(np.linalg.norm(np.ptp(self.V, axis=0)))
+
+    @cached_property
+    def _area_vectors(self) -> Floats:
+        a, b, c = (self.V[self.F[:, i]] for i in range(3))
+        return 0.5 * np.cross(b - a, c - a)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """(m,) face areas, square metres."""
+        lengths: Floats = np.linalg.norm(self._area_vectors, axis=1)
+        return lengths
+
+    @cached_property
+    def area(self) -> float:
+        """Whole area, square metres."""
+        return float(self.areas.sum())
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(m, 3) unit normals of the faces."""
+        return self._area_vectors / self.areas[:, None]
+
+    @cached_property
+    def centroids(self) -> Floats:
+        """(m, 3) centroids of the faces, metres."""
+        means: Floats = self.V[self.F].mean(axis=1)
+        return means
+
+    @cached_property
+    def edges(self) -> EdgeTable:
+        """Every edge once, with the faces on it."""
+        return edge_table(self.F)
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether no edge is a boundary edge."""
+        return not bool(self.edges.boundary.any())
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume of a closed surface, cubic metres (negative when its normals point inwards)."""
+        centred = self.V - self.V.mean(axis=0)
+        return float(np.einsum("mi,mi->", centred[self.F].mean(axis=1), self._area_vectors) / 3)
+
+    @cached_property
+    def loops(self) -> list[Ints]:
+        """The boundary loops as vertex indices, longest first (in metres)."""
+        loops = boundary_loops(self.F, self.edges)
+        return sorted(loops, key=lambda loop: -closed_length(self.V[loop]))
+
+    @cached_property
+    def vertex_areas(self) -> Floats:
+        """(n,) a third of the area of the faces around each vertex, square metres."""
+        return np.bincount(self.F.ravel(), np.repeat(self.areas / 3, 3), minlength=self.n).astype(np.float64)
+
+    @cached_property
+    def vertex_normals(self) -> Floats:
+        """(n, 3) unit normals, area-weighted; zero at a vertex without faces."""
+        total = np.zeros((self.n, 3))
+        for corner in range(3):
+            np.add.at(total, self.F[:, corner], self._area_vectors)
+        length = np.linalg.norm(total, axis=1, keepdims=True)
+        units: Floats = np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+        return units
+
+    @cached_property
+    def is_flat(self) -> bool:
+        """Whether all vertices lie in one plane (to 1e-9 of the size)."""
+        centred = self.V - self.V.mean(axis=0)
+        normal = np.linalg.svd(centred[: min(self.n, 10_000)], full_matrices=False)[2][-1]
+        return bool(np.abs(centred @ normal).max() <= 1e-9 * self.size)
+
+    @cached_property
+    def mean_edge(self) -> float:
+        """Mean edge length, metres: the mesh width."""
+        a, b = self.V[self.edges.ends[:, 0]], self.V[self.edges.ends[:, 1]]
+        return float(np.linalg.norm(a - b, axis=1).mean())
+
+    def faces_of(self, vertices: Bools) -> Bools:
+        """(m,) whether all three corners of a face are among the (n,) marked vertices."""
+        return np.asarray(vertices[self.F].all(axis=1))
+
+
+def closed_length(points: Floats) -> float:
+    """Length of the closed polygon through the (k, 3) points, metres."""
+    return float(np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1).sum())

@@ -1,0 +1,206 @@
+"""Pickers: which vertices of a surface a support or a load is at.
+
+Each is a table in a preset, told apart by its `pick`: `at = { pick = "side", axis = "z", end = "min" }`.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Annotated, ClassVar, Literal, Protocol
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, MinLen
+from pydantic import AllowInfNan, ConfigDict, Field
+
+from dsfab.arrays import Bools, Floats, first
+from dsfab.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+
+Real = Annotated[float, AllowInfNan(False)]
+Vector = tuple[Real, Real, Real]
+
+TOUCH = 1e-6
+"""Share of the surface's size by which a picker reaches further than it says: coordinates are rounded."""
+
+STRICT: ConfigDict = {"extra": "forbid"}
+"""pydantic: refuse keys that a table does not have."""
+
+
+class _HasPick(Protocol):
+    @property
+    def pick(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class All:
+    """Every vertex."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pick: Literal["all"] = "all"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices."""
+        return np.ones(surface.n, dtype=bool)
+
+
+@dataclass(frozen=True)
+class Box:
+    """The vertices in the box with two opposite corners, metres, its walls included."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    min: Vector
+    max: Vector
+    pick: Literal["box"] = "box"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none or min is beyond max."""
+        low, high = np.array(self.min), np.array(self.max)
+        if (low > high).any():
+            raise SurfaceError(f"{_told(self)} has min beyond max; swap them")
+        away = np.linalg.norm(surface.V - np.clip(surface.V, low, high), axis=1)
+        return _within(self, surface, away, 0.0)
+
+
+@dataclass(frozen=True)
+class Ball:
+    """The vertices within `radius` of `center`, metres."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    center: Vector
+    radius: Annotated[Real, Gt(0)]
+    pick: Literal["ball"] = "ball"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        away = np.linalg.norm(surface.V - np.array(self.center), axis=1)
+        return _within(self, surface, away, self.radius)
+
+
+@dataclass(frozen=True)
+class Side:
+    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 those on it."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    axis: Literal["x", "y", "z"]
+    end: Literal["min", "max"]
+    depth: Annotated[Real, Ge(0)] = 0.0
+    pick: Literal["side"] = "side"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices: at least one always."""
+        x = surface.V[:, "xyz".index(self.axis)]
+        away = x - x.min() if self.end == "min" else x.max() - x
+        return _within(self, surface, away, self.depth)
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The vertex nearest to each point, metres."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    points: Annotated[tuple[Vector, ...], MinLen(1)]
+    pick: Literal["nearest"] = "nearest"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices, the first of those equally near; raises SurfaceError when no point is given."""
+        picked = np.zeros(surface.n, dtype=bool)
+        for point in self.points:
+            picked[np.linalg.norm(surface.V - np.array(point), axis=1).argmin()] = True
+        return _some(self, surface, picked, "")
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The vertices of all free edges, or of one boundary loop: 0 is the longest in metres, 1 the next."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
+    pick: Literal["boundary"] = "boundary"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when the surface has no such loop."""
+        loops = surface.loops
+        if not loops:
+            raise SurfaceError(f"{_told(self)} picks no vertex: the surface is closed; use another picker")
+        if self.loop != "all" and not 0 <= self.loop < len(loops):
+            raise SurfaceError(
+                f"{_told(self)} picks no vertex: the surface has {len(loops)} boundary loops, so use loop = "
+                f"0 to {len(loops) - 1} or 'all'"
+            )
+        picked = np.zeros(surface.n, dtype=bool)
+        for loop in loops if self.loop == "all" else [loops[self.loop]]:
+            picked[loop] = True
+        return picked
+
+
+@dataclass(frozen=True)
+class Facing:
+    """The vertices whose normal is within `angle` degrees of `direction`."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    direction: Vector
+    angle: Annotated[Real, Ge(0), Le(180)] = 30.0
+    pick: Literal["facing"] = "facing"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        d, N = unit_vector(self.direction, _told(self)), surface.vertex_normals
+        degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
+        degrees[~N.any(axis=1)] = np.inf
+        picked = degrees <= self.angle + np.degrees(TOUCH)
+        return _some(self, surface, picked, f"; the nearest normal is {degrees.min():.3g} degrees away")
+
+
+@dataclass(frozen=True)
+class Vertices:
+    """Vertices by their indices, counted from 0."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    indices: Annotated[tuple[Annotated[int, Ge(0)], ...], MinLen(1)]
+    pick: Literal["vertices"] = "vertices"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError for an index that the surface does not have."""
+        indices = np.array(self.indices, dtype=np.int64)
+        bad = indices[(indices < 0) | (indices >= surface.n)]
+        if len(bad):
+            raise SurfaceError(
+                f"pick = 'vertices' names {len(bad)} vertices (first: {first(bad)}) outside 0..{surface.n - 1}, the "
+                "vertices of the surface"
+            )
+        picked = np.zeros(surface.n, dtype=bool)
+        picked[indices] = True
+        return _some(self, surface, picked, "")
+
+
+Picker = Annotated[All | Box | Ball | Side | Nearest | Boundary | Facing | Vertices, Field(discriminator="pick")]
+
+
+def unit_vector(direction: Vector, whose: str) -> Floats:
+    """(3,) the direction at length 1; raises SurfaceError for the zero vector."""
+    d = np.array(direction, dtype=np.float64)
+    length = np.linalg.norm(d)
+    if not np.isfinite(length) or length == 0:
+        raise SurfaceError(f"{whose} needs a direction that is not zero, such as (0, 0, -1)")
+    return d / length
+
+
+def _within(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
+    """The vertices at most `reach` away, both in metres."""
+    picked = away <= reach + TOUCH * surface.size
+    return _some(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
+
+
+def _some(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:
+    if picked.any():
+        return picked
+    low, high = (", ".join(f"{x:.4g}" for x in f(surface.V, axis=0)) for f in (np.min, np.max))
+    raise SurfaceError(f"{_told(picker)} picks no vertex{why} (the surface's box is ({low}) to ({high}) m)")
+
+
+def _told(picker: _HasPick) -> str:
+    """The picker as its table says it."""
+    values = ", ".join(
+        f"{f.name} = {getattr(picker, f.name)!r}"
+        for f in fields(picker)  # type: ignore[arg-type]
+        if f.name != "pick"
+    )
+    return f"pick = {picker.pick!r}" + (f" with {values}" if values else "")

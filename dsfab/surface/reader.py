@@ -1,0 +1,216 @@
+"""`read_surface`: a mesh file to a checked, oriented `Surface`; `describe`: the facts about a file, good or bad."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints, first
+from dsfab.errors import SurfaceError
+from dsfab.surface.files import RawMesh, raw_mesh
+from dsfab.surface.mesh import ZERO_AREA, Surface, closed_length
+from dsfab.surface.topology import (
+    EdgeTable,
+    boundary_loops,
+    duplicate_faces,
+    edge_table,
+    euler_characteristic,
+    flips_to_orient,
+    manifold_faults,
+    misoriented_edges,
+    named_edges,
+    pieces,
+    pinches,
+)
+from dsfab.units import metres_per
+
+LARGEST_IN_METRES = 250.0
+"""A mesh with a longer box than this is guessed to be in millimetres: few shells are longer."""
+
+
+def read_surface(path: str | Path, unit: str | None = None) -> Surface:
+    """The surface in an OBJ, PLY, STL, OFF, GLB or 3MF file, in metres.
+
+    unit : of the numbers in the file; None takes the unit the file declares (3MF; glTF is in metres), else metres.
+
+    Neighbouring faces that face opposite sides are turned, fewest first, and a closed piece that is inside out is
+    turned outward. A GLB file has y up by its specification and is turned to z up. Pinches (parts touching in a
+    point) and several pieces are accepted: `describe` reports them.
+
+    Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
+    edges with more than two faces, and surfaces that cannot be oriented.
+    """
+    raw = raw_mesh(path)
+    V = raw.V * (metres_per(unit) if unit else raw.metres)
+    try:
+        surface = Surface(V, raw.F)
+        _check_manifold(raw.F, surface.edges)
+        F = _oriented(V, raw.F, surface.edges)
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    return surface if F is raw.F else Surface(V, F)
+
+
+def _check_manifold(F: Ints, edges: EdgeTable) -> None:
+    twice = duplicate_faces(F)
+    if len(twice):
+        raise SurfaceError(
+            f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first(twice)}); remove them"
+        )
+    crowded = np.flatnonzero(edges.count > 2)
+    if len(crowded):
+        raise SurfaceError(
+            f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)}); "
+            "dsfab needs a manifold sheet: remove the faces inside or split the surface there"
+        )
+
+
+def _oriented(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
+    """F itself, or a copy with faces turned so that neighbours agree and closed pieces face outward."""
+    flips = flips_to_orient(F, edges)
+    if flips is None:
+        opposed = misoriented_edges(F, edges)
+        raise SurfaceError(
+            f"the surface has one side only, like a Moebius strip ({len(opposed)} edges face opposite sides, first: "
+            f"{named_edges(opposed, edges)}); cut it open along a line so that it has two sides"
+        )
+    flips = flips ^ _inside_out(V, _flipped(F, flips), edges)
+    return _flipped(F, flips) if flips.any() else F
+
+
+def _flipped(F: Ints, flips: Bools) -> Ints:
+    return np.where(flips[:, None], F[:, ::-1], F)
+
+
+def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
+    """(m,) faces of closed pieces that enclose a negative volume."""
+    count, piece = pieces(F, edges)
+    on_boundary = edges.boundary[edges.of].any(axis=1)
+    is_open = np.bincount(piece, on_boundary, minlength=count) > 0
+    P = V[F] - V.mean(axis=0)
+    volume = np.bincount(piece, np.einsum("mi,mi->m", P[:, 0], np.cross(P[:, 1], P[:, 2])), minlength=count)
+    inward: Bools = np.logical_and(~is_open, volume < 0)
+    return np.asarray(inward[piece])
+
+
+@dataclass(frozen=True)
+class MeshFacts:
+    """What is known about a mesh file, good or bad. Lengths in metres by the unit given; faces are triangles.
+
+    Faces with vertices that are not finite count in `faces` and nowhere else. `volume` is None unless the mesh is
+    closed and oriented; `genus` is None unless it is one oriented manifold piece. `faults` are the reasons why it is
+    not an oriented manifold, a sentence each, empty for a good mesh. `smallest_angle` is in degrees and leaves the
+    degenerate faces out. `unit_guess` is the file's own unit, or a guess from the size of the numbers.
+    """
+
+    path: str
+    unit: str
+    unit_guess: str
+    vertices: int
+    faces: int
+    polygons: int
+    box: tuple[float, float, float]
+    low: tuple[float, float, float]
+    area: float
+    volume: float | None
+    closed: bool
+    pieces: int
+    boundary_lengths: tuple[float, ...]
+    euler: int
+    genus: int | None
+    faults: tuple[str, ...]
+    non_manifold_edges: int
+    misoriented_edges: int
+    duplicate_faces: int
+    degenerate_faces: int
+    nonfinite_vertices: int
+    pinches: int
+    smallest_angle: float
+    mean_edge: float
+
+    @property
+    def manifold(self) -> bool:
+        """Whether it is an oriented manifold without pinches and repeated faces."""
+        return not self.faults
+
+    @property
+    def boundary_loops(self) -> int:
+        """Number of boundary loops."""
+        return len(self.boundary_lengths)
+
+
+def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
+    """The facts about a mesh file, also about one that `read_surface` refuses.
+
+    Raises SurfaceError when the file cannot be read at all or has no face with finite corners.
+    """
+    raw = raw_mesh(path)
+    V = raw.V * (metres_per(unit) if unit else raw.metres)
+    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
+    F = raw.F[finite[raw.F].all(axis=1)]
+    if not len(F):
+        raise SurfaceError(f"{path}: no face has three finite corners; repair the mesh")
+    edges = edge_table(F)
+    low, high = V[finite].min(axis=0), V[finite].max(axis=0)
+    faults = manifold_faults(F, edges, len(V))
+    whole = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
+    count, _ = pieces(F, edges)
+    lengths = _boundary_lengths(V, F, edges)
+    euler = euler_characteristic(F, edges)
+    areas, angle = _areas_and_smallest_angle(V, F, float(np.linalg.norm(high - low)))
+    P = V[F] - low
+    return MeshFacts(
+        path=str(path),
+        unit=unit or raw.unit or "m",
+        unit_guess=_unit_guess(raw),
+        vertices=len(V),
+        faces=len(raw.F),
+        polygons=raw.polygons,
+        box=_triple(high - low),
+        low=_triple(low),
+        area=float(areas.sum()),
+        volume=float(np.einsum("mi,mi->", P[:, 0], np.cross(P[:, 1], P[:, 2])) / 6) if whole else None,
+        closed=not edges.boundary.any(),
+        pieces=count,
+        boundary_lengths=lengths,
+        euler=euler,
+        genus=(2 - euler - len(lengths)) // 2 if count == 1 and not faults else None,
+        faults=faults,
+        non_manifold_edges=int((edges.count > 2).sum()),
+        misoriented_edges=len(misoriented_edges(F, edges)),
+        duplicate_faces=len(duplicate_faces(F)),
+        degenerate_faces=int((areas <= ZERO_AREA * ((high - low) ** 2).sum()).sum()),
+        nonfinite_vertices=int((~finite).sum()),
+        pinches=len(pinches(F, edges, len(V))),
+        smallest_angle=angle,
+        mean_edge=float(np.linalg.norm(V[edges.ends[:, 0]] - V[edges.ends[:, 1]], axis=1).mean()),
+    )
+
+
+def _triple(x: Floats) -> tuple[float, float, float]:
+    return float(x[0]), float(x[1]), float(x[2])
+
+
+def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]:
+    """Lengths of the boundary loops, longest first, metres; the mesh is oriented for it where that is possible."""
+    flips = flips_to_orient(F, edges)
+    turned = F if flips is None else _flipped(F, flips)
+    loops = boundary_loops(turned, edge_table(turned))
+    return tuple(sorted((closed_length(V[loop]) for loop in loops), reverse=True))
+
+
+def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, float]:
+    """(m,) areas, square metres, and the smallest angle of the faces that have one, degrees."""
+    P = V[F]
+    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, -2, axis=1) - P
+    twice = np.linalg.norm(np.cross(u, v), axis=2)
+    angles = np.degrees(np.arctan2(twice, np.einsum("mij,mij->mi", u, v)))
+    areas: Floats = twice[:, 0] / 2
+    sound = areas > ZERO_AREA * size**2
+    return areas, float(angles[sound].min()) if sound.any() else 0.0
+
+
+def _unit_guess(raw: RawMesh) -> str:
+    """The declared unit, else metres for a box up to 250 long (a 30 is 30 m) and millimetres beyond (30000)."""
+    finite = raw.V[np.isfinite(raw.V).all(axis=1)]
+    return raw.unit or ("m" if np.ptp(finite, axis=0).max() <= LARGEST_IN_METRES else "mm")

@@ -1,0 +1,34 @@
+"""Procedural surfaces: closed-form answers for tests, and stand-ins for the models of the paper.
+
+`SHAPES` names them for presets. All are in metres with z up, normals up or outward, deterministic, and meshed with
+nearly equilateral triangles about `edge` metres wide: staggered rows, rings or a subdivided icosahedron, because a
+grid whose diagonals all run one way steers the pattern.
+"""
+
+from collections.abc import Callable
+
+from dsfab.surface.mesh import Surface
+from dsfab.surface.shapes.closed import sphere, torus
+from dsfab.surface.shapes.pavilions import pavilion
+from dsfab.surface.shapes.roofs import barrel_vault, hypar, plate
+from dsfab.surface.shapes.turned import catenoid, cylinder, dome, tower
+
+SHAPES: dict[str, Callable[..., Surface]] = {
+    shape.__name__: shape
+    for shape in (plate, barrel_vault, hypar, dome, pavilion, catenoid, cylinder, tower, sphere, torus)
+}
+"""Every shape by its name in a preset, `shape = "dome"`."""
+
+__all__ = [
+    "SHAPES",
+    "barrel_vault",
+    "catenoid",
+    "cylinder",
+    "dome",
+    "hypar",
+    "pavilion",
+    "plate",
+    "sphere",
+    "torus",
+    "tower",
+]

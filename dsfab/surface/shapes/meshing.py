@@ -1,0 +1,136 @@
+"""Faces of staggered rows and rings, and the check of a shape's parameters."""
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Annotated, ParamSpec
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+
+P = ParamSpec("P")
+
+Length = Annotated[float, Gt(0)]
+"""Metres."""
+
+ROW = np.sqrt(3) / 2
+"""Height of an equilateral triangle over its edge."""
+
+MOST_VERTICES = 2_000_000
+
+
+def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
+    """Check the bounds written in a shape's annotations when it is called: presets and Python meet the same door."""
+    bounds = {
+        name: [m for m in getattr(parameter.annotation, "__metadata__", ()) if isinstance(m, (Gt, Ge, Lt, Le))]
+        for name, parameter in inspect.signature(function, eval_str=True).parameters.items()
+    }
+
+    @functools.wraps(function)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> Surface:
+        given = inspect.signature(function).bind(*args, **kwargs).arguments
+        for name, value in given.items():
+            if not np.isfinite(value):
+                raise SurfaceError(f"{function.__name__}: {name} = {value} is not a finite number")
+            for bound in bounds[name]:
+                _check(f"{function.__name__}: {name} = {value}", value, bound)
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def _check(what: str, value: object, bound: object) -> None:
+    """Raise SurfaceError unless the value keeps one bound."""
+    match bound:
+        case Gt(gt):
+            kept, words = value > gt, f"greater than {gt}"  # type: ignore[operator]
+        case Ge(ge):
+            kept, words = value >= ge, f"at least {ge}"  # type: ignore[operator]
+        case Lt(lt):
+            kept, words = value < lt, f"less than {lt}"  # type: ignore[operator]
+        case Le(le):
+            kept, words = value <= le, f"at most {le}"  # type: ignore[operator]
+        case _:
+            raise TypeError(bound)
+    if not kept:
+        raise SurfaceError(f"{what} must be {words}")
+
+
+def check_density(area: float, edge: float) -> None:
+    """Refuse an edge so short that the mesh of `area` square metres would be endless."""
+    vertices = area / (ROW * edge**2)
+    if vertices > MOST_VERTICES:
+        raise SurfaceError(f"edge = {edge:g} m would give about {vertices:.2g} vertices; use a longer edge")
+
+
+def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
+    """How many edges fit a length: a multiple, at least `least`."""
+    return max(least, multiple * round(length / (edge * multiple)))
+
+
+def staggered(columns: int, rows: int) -> tuple[Floats, Ints]:
+    """Vertices (n, 2) on the unit square and faces of `rows` staggered rows of `columns` edges.
+
+    x---x---x      even rows: columns + 1 vertices
+    |\\ / \\ / \\ |     odd rows: one more, half an edge at both ends
+    o-o---o-o
+    |/ \\ / \\ / |     rows is even, so that the mesh mirrors onto itself in both directions
+    x---x---x
+    """
+    whole = np.arange(columns + 1) / columns
+    half = np.concatenate([[0.0], (np.arange(columns) + 0.5) / columns, [1.0]])
+    lines = [half if j % 2 else whole for j in range(rows + 1)]
+    start = np.cumsum([0] + [len(line) for line in lines])
+    uv = np.concatenate([np.stack([u, np.full(len(u), j / rows)], axis=1) for j, u in enumerate(lines)])
+    i, k = np.arange(columns), np.arange(columns + 1)
+    faces = []
+    for j in range(rows):
+        few, many = (start[j], start[j + 1]) if j % 2 == 0 else (start[j + 1], start[j])
+        strip = np.concatenate(
+            [
+                np.stack([few + i, few + i + 1, many + i + 1], axis=1),
+                np.stack([many + k, few + k, many + k + 1], axis=1),
+            ]
+        )
+        faces.append(strip if j % 2 == 0 else strip[:, ::-1])
+    return uv, np.concatenate(faces)
+
+
+def ring_turns(counts: Ints) -> list[Floats]:
+    """Where the vertices of each ring are, as shares of a turn: half a step further than a ring of the same count."""
+    turns, shift = [], 0.0
+    for j, count in enumerate(counts):
+        shift = 0.5 - shift if j and count == counts[j - 1] else 0.0
+        turns.append((np.arange(count) + shift) / count)
+    return turns
+
+
+def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
+    """Faces between rings of vertices at the given shares of a turn, counter-clockwise for whoever sees the turns run
+    counter-clockwise and the later rings outside; a ring of one vertex is a pole.
+
+    Every edge of a ring gets the vertex of the other ring that is nearest to its middle. closed: the last ring is
+    joined to the first.
+    """
+    start = np.cumsum([0] + [len(t) for t in turns])
+    pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])
+    return np.concatenate([_between(turns[a], start[a], turns[b], start[b]) for a, b in pairs])
+
+
+def _between(inner: Floats, at_inner: int, outer: Floats, at_outer: int) -> Ints:
+    """Faces of one band. Walking round, the next edge is the one whose middle comes first."""
+    middle_in, middle_out = (t + 0.5 / len(t) for t in (inner, outer))
+    parts = []
+    if len(inner) > 1:
+        i = np.arange(len(inner))
+        across = np.searchsorted(middle_out, middle_in, side="right") if len(outer) > 1 else 0 * i
+        parts.append(np.stack([at_inner + (i + 1) % len(inner), at_inner + i, at_outer + across % len(outer)], axis=1))
+    if len(outer) > 1:
+        j = np.arange(len(outer))
+        across = np.searchsorted(middle_in, middle_out, side="left") if len(inner) > 1 else 0 * j
+        parts.append(np.stack([at_outer + j, at_outer + (j + 1) % len(outer), at_inner + across % len(inner)], axis=1))
+    return np.concatenate(parts)

@@ -1,0 +1,198 @@
+"""Connectivity of a triangle mesh: edges, hinges, boundary loops, pieces, and what keeps it from being a manifold.
+
+Everything here is derived from the faces alone. Half-edge `3 f + c` runs from corner `c` of face `f` to the next:
+
+        c
+       / \\
+      /   \\      half-edges: 3f + 0 : a -> b,  3f + 1 : b -> c,  3f + 2 : c -> a
+     a --- b
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dsfab.arrays import Bools, Ints, first
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeTable:
+    """Every edge of a mesh once.
+
+    ends   : (e, 2) vertex indices, the smaller first: this is the edge's global direction.
+    of     : (m, 3) the edge of each half-edge.
+    order  : (3 m,) half-edges sorted by edge; those of edge k are order[start[k] : start[k + 1]].
+    start  : (e + 1,)
+    """
+
+    ends: Ints
+    of: Ints
+    order: Ints
+    start: Ints
+
+    @cached_property
+    def count(self) -> Ints:
+        """(e,) number of faces on each edge."""
+        return np.diff(self.start)
+
+    @cached_property
+    def boundary(self) -> Bools:
+        """(e,) whether an edge has one face only."""
+        alone: Bools = self.count == 1
+        return alone
+
+    @cached_property
+    def pairs(self) -> Ints:
+        """(i, 2) the two half-edges of every edge that has exactly two."""
+        at = self.start[:-1][self.count == 2]
+        return np.stack([self.order[at], self.order[at + 1]], axis=1)
+
+
+def half_edges(F: Ints) -> tuple[Ints, Ints]:
+    """(3 m,) first and last vertex of every half-edge."""
+    return F.ravel(), np.roll(F, -1, axis=1).ravel()
+
+
+def edge_table(F: Ints) -> EdgeTable:
+    """The edges of faces F (m, 3), in ascending order of their vertices."""
+    a, b = half_edges(F)
+    n = int(F.max()) + 1
+    keys, of = np.unique(np.minimum(a, b) * n + np.maximum(a, b), return_inverse=True)
+    order = np.argsort(of, kind="stable")
+    start = np.searchsorted(of[order], np.arange(len(keys) + 1))
+    return EdgeTable(np.stack([keys // n, keys % n], axis=1), of.reshape(-1, 3), order, start)
+
+
+def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
+    """Number of edge-connected pieces, and the piece of each face (m,), largest pieces first by face count.
+
+    Faces that meet in a vertex only belong to different pieces: such a contact carries no moment and cannot be built.
+    """
+    face = edges.order // 3
+    same = np.diff(edges.of.ravel()[edges.order]) == 0
+    links = coo_array((np.ones(same.sum(), dtype=np.int8), (face[:-1][same], face[1:][same])), shape=(len(F),) * 2)
+    count, label = connected_components(links, directed=False)
+    rank = np.empty(count, dtype=np.int64)
+    rank[np.argsort(-np.bincount(label, minlength=count), kind="stable")] = np.arange(count)
+    return int(count), rank[label]
+
+
+def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
+    """Closed chains of boundary vertices of an oriented mesh, most vertices first; the surface lies left of each step.
+
+    At a pinch the chain stays with the fan of faces it came along, so that two sheets touching in a vertex keep two
+    loops. On a mesh that is not oriented or not manifold the chains may be open: look at `manifold_faults` first.
+    """
+    a, _ = half_edges(F)
+    _, fan = _fans(F, edges)
+    boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
+    leaving = dict(zip(fan[boundary].tolist(), boundary.tolist(), strict=True))
+    arriving = fan[_following(boundary)].tolist()
+    onward = {h: leaving.get(at) for h, at in zip(boundary.tolist(), arriving, strict=True)}
+    loops = []
+    while onward:
+        chain: list[int] = []
+        step: int | None = next(iter(onward))
+        while step is not None and step in onward:
+            chain.append(step)
+            step = onward.pop(step)
+        loops.append(a[chain])
+    return sorted(loops, key=lambda loop: (-len(loop), int(loop.min())))
+
+
+def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
+    """Vertices where the sheet touches itself in a point: the faces around it are more than one fan."""
+    count, fan = _fans(F, edges)
+    vertex_of_fan = np.empty(count, dtype=np.int64)
+    vertex_of_fan[fan] = F.ravel()
+    return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
+
+
+def _following(h: Ints) -> Ints:
+    """The next half-edge of the same face."""
+    return h - h % 3 + (h + 1) % 3
+
+
+def _fans(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
+    """Number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
+
+    Corner `h` is the one that half-edge h leaves from; the corners at both ends of every shared edge are glued.
+    """
+    h0, h1 = edges.pairs.T
+    a, _ = half_edges(F)
+    same_way = a[h0] == a[h1]
+    at_a = np.where(same_way, h1, _following(h1))
+    at_b = np.where(same_way, _following(h1), h1)
+    i, j = np.concatenate([h0, _following(h0)]), np.concatenate([at_a, at_b])
+    links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(3 * len(F),) * 2)
+    count, fan = connected_components(links, directed=False)
+    return int(count), fan.astype(np.int64)
+
+
+def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
+    """Indices of the edges that both neighbours run through in the same direction."""
+    a, _ = half_edges(F)
+    h0, h1 = edges.pairs.T
+    opposed: Ints = np.flatnonzero(edges.count == 2)[a[h0] == a[h1]]
+    return opposed
+
+
+def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
+    """Vertices - edges + faces, counting the vertices that have a face."""
+    return len(np.unique(F)) - len(edges.ends) + len(F)
+
+
+def duplicate_faces(F: Ints) -> Ints:
+    """Indices of the faces that join the same three vertices as an earlier face, in either orientation."""
+    seen = np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1]
+    return np.setdiff1d(np.arange(len(F)), seen)
+
+
+def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
+    """(m,) faces to turn over so that neighbours agree: the smaller part of each piece; None if there is no such set.
+
+    Two copies of the mesh, one turned over, are glued along all edges where they agree: a piece is orientable exactly
+    when its two copies stay apart (the orientation double cover).
+    """
+    m = len(F)
+    a, _ = half_edges(F)
+    h0, h1 = edges.pairs.T
+    f, g, clash = h0 // 3, h1 // 3, (a[h0] == a[h1]) * m
+    i, j = np.concatenate([f, f + m]), np.concatenate([g + clash, g + m - clash])
+    links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(2 * m, 2 * m))
+    count, copy = connected_components(links, directed=False)
+    upright, turned = copy[:m], copy[m:]
+    if (upright == turned).any():
+        return None
+    size = np.bincount(upright, minlength=count)
+    here, there = size[upright], size[turned]
+    flips: Bools = (here < there) | ((here == there) & (upright > turned))
+    return flips
+
+
+def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
+    """What keeps faces F on n vertices from being an oriented manifold, a sentence each; empty when nothing does."""
+    crowded = np.flatnonzero(edges.count > 2)
+    opposed = misoriented_edges(F, edges)
+    twice = duplicate_faces(F)
+    touching = pinches(F, edges, n)
+    ways = "" if not len(opposed) or flips_to_orient(F, edges) is not None else "; the surface is not orientable"
+    found = (
+        (crowded, f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)})"),
+        (twice, f"{len(twice)} faces repeat an earlier face (first: {first(twice)})"),
+        (
+            opposed,
+            f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){ways}",
+        ),
+        (touching, f"{len(touching)} vertices are pinches, where parts touch in a point (first: {first(touching)})"),
+    )
+    return tuple(sentence for where, sentence in found if len(where))
+
+
+def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
+    """The first few edges by their vertices, for messages: '3-17, 4-20, ...'."""
+    shown = ", ".join(f"{a}-{b}" for a, b in edges.ends[indices[:count]].tolist())
+    return shown + (", ..." if len(indices) > count else "")

@@ -1,0 +1,178 @@
+"""`Surface` and its topology: measures against closed forms, faults against meshes that have them."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from dsfab.errors import SurfaceError
+from dsfab.surface import Surface
+from dsfab.surface.shapes import dome, plate, sphere, torus
+from dsfab.surface.topology import (
+    boundary_loops,
+    duplicate_faces,
+    edge_table,
+    euler_characteristic,
+    flips_to_orient,
+    manifold_faults,
+    misoriented_edges,
+    pieces,
+    pinches,
+)
+
+SQUARE = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]], dtype=float)
+TWO = np.array([[0, 1, 2], [0, 2, 3]])
+BOW_TIE = np.array([[0, 1, 2], [2, 3, 4]])
+MOEBIUS = np.array([[0, 1, 2], [1, 3, 2], [2, 3, 4], [3, 0, 4], [4, 0, 1]])
+"""Five triangles, the Moebius strip with the fewest vertices."""
+
+
+def faults(F, n):
+    return manifold_faults(F, edge_table(F), n)
+
+
+def test_a_rectangle_has_its_measures():
+    s = Surface(SQUARE, TWO)
+    assert (s.n, s.m) == (4, 2)
+    assert s.area == pytest.approx(2)
+    assert s.size == pytest.approx(np.sqrt(5))
+    assert s.mean_edge == pytest.approx((2 + 1 + 2 + 1 + np.sqrt(5)) / 5)
+    assert s.is_flat
+    assert not s.is_closed
+    assert_allclose(s.normals, [[0, 0, 1]] * 2)
+    assert_allclose(s.vertex_normals, [[0, 0, 1]] * 4)
+    assert_allclose(s.vertex_areas, np.array([2, 1, 2, 1]) / 3)
+    assert_allclose(s.centroids, [[4 / 3, 1 / 3, 0], [2 / 3, 2 / 3, 0]])
+    assert_array_equal(s.faces_of(np.array([True, True, True, False])), [True, False])
+
+
+def test_volume_is_signed_and_does_not_depend_on_the_place():
+    s = sphere(radius=1.0, edge=0.1)
+    assert s.volume == pytest.approx(4 / 3 * np.pi, rel=5e-3)
+    moved = Surface(s.V + np.array([1e4, 0, 0]), s.F[:, ::-1])
+    assert moved.volume == pytest.approx(-s.volume, rel=1e-9)
+    assert s.is_closed
+    assert not s.is_flat
+
+
+def test_arrays_are_copies_and_locked():
+    V = SQUARE.copy()
+    s = Surface(V, TWO)
+    V[0] = 9
+    assert s.V[0, 0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        s.V[0] = 1
+
+
+@pytest.mark.parametrize(
+    ("V", "F", "says"),
+    [
+        (SQUARE, np.empty((0, 3)), "no faces"),
+        (np.where(SQUARE == 2, np.nan, SQUARE), TWO, r"2 of 4 vertices are not finite numbers \(first: 1, 2\)"),
+        (SQUARE, [[0, 1, 4]], r"1 faces name vertices outside 0..3"),
+        (SQUARE, [[0, 1, -1]], r"1 faces name vertices outside 0..3"),
+        (SQUARE, [[0, 1, 2], [0, 1, 1]], r"1 of 2 faces have no area \(first: 1\)"),
+    ],
+)
+def test_impossible_arrays_are_refused(V, F, says):
+    with pytest.raises(SurfaceError, match=says):
+        Surface(V, F)
+
+
+@pytest.mark.parametrize(
+    ("surface", "loops", "euler"),
+    [
+        (plate(edge=0.5), 1, 1),
+        (dome(edge=0.8), 1, 1),
+        (dome(edge=0.8, oculus=1.0), 2, 0),
+        (sphere(edge=0.8), 0, 2),
+        (torus(edge=0.6), 0, 0),
+    ],
+)
+def test_loops_and_euler_characteristic_tell_the_topology(surface, loops, euler):
+    assert len(surface.loops) == loops
+    assert euler_characteristic(surface.F, surface.edges) == euler
+    assert pieces(surface.F, surface.edges)[0] == 1
+    assert manifold_faults(surface.F, surface.edges, surface.n) == ()
+
+
+def test_boundary_loops_keep_the_surface_on_their_left():
+    s = plate(edge=0.5)
+    (loop,) = s.loops
+    x, y = s.V[loop, :2].T
+    shoelace = 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))
+    assert shoelace == pytest.approx(24)
+    assert len(loop) == s.edges.boundary.sum()
+
+
+def test_loops_of_a_surface_are_sorted_by_length_not_by_vertices():
+    ring = dome(edge=0.4, oculus=1.5)
+    lengths = [np.linalg.norm(ring.V[a] - np.roll(ring.V[a], -1, axis=0), axis=1).sum() for a in ring.loops]
+    assert lengths[0] == pytest.approx(2 * np.pi * 5, rel=1e-2)
+    assert lengths[1] == pytest.approx(2 * np.pi * 1.5, rel=2e-2)
+    # a long triangle and a short hexagonal fan
+    V = [[0, 0, 0], [9, 0, 0], [0, 9, 0], [20, 0, 0], [21, 0, 0], [21, 1, 0], [20, 1, 0]]
+    two = Surface(np.array(V, dtype=float), [[0, 1, 2], [3, 4, 5], [3, 5, 6]])
+    assert [sorted(loop.tolist()) for loop in two.loops] == [[0, 1, 2], [3, 4, 5, 6]]
+    assert len(boundary_loops(two.F, two.edges)[0]) == 4
+
+
+def test_loops_at_a_pinch_stay_with_their_fan():
+    loops = boundary_loops(BOW_TIE, edge_table(BOW_TIE))
+    assert sorted(sorted(loop.tolist()) for loop in loops) == [[0, 1, 2], [2, 3, 4]]
+
+
+def test_pinches_are_found_on_open_and_closed_surfaces():
+    assert_array_equal(pinches(BOW_TIE, edge_table(BOW_TIE), 5), [2])
+    tetra = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+    two = np.concatenate([tetra, np.where(tetra == 0, 0, tetra + 3)])
+    assert_array_equal(pinches(two, edge_table(two), 7), [0])
+    assert len(pinches(tetra, edge_table(tetra), 4)) == 0
+
+
+def test_turned_faces_are_no_pinches():
+    s = plate(edge=0.5)
+    F = s.F.copy()
+    F[::3] = F[::3, ::-1]
+    assert len(pinches(F, edge_table(F), s.n)) == 0
+
+
+def test_pieces_are_counted_by_edges_and_largest_first():
+    F = np.array([[0, 1, 2], [2, 3, 4], [2, 4, 5]])
+    count, label = pieces(F, edge_table(F))
+    assert count == 2
+    assert_array_equal(label, [1, 0, 0])
+
+
+def test_orientation_turns_the_smaller_part():
+    s = plate(edge=0.5)
+    turned = s.F.copy()
+    turned[[3, 7, 20]] = turned[[3, 7, 20], ::-1]
+    edges = edge_table(turned)
+    assert len(misoriented_edges(turned, edges)) > 0
+    flips = flips_to_orient(turned, edges)
+    assert_array_equal(np.flatnonzero(flips), [3, 7, 20])
+    assert not flips_to_orient(s.F, s.edges).any()
+
+
+def test_a_moebius_strip_cannot_be_oriented():
+    assert flips_to_orient(MOEBIUS, edge_table(MOEBIUS)) is None
+    assert any("not orientable" in sentence for sentence in faults(MOEBIUS, 5))
+
+
+@pytest.mark.parametrize(
+    ("F", "n", "says"),
+    [
+        ([[0, 1, 2], [0, 2, 3], [0, 2, 4]], 5, "1 edges have more than two faces (first: 0-2)"),
+        ([[0, 1, 2], [0, 2, 3], [2, 0, 1]], 4, "1 faces repeat an earlier face (first: 2)"),
+        ([[0, 1, 2], [0, 3, 2]], 4, "1 edges have faces of opposite sides (first: 0-2)"),
+        (BOW_TIE, 5, "1 vertices are pinches, where parts touch in a point (first: 2)"),
+    ],
+)
+def test_each_fault_is_told_with_its_count_and_place(F, n, says):
+    found = faults(np.array(F), n)
+    assert says in found
+
+
+def test_duplicates_are_found_in_either_orientation():
+    F = np.array([[0, 1, 2], [1, 2, 3], [2, 1, 0], [2, 3, 1]])
+    assert_array_equal(duplicate_faces(F), [2, 3])
