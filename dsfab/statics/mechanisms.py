@@ -1,0 +1,65 @@
+"""Is the sheet held? Rigid motions that the supports of a piece leave free, named for the person who forgot one."""
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints, first
+from dsfab.errors import StaticsError
+from dsfab.surface.loads import LoadCase
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import pieces
+
+RANK_TOLERANCE = 1e-9
+"""Rigid motions that move the supports by less than this share of the piece's own motion count as free."""
+
+MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
+
+
+def rigid_motions(points: Floats) -> Floats:
+    """(n, 3, 6) displacements of points (n, 3) under the motions of `MOTIONS`, scaled to about unit length."""
+    centred = points - points.mean(axis=0)
+    reach = np.abs(centred).max() or 1.0
+    motion = np.zeros((len(points), 3, 6))
+    motion[:, [0, 1, 2], [0, 1, 2]] = 1
+    for axis in range(3):
+        motion[:, :, 3 + axis] = np.cross(np.eye(3)[axis], centred) / reach
+    return motion
+
+
+def require_held(surface: Surface, load: LoadCase, fixed: Bools) -> None:
+    """Raise StaticsError if a piece of the sheet can move without deforming.
+
+    fixed : (n, 3) freedoms that do not move (the supports, and the normal of a sheet solved in its plane).
+    """
+    count, label = pieces(surface.F, surface.edges)
+    unheld = [k for k in range(count) if not load.held[surface.F[label == k]].any()]
+    if unheld:
+        where = surface.centroids[label == unheld[0]].mean(axis=0).round(3).tolist()
+        raise StaticsError(
+            f"{len(unheld)} of {count} pieces of the surface touch no support (the first is around {where} m); "
+            "support each piece or remove it"
+            if count > 1
+            else "no vertex of the surface is supported; add a [[surface.support]]"
+        )
+    for k in range(count):
+        free = free_motions(surface.V, np.unique(surface.F[label == k]), fixed)
+        if free:
+            which = "the surface" if count == 1 else f"piece {k + 1} of {count}"
+            raise StaticsError(f"{which} can {' and '.join(free)}: the supports do not stop it; hold more directions")
+
+
+def free_motions(V: Floats, vertices: Ints, fixed: Bools) -> list[str]:
+    """Names of the rigid motions of `vertices` that no fixed freedom stops (a basis, each by its largest part)."""
+    motion = rigid_motions(V[vertices])
+    at_supports = motion[fixed[vertices]]  # (number of fixed freedoms, 6)
+    _, values, basis = np.linalg.svd(np.concatenate([at_supports, np.zeros((6, 6))]), full_matrices=False)
+    null = basis[values <= RANK_TOLERANCE * max(values.max(), 1.0)]
+    return [MOTIONS[int(np.abs(row).argmax())] for row in null]
+
+
+def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
+    """Raise StaticsError if a force acts on a vertex that no face uses."""
+    used = np.zeros(surface.n, dtype=bool)
+    used[surface.F] = True
+    lost = np.flatnonzero(~used & (load.force != 0).any(axis=1))
+    if len(lost):
+        raise StaticsError(f"{len(lost)} loaded vertices belong to no face (first: {first(lost)}); move these loads")
