@@ -1,0 +1,149 @@
+"""Modes of a diffusion operator: its smallest eigenpairs, scaled, signed and ordered reproducibly."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+from dsfab.arrays import Floats, lock
+from dsfab.errors import PatternError
+from dsfab.sparse import factorise
+from dsfab.surface.hats import voronoi_mass
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import pieces
+
+SAME = 1e-6
+"""Eigenvalues that differ by less than this share count as one, repeated."""
+
+VISIBLE = 1e-2
+"""A reference field is used to fix a basis or a sign only if this share of it lies in the eigenspace."""
+
+SPARE = 4
+"""Pairs computed beyond those asked for, so that a repeated eigenvalue at the end is complete."""
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of one diffusion operator, the constant ones dropped.
+
+    lam : (k,) eigenvalues, per square metre, ascending.
+    X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I.
+    """
+
+    lam: Floats
+    X: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "lam", np.float64, (None,))
+        lock(self, "X", np.float64, (None, len(self.lam)))
+
+    def mode(self, number: int) -> Floats:
+        """(n,) mode `number`; 1 is the first that is not constant, as in the paper's figures.
+
+        Raises PatternError when there are not that many.
+        """
+        if not 1 <= number <= len(self.lam):
+            raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
+        return np.asarray(self.X[:, number - 1])
+
+
+def diffusion_modes(surface: Surface, L: csr_array, k: int = 5) -> Modes:
+    """The k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
+
+    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2 with one Cholesky factor. The scale is as if the area were 4 pi, so
+    that frequencies mean the same at any size: on the unit sphere modes are M-normalised. Signs and the basis of a
+    repeated eigenvalue do not depend on the solver (`_canonical`).
+
+    Raises PatternError when the mesh has too few vertices for k modes.
+    """
+    constants = pieces(surface.F, surface.edges)[0]
+    wanted = k + constants + SPARE
+    if wanted >= surface.n:
+        raise PatternError(f"{k} modes need more than {wanted} vertices; the surface has {surface.n}: refine the mesh")
+    mass = voronoi_mass(surface)
+    # on a vertex of no face the mass is 0: it keeps a unit row, out of the way of the small eigenvalues
+    root = np.sqrt(np.where(mass > 0, mass, surface.area))
+    lam, Y = _lanczos(surface, _scaled(L, root, mass), wanted)
+    X = Y / root[:, None]
+    keep = slice(constants, None)
+    X = _canonical(surface, lam[keep], X[:, keep], mass)[:, :k]
+    return Modes(lam[keep][:k], X * np.sqrt(surface.area / (4 * np.pi)))
+
+
+def _scaled(L: csr_array, root: Floats, mass: Floats) -> csr_array:
+    inverse = diags_array(1 / root)
+    unused = diags_array(np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2))
+    return csr_array(inverse @ L @ inverse + unused)
+
+
+def _lanczos(surface: Surface, A: csr_array, count: int) -> tuple[Floats, Floats]:
+    """Smallest `count` eigenpairs of A, ascending: Lanczos on (A + s)^-1, s about a tenth of the first one."""
+    shift = 1 / surface.area
+    # one unknown a vertex: SuperLU's factor is ready sooner than PARDISO's, and its 30 solves cost less
+    solve = factorise(csr_array(A + shift * diags_array(np.ones(surface.n))), surface.V, solver="SuperLU")
+    inverse = LinearOperator(A.shape, matvec=solve, dtype=np.float64)
+    start = 1 + 0.5 * np.sin(np.arange(surface.n))  # fixed: the same surface gives the same modes
+    try:
+        theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
+    except ArpackNoConvergence as error:
+        raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
+    order = np.argsort(-theta, kind="stable")
+    return 1 / theta[order] - shift, Y[:, order]
+
+
+def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats) -> Floats:
+    """The same eigenspaces in a basis that does not depend on the solver.
+
+    Symmetric surfaces repeat eigenvalues, and any rotation within such a space is as good an answer. In each space the
+    reference fields (x, y, z, then their products) are projected one after the other and orthonormalised: the first
+    vector is the part of the space that looks most like x, and so on. A single mode only has its sign fixed this way,
+    by its own third moment where that is clear (it does not depend on the axes), else by the reference fields.
+    """
+    fields = _reference_fields(surface, mass)
+    out = X.copy()
+    start = 0
+    while start < len(lam):
+        stop = start + 1
+        while stop < len(lam) and lam[stop] - lam[start] <= SAME * lam[stop]:
+            stop += 1
+        space = X[:, start:stop]
+        if stop - start > 1:
+            space = _aligned(space, fields, mass)
+        out[:, start:stop] = space * [_sign(x, fields, mass) for x in space.T]
+        start = stop
+    return out
+
+
+def _reference_fields(surface: Surface, mass: Floats) -> Floats:
+    """(n, 19) polynomials of the coordinates up to degree 3, centred and normalised in M."""
+    x = (surface.V - mass @ surface.V / mass.sum()) / surface.size
+    powers = [(i, j, d - i - j) for d in (1, 2, 3) for i in range(d, -1, -1) for j in range(d - i, -1, -1)]
+    fields = np.stack([x[:, 0] ** i * x[:, 1] ** j * x[:, 2] ** k for i, j, k in powers], axis=1)
+    fields -= mass @ fields / mass.sum()
+    length = np.sqrt(np.maximum(mass @ fields**2, 0))
+    unit: Floats = np.divide(fields, length, out=np.zeros_like(fields), where=length > 1e-9 * length.max())
+    return unit
+
+
+def _aligned(space: Floats, fields: Floats, mass: Floats) -> Floats:
+    """An M-orthonormal basis of `space` (n, c): each vector is what the earlier ones leave of a reference field."""
+    coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
+    basis: list[Floats] = []
+    for candidate in [*coordinates.T, *np.eye(space.shape[1])]:
+        rest = candidate - sum((b * (b @ candidate) for b in basis), np.zeros_like(candidate))
+        if np.linalg.norm(rest) > VISIBLE:
+            basis.append(rest / np.linalg.norm(rest))
+        if len(basis) == space.shape[1]:
+            break
+    return np.asarray(space @ np.stack(basis, axis=1))
+
+
+def _sign(x: Floats, fields: Floats, mass: Floats) -> float:
+    norm = float(np.sqrt(mass @ x**2))
+    skew = float(mass @ x**3) / norm**3 * float(np.sqrt(mass.sum()))
+    if abs(skew) > VISIBLE:
+        return float(np.sign(skew))
+    shares = (mass * x) @ fields / norm
+    clear = shares[np.abs(shares) > VISIBLE]
+    return float(np.sign(clear[0])) if len(clear) else 1.0
