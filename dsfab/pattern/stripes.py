@@ -1,0 +1,52 @@
+"""`Stripes`: one family of material stripes on one mode (paper, section 3.5)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.errors import PatternError
+from dsfab.pattern.wave import half_width, wave
+
+
+@dataclass(frozen=True)
+class Stripes:
+    """Material where p(frequency x + phase) > threshold, p the triangle wave.
+
+    frequency : stripes per unit of the mode; positive.
+    phase     : shift in periods.
+    threshold : -1 (everything is material) to 1 (nothing is); half the length of a gradient line at 0.
+
+    Raises PatternError for other values.
+    """
+
+    frequency: float
+    phase: float = 0.0
+    threshold: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.frequency) and self.frequency > 0):
+            raise PatternError(f"frequency = {self.frequency} must be positive")
+        if not np.isfinite(self.phase):
+            raise PatternError(f"phase = {self.phase} must be a finite number")
+        if not -1 <= self.threshold <= 1:
+            raise PatternError(f"threshold = {self.threshold} must lie between -1 (all material) and 1 (none)")
+
+    def value(self, x: Floats) -> Floats:
+        """s(x) = p(frequency x + phase) - threshold: positive in the material."""
+        return wave(self.frequency * x + self.phase) - self.threshold
+
+    def levels(self, x: Floats) -> Floats:
+        """Ascending values of the mode where material begins and ends, over the range of x.
+
+        In phase z = frequency x + phase material is |z - k| < d for integers k, so it begins at every k - d and ends at
+        every k + d: with the levels counted from below, an odd number of them lies below material.
+        """
+        d = half_width(self.threshold)
+        if d == 0:
+            return np.empty(0)
+        z = self.frequency * x + self.phase
+        if d >= 0.5:  # stripes touch: one edge below everything
+            return np.array([x.min() - 1.0 / self.frequency])
+        k = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
+        return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
