@@ -1,0 +1,69 @@
+"""`Sheet`: a surface cut into material and void, every cell with where it came from."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Bools, Floats, Ints, lock
+from dsfab.errors import PatternError
+from dsfab.surface import Surface
+
+VOID = -1
+"""The `family` of a cell that no field made material."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A cut surface: n' vertices and m' triangles (cells), each inside one face of the uncut surface (n, m).
+
+    surface : the cells, oriented as the faces they lie in.
+    parent  : (m',) face of the uncut surface that a cell lies in.
+    family  : (m',) index of the field that made the cell material, `VOID` (-1) for void.
+    weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
+              in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
+    """
+
+    surface: Surface
+    parent: Ints
+    family: Ints
+    weights: csr_array
+
+    def __post_init__(self) -> None:
+        lock(self, "parent", np.int64, (None,))
+        lock(self, "family", np.int64, (None,))
+        weights = csr_array(self.weights, copy=True)
+        weights.sum_duplicates()
+        for part in (weights.data, weights.indices, weights.indptr):
+            part.setflags(write=False)
+        object.__setattr__(self, "weights", weights)
+        shapes = (len(self.parent), len(self.family), weights.shape[0])
+        if shapes != (self.surface.m, self.surface.m, self.surface.n):
+            raise ValueError(f"expected {self.surface.m} cells and {self.surface.n} vertices, got {shapes}")
+
+    @property
+    def material(self) -> Bools:
+        """(m',) whether a cell is material."""
+        return np.asarray(self.family != VOID)
+
+    def carry(self, x: Floats) -> Floats:
+        """Values x (n, ...) on the uncut surface's vertices, interpolated linearly to this sheet's (n', ...)."""
+        return np.asarray(self.weights @ x)
+
+    def kept(self, mask: Bools | None = None) -> "Sheet":
+        """The sheet of the marked cells only (m',), of the material when left out; vertices without a cell are dropped.
+
+        Raises PatternError when nothing is marked.
+        """
+        mask = self.material if mask is None else mask
+        if not mask.any():
+            raise PatternError(
+                f"none of the {self.surface.m} cells is kept: there is nothing to build; "
+                "lower the threshold or raise the frequency"
+            )
+        F = self.surface.F[mask]
+        used = np.unique(F)
+        surface = Surface(self.surface.V[used], np.searchsorted(used, F))
+        return replace(
+            self, surface=surface, parent=self.parent[mask], family=self.family[mask], weights=self.weights[used]
+        )
