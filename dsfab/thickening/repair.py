@@ -1,0 +1,88 @@
+"""Exact test for self-intersection, and what can be done about one: other diagonals, then a thinner sheet."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.skin import Skin
+
+FLIP_ROUNDS = 3
+"""Rounds of flipping the diagonals of walls that intersect something."""
+
+THIN = 0.8
+"""What offsets are multiplied by around an intersection, per round."""
+
+THINNEST = 0.3
+"""Share of the given offset below which the repair does not thin."""
+
+THIN_ROUNDS = 30
+"""Rounds of thinning; each vertex takes part in six at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """A skin after repair: offsets D (n, 3) metres, diagonals (r,), and the pairs of faces that still intersect (k, 2).
+
+    found : pairs before the repair.
+    """
+
+    D: Floats
+    backslash: Bools
+    pairs: Ints
+    found: int
+
+
+def repaired(skin: Skin, V: Floats, D: Floats) -> Repaired:
+    """The skin of the sheet V (n, 3) with offsets D (n, 3), freed from intersections as far as possible."""
+    backslash = skin.shorter_diagonals(V, D)
+    pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
+    found = len(pairs)
+    backslash, pairs = _flipped(skin, V, D, backslash, pairs)
+    D, pairs = _thinned(skin, V, D, backslash, pairs)
+    return Repaired(D, backslash, pairs, found)
+
+
+def _flipped(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Bools, Ints]:
+    """Diagonals of the walls in `pairs` flipped, those only that are free of intersections afterwards."""
+    P = skin.vertices(V, D)
+    for round_ in range(FLIP_ROUNDS):
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours may block each other: then every second
+        if not len(walls):
+            break
+        trial = _toggled(backslash, walls)
+        cleared = np.setdiff1d(walls, skin.walls(intersecting_pairs(P, skin.faces(trial))))
+        if not len(cleared):
+            continue
+        trial = _toggled(backslash, cleared)
+        left = intersecting_pairs(P, skin.faces(trial))
+        if len(left) < len(pairs):
+            backslash, pairs = trial, left
+    return backslash, pairs
+
+
+def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Floats, Ints]:
+    """Offsets shortened around the pairs until none is left or none may be shortened; the best state met."""
+    faces = skin.faces(backslash)
+    share = np.ones(skin.n)
+    best_share, best = share, pairs
+    for _ in range(THIN_ROUNDS):
+        if not len(pairs):
+            break
+        involved = np.unique(faces[pairs] % skin.n)
+        involved = involved[share[involved] > THINNEST]
+        if not len(involved):
+            break
+        share = share.copy()
+        share[involved] = np.maximum(THIN * share[involved], THINNEST)
+        pairs = intersecting_pairs(skin.vertices(V, D * share[:, None]), faces)
+        if len(pairs) < len(best):
+            best_share, best = share, pairs
+    return D * best_share[:, None], best
+
+
+def _toggled(flags: Bools, at: Ints) -> Bools:
+    changed = flags.copy()
+    changed[at] = ~changed[at]
+    return changed

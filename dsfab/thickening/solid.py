@@ -1,0 +1,148 @@
+"""`Solid`, and `thicken`: from a sheet and its offset vectors to a closed, oriented, judged triangle mesh."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints, first, lock, locked
+from dsfab.errors import SolidError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import edge_table, euler_characteristic, pieces
+from dsfab.thickening.check import check_contacts, check_edges
+from dsfab.thickening.notes import repair_notes, rounding_notes
+from dsfab.thickening.repair import repaired
+from dsfab.thickening.skin import Skin
+
+VOLUME_TOLERANCE = 1e-9
+"""Agreement of our volume with manifold3d's, as a share of area times size: both only round."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A closed triangle mesh, ready to be built.
+
+    V      : (n, 3) vertices, metres.
+    F      : (m, 3) faces, counter-clockwise seen from outside.
+    genus  : handles of its boundary, summed over all its closed boundary surfaces.
+    pieces : connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
+    notes  : what was changed to make it buildable, and what remains wrong; a sentence each.
+    """
+
+    V: Floats
+    F: Ints
+    genus: int
+    pieces: int
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume, cubic metres: signed tetrahedra from the middle of the box (no digits are lost far out)."""
+        a, b, c = (self.V[self.F[:, i]] - self.box.mean(axis=0) for i in range(3))
+        return float(np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the whole boundary, square metres."""
+        a, b, c = (self.V[self.F[:, i]] for i in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+    @cached_property
+    def box(self) -> Floats:
+        """(2, 3) lowest and highest corner of the bounding box, metres."""
+        corners: Floats = locked([self.V.min(axis=0), self.V.max(axis=0)], np.float64, (2, 3))
+        return corners
+
+
+def thicken(surface: Surface, D: Floats) -> Solid:
+    """The solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
+
+    surface : an oriented edge-manifold sheet without contacts in a point; pieces and closed surfaces are welcome.
+    D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer; never renormalised here.
+
+    Walls get their shorter diagonal. An exact test finds intersections; they are removed by flipping wall diagonals and
+    by thinning locally, down to 0.3 of D. What was thinned, and what could not be removed, is told in `notes`.
+    Raises SolidError for sheets that are not as above, for missing vectors, and when manifold3d rejects the result.
+    """
+    check_edges(surface)
+    check_contacts(surface)
+    surface, D = _used_part(surface, D)
+    count, shells = _pieces_and_shells(surface, D)
+    skin = Skin.of(surface)
+    repair = repaired(skin, surface.V, D)
+    V, F = skin.vertices(surface.V, repair.D), skin.faces(repair.backslash)
+    solid = Solid(
+        V=V,
+        F=F,
+        genus=shells - euler_characteristic(F, edge_table(F)) // 2,
+        pieces=count,
+        notes=(*repair_notes(surface, D, repair, F), *rounding_notes(V, F)),
+    )
+    judge(solid)
+    return solid
+
+
+def judge(solid: Solid) -> None:
+    """Raise SolidError unless manifold3d takes the solid as a closed manifold of the same, positive volume.
+
+    Its status must be read: a bad mesh raises nothing, it turns empty. It says nothing about intersections.
+    """
+    import manifold3d
+
+    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # it takes no locked arrays
+    judged = manifold3d.Manifold(mesh)
+    status = judged.status()
+    if status != manifold3d.Error.NoError:
+        raise SolidError(
+            f"manifold3d rejects the solid of {len(solid.F)} triangles: {status.name}; "
+            "check the sheet for edges with one or three faces after thickening"
+        )
+    if not solid.volume > 0:
+        raise SolidError(
+            f"the solid has no inside, its volume is {solid.volume:.3g} m3; make the sheet thinner or smoother"
+        )
+    size = float(np.linalg.norm(np.ptp(solid.box, axis=0)))
+    if abs(judged.volume() - solid.volume) > VOLUME_TOLERANCE * solid.area * size:
+        raise SolidError(
+            f"the solid's volume is {solid.volume:.9g} m3, manifold3d measures {judged.volume():.9g} m3; "
+            "the sheet has details below the precision of coordinates, coarsen it"
+        )
+
+
+def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
+    """The sheet without vertices that no face uses, and its offset vectors; raises SolidError for bad vectors."""
+    D = np.asarray(D, dtype=np.float64)
+    if D.shape != surface.V.shape:
+        raise SolidError(f"offset vectors have shape {D.shape}; give one per vertex of the sheet: {surface.V.shape}")
+    used = np.zeros(surface.n, dtype=bool)
+    used[surface.F] = True
+    bad = np.flatnonzero(used & ~(np.isfinite(D).all(axis=1) & D.any(axis=1)))
+    if len(bad):
+        raise SolidError(
+            f"{len(bad)} offset vectors are zero or not finite (first: {first(bad)}); carry them from `offsets`"
+        )
+    if used.all():
+        return surface, D
+    return Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used]
+
+
+def _pieces_and_shells(surface: Surface, D: Floats) -> tuple[int, int]:
+    """Pieces of the sheet, and closed boundary surfaces of its solid: a piece without a boundary has two.
+
+    Raises SolidError for pieces whose offset vectors point to the back of the faces: their solid would be inside out.
+    """
+    count, label = pieces(surface.F, surface.edges)
+    upward = np.einsum("mi,mvi->m", surface.normals, D[surface.F]) * surface.areas
+    turned = np.flatnonzero(np.bincount(label, upward, count) <= 0)
+    if len(turned):
+        raise SolidError(
+            f"the offset vectors point to the back of {len(turned)} of {count} pieces of the sheet (first piece with "
+            f"face {int((label == turned[0]).argmax())}); turn those faces over, or the vectors"
+        )
+    open_ = np.zeros(count, dtype=bool)
+    open_[label[surface.edges.boundary[surface.edges.of].any(axis=1)]] = True
+    return count, count + int((~open_).sum())
