@@ -1,0 +1,95 @@
+"""`Design`: a preset and everything that was made of it, stage by stage."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from dsfab.arrays import Floats
+from dsfab.diffusion import DiffusionTensors, Modes
+from dsfab.preset import Preset
+from dsfab.slicing import Sheet
+from dsfab.statics import Equilibrium
+from dsfab.surface import LoadCase, Surface
+from dsfab.thickening import Solid
+
+
+@dataclass(frozen=True, eq=False)
+class StaticsResult:
+    """Stage 2: the load case, its equilibrium and the stress (m, 3, 3), Pa, on the uncut surface."""
+
+    load: LoadCase
+    equilibrium: Equilibrium
+    sigma: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class DiffusionResult:
+    """Stage 3: tensors, and the modes of both families."""
+
+    tensors: DiffusionTensors
+    major: Modes
+    minor: Modes
+
+
+@dataclass(frozen=True, eq=False)
+class PatternResult:
+    """Stage 4: linear fields (n,) by name and values to cut each at; an odd number of them lies below material."""
+
+    names: tuple[str, ...]
+    fields: tuple[Floats, ...]
+    levels: tuple[Floats, ...]
+
+
+class Piece(NamedTuple):
+    """A connected part of the sheet: its area, m2, and whether it reaches a support and carries a concentrated load."""
+
+    area: float
+    held: bool
+    loaded: bool
+
+
+@dataclass(frozen=True, eq=False)
+class SlicingResult:
+    """Stage 5: all cells, the sheet that is kept of them, its pieces (largest first), and how many pinches were cured."""
+
+    cells: Sheet
+    sheet: Sheet
+    pieces: tuple[Piece, ...]
+    pinches: int
+
+
+class Note(NamedTuple):
+    """Something the user should know, and the stage that found it."""
+
+    stage: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A preset and everything that was made of it. Frozen; `revise` makes the next one."""
+
+    preset: Preset
+    surface: Surface
+    statics: StaticsResult
+    diffusion: DiffusionResult
+    pattern: PatternResult
+    slicing: SlicingResult
+    solid: Solid
+    seconds: Mapping[str, float]
+    notes: tuple[Note, ...]
+
+    @property
+    def sheet(self) -> Sheet:
+        """The sheet that is kept."""
+        return self.slicing.sheet
+
+    @property
+    def load(self) -> LoadCase:
+        """Supports and loads on the uncut surface."""
+        return self.statics.load
+
+    @property
+    def mass(self) -> float:
+        """Mass of the solid, kg."""
+        return self.solid.volume * self.preset.statics.density

@@ -1,0 +1,192 @@
+"""Presets: everything that a design depends on, one section per stage.
+
+The models below are the one place where keys, units, defaults and allowed ranges are written down. How they are read
+from TOML, overridden and written back is in `dsfab.preset_file`.
+"""
+
+import inspect
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
+
+from dsfab.diffusion import Labelling
+from dsfab.diffusion.tensors import ISOTROPY
+from dsfab.pattern import Stripes
+from dsfab.statics import Law, Material
+from dsfab.surface import SHAPES, Load, Support, Surface, read_surface
+
+STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
+"""The seven words, in the order in which a design is made."""
+
+
+class Section(BaseModel):
+    """A section of a preset: frozen, and no key that dsfab does not know."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+
+
+class Given(Section):
+    """What every surface has, wherever it comes from."""
+
+    support: tuple[Support, ...] = ()
+    load: tuple[Load, ...] = ()
+
+    def build(self) -> Surface:
+        """The surface itself; raises SurfaceError."""
+        raise NotImplementedError
+
+
+class FileSurface(Given):
+    """A surface read from a mesh file."""
+
+    file: Path
+    """OBJ, PLY, STL, OFF, GLB or 3MF; relative paths start at the preset's folder."""
+    unit: str | None = None
+    """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
+
+    def build(self) -> Surface:
+        return read_surface(self.file, self.unit)
+
+
+class ShapeSurface(Given):
+    """A procedural surface; each shape adds its own parameters."""
+
+    shape: str
+
+    def build(self) -> Surface:
+        given = set(Given.model_fields) | {"shape"}
+        return SHAPES[self.shape](**{k: v for k, v in self if k not in given})
+
+
+def _shape_model(name: str) -> type[ShapeSurface]:
+    """The section for one shape: its parameters, defaults and ranges are those of the function that makes it."""
+    signature = inspect.signature(SHAPES[name], eval_str=True)
+    fields: dict[str, Any] = {p.name: (p.annotation, p.default) for p in signature.parameters.values()}
+    fields["shape"] = (Literal[name], name)
+    return create_model(f"{name}_surface", __base__=ShapeSurface, **fields)
+
+
+def _kind_of_surface(value: Any) -> str | None:
+    values: dict[str, Any] = value if isinstance(value, dict) else getattr(value, "__dict__", {})
+    return "file" if values.get("file") is not None else values.get("shape")
+
+
+SHAPE_SECTIONS = {name: _shape_model(name) for name in SHAPES}
+if TYPE_CHECKING:
+    AnySurface = Given
+else:
+    _choices = {"file": FileSurface, **SHAPE_SECTIONS}
+    AnySurface = Annotated[
+        Union[tuple(Annotated[model, Tag(tag)] for tag, model in _choices.items())],  # noqa: UP007
+        Discriminator(_kind_of_surface),
+    ]
+
+
+class Statics(Section):
+    """[statics]: the sheet's material, thickness and elements."""
+
+    thickness: Annotated[float, Gt(0)]
+    """Metres; also the thickness of the finished solid."""
+    young: Annotated[float, Gt(0)] = 210e9
+    """Young's modulus, Pa."""
+    poisson: Annotated[float, Gt(-1), Lt(0.5)] = 0.3
+    density: Annotated[float, Ge(0)] = 7850.0
+    """kg/m3."""
+    law: Law = "plane_stress"
+    """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
+    bending: Literal["hinge"] = "hinge"
+    """The paper's hinge energy."""
+
+    @property
+    def material(self) -> Material:
+        return Material(self.young, self.poisson, self.density)
+
+
+class Diffusion(Section):
+    """[diffusion]: from stress to modes."""
+
+    r: Annotated[float, Ge(1), Le(1e4)] = 100.0
+    """Anisotropy: 1 ignores the stress, 10 to 100 follow it."""
+    gamma: Annotated[float, Gt(0)] = 1.0
+    """Factor on the loads before faces are told isotropic or not (the paper's force magnitude)."""
+    labelling: Labelling = "signed"
+    """signed: major stripes follow tension; magnitude: the larger stress (the paper)."""
+    isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
+    """Faces whose principal stresses differ by less than this share are isotropic."""
+    modes: Annotated[int, Ge(1), Le(50)] = 5
+    """Modes computed per family."""
+
+
+class Family(Section):
+    """[pattern.major] or [pattern.minor]: one family of stripes."""
+
+    mode: Annotated[int, Ge(1), Le(50)] = 1
+    """Which mode the stripes run on; 1 is the first that is not constant."""
+    frequency: Annotated[float, Gt(0), Le(1000)] = 8.0
+    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end)."""
+    phase: float = 0.0
+    """Shift of the stripes, in periods."""
+    threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
+    """-1 everything is material, 0 half, 1 nothing."""
+
+    @property
+    def stripes(self) -> Stripes:
+        return Stripes(self.frequency, self.phase, self.threshold)
+
+
+class Pattern(Section):
+    """[pattern]: the two families, and what stays material besides them."""
+
+    major: Family = Family()
+    minor: Family = Family()
+    keep: Annotated[float, Ge(0)] = 0.0
+    """Metres around loads and supports that stay material; 0 keeps nothing."""
+    rim: Annotated[float, Ge(0)] = 0.0
+    """Metres along the boundary that stay material; 0 keeps nothing."""
+
+
+class Slicing(Section):
+    """[slicing]: from stripes to a sheet."""
+
+    snap: Annotated[float, Ge(0), Le(0.3)] = 0.05
+    """Cuts closer to a vertex than this share of an edge go through the vertex: no slivers."""
+    pinch: Literal["join", "split"] = "join"
+    """Where material would meet in a single point: join it with a small disc, or split it."""
+    loose: Literal["drop", "keep"] = "drop"
+    """Pieces that reach no support: leave them out, or build them too."""
+
+
+class Thickening(Section):
+    """[thickening]: from the sheet to a solid; the thickness is that of [statics]."""
+
+    thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
+    """Refuse a solid that sharp curvature makes locally thinner than this share of the thickness."""
+
+
+class Export(Section):
+    """[export]: the files."""
+
+    formats: tuple[Literal["stl", "3mf", "step", "obj", "ply", "glb"], ...] = ("stl", "3mf", "step")
+    step_faces: Annotated[int, Gt(0)] = 20_000
+    """Largest number of faces that a STEP file may have."""
+
+
+class Preset(Section):
+    """A whole preset. Units: metres, newtons, pascals, kilograms."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+    """Names the output folder."""
+    description: str = ""
+    surface: AnySurface
+    statics: Statics
+    diffusion: Diffusion = Diffusion()
+    pattern: Pattern = Pattern()
+    slicing: Slicing = Slicing()
+    thickening: Thickening = Thickening()
+    export: Export = Export()
+
+    def first_difference(self, other: "Preset") -> str | None:
+        """The first stage whose section differs, or None; name and description make no difference."""
+        return next((stage for stage in STAGES if getattr(self, stage) != getattr(other, stage)), None)

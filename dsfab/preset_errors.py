@@ -1,0 +1,91 @@
+"""One sentence for every mistake in a preset: its key as in the file, the value, what is allowed, the nearest name."""
+
+import dataclasses
+import difflib
+from collections.abc import Iterable
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from dsfab.preset import SHAPE_SECTIONS, FileSurface, Preset
+from dsfab.surface import Load, Picker, Support
+
+
+def _by_tag(union: Any, tag: str) -> dict[str, Any]:
+    """The members of a discriminated union by the default of their tag field."""
+    return {getattr(member, tag): member for member in get_args(get_args(union)[0])}
+
+
+PICKERS, LOADS = _by_tag(Picker, "pick"), _by_tag(Load, "kind")
+SURFACES: dict[str, Any] = {"file": FileSurface, **SHAPE_SECTIONS}
+
+
+def mistakes(error: ValidationError) -> str:
+    """All mistakes that pydantic found, each once."""
+    return "; ".join(dict.fromkeys(_sentence(detail) for detail in error.errors()))
+
+
+def _sentence(detail: ErrorDetails) -> str:
+    """One mistake as 'key = value: what is allowed'."""
+    words, kind = _key(detail["loc"]), detail["type"]
+    key = ".".join(words)
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        known = _known_beside(detail["loc"])
+        return f"unknown key {key}{did_you_mean(words[-1], known)} (known here: {', '.join(known)})"
+    if kind in ("missing", "missing_argument"):
+        return f"{key} is missing"
+    if kind.startswith("union_tag"):
+        return _unknown_kind(key, detail)
+    hint = ""
+    if kind == "literal_error":
+        allowed = str(detail["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
+        hint = did_you_mean(str(detail["input"]), allowed)
+    text = detail["msg"].removeprefix("Input ")
+    return f"{key} = {detail['input']!r}: {text[:1].lower()}{text[1:]}{hint}"
+
+
+def _key(loc: tuple[int | str, ...]) -> list[str]:
+    """The dotted key as it stands in the file: pydantic adds the tag of each choice (shape, kind of load, picker)."""
+    return [str(part) for i, part in enumerate(loc) if not _is_tag(loc, i)]
+
+
+def _is_tag(loc: tuple[int | str, ...], i: int) -> bool:
+    after_load = i >= 2 and loc[i - 2] == "load" and isinstance(loc[i - 1], int)
+    return (loc[:i] == ("surface",) and loc[i] in SURFACES) or after_load or (i >= 1 and loc[i - 1] == "at")
+
+
+def _unknown_kind(key: str, detail: ErrorDetails) -> str:
+    """A choice that does not exist: of shape, of picker, or of load."""
+    given = detail["input"] if isinstance(detail["input"], dict) else {}
+    if key == "surface":
+        word, name, choices = given.get("shape"), "shape", [*SHAPE_SECTIONS]
+        other = ", or a file"
+    else:
+        name, choices, other = ("pick", [*PICKERS], "") if key.endswith(".at") else ("kind", [*LOADS], "")
+        word = given.get(name)
+    allowed = f"use one of {', '.join(choices)}{other}"
+    if word is None:
+        return f"{key} needs {name} = ...: {allowed}"
+    return f"{key}.{name} = {word!r} is not known{did_you_mean(str(word), choices)}; {allowed}"
+
+
+def _known_beside(loc: tuple[int | str, ...]) -> list[str]:
+    """Keys that the section around an unknown key does know."""
+    model: Any = Preset
+    for i, part in enumerate(loc[:-1]):
+        if _is_tag(loc, i):
+            model = (SURFACES if i == 1 else PICKERS if loc[i - 1] == "at" else LOADS)[str(part)]
+        elif part == "support":
+            model = Support
+        elif isinstance(field := getattr(model, "model_fields", {}).get(part), FieldInfo):
+            model = field.annotation
+    fields = getattr(model, "model_fields", None) or [field.name for field in dataclasses.fields(model)]
+    return list(fields)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """'; did you mean dome?' for the nearest known word, or nothing."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f"; did you mean {close[0]}?" if close else ""

@@ -1,0 +1,140 @@
+"""Presets as TOML: finding, reading, overriding, writing, and one sentence for everything that is wrong."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import ValidationError
+
+from dsfab.errors import PresetError
+from dsfab.preset import Given, Preset
+from dsfab.preset_errors import did_you_mean, mistakes
+
+
+def shipped() -> dict[str, Path]:
+    """The presets that come with dsfab: name -> file, in alphabetical order."""
+    package = Path(__file__).resolve().parent
+    # in a wheel the presets lie in the package, in a checkout at the top level
+    files = [*package.glob("presets/*.toml"), *package.parent.glob("presets/*.toml")]
+    return {path.stem: path for path in sorted(files, key=lambda path: path.stem)}
+
+
+def headline(path: Path) -> str:
+    """The first sentence of a preset's description, without checking the preset."""
+    return str(_read(path).get("description", "")).strip().split("\n")[0]
+
+
+def load_preset(
+    name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
+) -> Preset:
+    """A preset by the name of a shipped one ("dome") or by the path of a TOML file.
+
+    overrides : dotted keys and values that win over the file, e.g. {"pattern.major.frequency": 12}.
+    mesh      : a mesh file that takes the place of the preset's surface; supports and loads stay.
+
+    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
+    """
+    path = _find(name_or_path)
+    values = _read(path)
+    values.setdefault("name", path.stem)
+    if mesh is not None:
+        _replace_surface(values, Path(mesh).absolute())
+    for key, value in (overrides or {}).items():
+        _override(values, key, value)
+    surface = values.get("surface")
+    if isinstance(surface, dict) and isinstance(surface.get("file"), str):
+        surface["file"] = str(path.absolute().parent / surface["file"])
+    return preset_from(values, f"preset {path.name}")
+
+
+def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
+    """A preset from nested tables; raises PresetError that lists every mistake with its key."""
+    try:
+        return Preset.model_validate(dict(values))
+    except ValidationError as error:
+        raise PresetError(f"{source}: {mistakes(error)}") from None
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """'pattern.major.frequency=12' -> (key, 12); values are TOML, and a bare word is text.
+
+    Raises PresetError for text without '='.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
+    try:
+        return key.strip(), tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key.strip(), value.strip()
+
+
+def preset_toml(preset: Preset) -> str:
+    """The complete preset, defaults included, as TOML that builds the same design again."""
+    values = preset.model_dump(mode="json", exclude_none=True)
+    surface = values["surface"]
+    # the shape first, then what holds it and what presses on it
+    values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}
+    return tomli_w.dumps(values)
+
+
+def _find(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    presets = shipped()
+    if str(name_or_path) in presets:
+        return presets[str(name_or_path)]
+    if path.is_dir():
+        raise PresetError(f"{path} is a folder; give a preset file or one of {', '.join(presets)}")
+    raise PresetError(
+        f"preset {str(name_or_path)!r} not found{did_you_mean(path.stem, presets)}; "
+        f"give the path of a .toml file or one of {', '.join(presets)}"
+    )
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise PresetError(f"preset {path.name} is not valid TOML: {error}") from None
+    except UnicodeDecodeError:
+        raise PresetError(f"preset {path.name} is not a text file; give a .toml preset") from None
+    except OSError as error:
+        raise PresetError(f"preset {path} cannot be read: {error.strerror}") from None
+
+
+def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
+    old = values.get("surface", {})
+    kept = {key: old[key] for key in (*Given.model_fields, "unit") if key in old}
+    values["surface"] = {**kept, "file": str(mesh)}
+
+
+def _override(values: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key; numbers in it index lists (`surface.load.0.force`)."""
+    *parents, last = key.split(".")
+    where: Any = values
+    for part in parents:
+        where = _child(where, part, key)
+    if isinstance(where, list):
+        where[_index(where, last, key)] = value
+    elif isinstance(where, dict):
+        where[last] = value
+    else:
+        raise PresetError(f"--set {key}: {'.'.join(parents)} is a value, not a section; check the key")
+
+
+def _child(where: Any, part: str, key: str) -> Any:
+    if isinstance(where, list):
+        return where[_index(where, part, key)]
+    if isinstance(where, dict):
+        return where.setdefault(part, {})
+    raise PresetError(f"--set {key}: nothing lies below {part!r}; check the key")
+
+
+def _index(where: list[Any], part: str, key: str) -> int:
+    if not (part.isdigit() and int(part) < len(where)):
+        raise PresetError(f"--set {key}: {part!r} must be a number from 0 to {len(where) - 1}, the entry of that list")
+    return int(part)

@@ -1,0 +1,181 @@
+"""Presets: shipped ones, round trip, overrides, and one sentence for every mistake."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dsfab.errors import DsfabError, PresetError
+from dsfab.preset import STAGES, FileSurface, Preset
+from dsfab.preset_file import headline, load_preset, parse_override, preset_from, preset_toml, shipped
+
+SHIPPED = sorted(shipped())
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_presets_are_valid_described_and_named_after_their_file(name):
+    preset = load_preset(name)
+    assert preset.name == name
+    assert len(preset.description) > 20
+    assert headline(shipped()[name]) == preset.description.split("\n")[0]
+    text = shipped()[name].read_text(encoding="utf-8")
+    sections = [line.strip("[]").split(".")[0] for line in text.splitlines() if line.startswith("[")]
+    order = [STAGES.index(section) for section in sections]
+    assert order == sorted(order), "sections stand in the order of the stages"
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_complete_preset_written_and_read_again_is_the_same(name, tmp_path):
+    preset = load_preset(name)
+    file = tmp_path / "again.toml"
+    file.write_text(preset_toml(preset), encoding="utf-8")
+    again = load_preset(file)
+    assert again == preset
+    assert again.first_difference(preset) is None
+    written = tomllib.loads(file.read_text())
+    assert set(written) == {"name", "description", *STAGES}, "defaults are written out"
+
+
+def test_a_shipped_preset_by_path_is_the_one_by_name():
+    assert load_preset(shipped()["dome"]) == load_preset("dome")
+
+
+@pytest.mark.parametrize(
+    ("changes", "stage"),
+    [
+        ({"surface.span": 11}, "surface"),
+        ({"surface.load.1.force": [0, 0, -1]}, "surface"),
+        ({"statics.thickness": 0.05}, "statics"),
+        ({"diffusion.gamma": 2, "pattern.minor.mode": 2}, "diffusion"),
+        ({"pattern.major.threshold": 0.2}, "pattern"),
+        ({"slicing.pinch": "split"}, "slicing"),
+        ({"export.formats": ["stl"]}, "export"),
+        ({"description": "another"}, None),
+    ],
+)
+def test_the_first_section_that_differs_is_found(changes, stage):
+    assert load_preset("dome", changes).first_difference(load_preset("dome")) == stage
+
+
+@pytest.mark.parametrize(
+    ("text", "pair"),
+    [
+        ("pattern.major.frequency=12", ("pattern.major.frequency", 12)),
+        ("a.b = [0, 1.5]", ("a.b", [0, 1.5])),
+        ("statics.law=stvk", ("statics.law", "stvk")),
+        ('statics.law="stvk"', ("statics.law", "stvk")),
+        ("x=-1e3", ("x", -1000.0)),
+        ("x=a=b", ("x", "a=b")),
+    ],
+)
+def test_overrides_are_toml_values_or_bare_words(text, pair):
+    assert parse_override(text) == pair
+
+
+@pytest.mark.parametrize("text", ["pattern.major.frequency", "=3", ""])
+def test_overrides_without_key_or_value_are_refused(text):
+    with pytest.raises(PresetError, match="is not KEY=VALUE; write for instance --set pattern"):
+        parse_override(text)
+
+
+def test_a_mesh_takes_the_place_of_a_shape_and_keeps_supports_and_loads(tmp_path):
+    preset = load_preset("dome", {"surface.unit": "mm"}, mesh=tmp_path / "roof.obj")
+    assert isinstance(preset.surface, FileSurface)
+    assert preset.surface.file == tmp_path / "roof.obj"
+    assert preset.surface.unit == "mm"
+    assert preset.surface.support == load_preset("dome").surface.support
+    assert preset.surface.load == load_preset("dome").surface.load
+
+
+def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
+    (tmp_path / "mine.toml").write_text(shipped()["bob"].read_text())
+    assert load_preset(tmp_path / "mine.toml").surface.file == tmp_path / "bob.obj"
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        (
+            {"pattern.major.frequncy": 3},
+            r"unknown key pattern\.major\.frequncy; did you mean frequency\? \(known here",
+        ),
+        ({"pattern.major.frequency": -3}, r"pattern\.major\.frequency = -3: should be greater than 0"),
+        ({"pattern.major.threshold": 1.5}, r"pattern\.major\.threshold = 1\.5: should be less than or equal to 1"),
+        ({"pattern.minor.mode": 0}, r"pattern\.minor\.mode = 0: should be greater than or equal to 1"),
+        ({"pattern.major.frequency": float("nan")}, r"pattern\.major\.frequency = nan: should be a finite number"),
+        (
+            {"surface.shape": "dom"},
+            r"surface\.shape = 'dom' is not known; did you mean dome\?; use one of .*sphere.*, or a file",
+        ),
+        ({"surface.raduis": 3}, r"unknown key surface\.raduis.*known here: support, load, shape, span, rise"),
+        ({"surface.span": -1}, r"surface\.span = -1: should be greater than 0"),
+        ({"statics.law": "plane_stres"}, r"statics\.law = 'plane_stres': should be .*; did you mean plane_stress\?"),
+        ({"statics.thickness": "thick"}, r"statics\.thickness = 'thick': should be a valid number"),
+        ({"statics.poisson": 0.5}, r"statics\.poisson = 0\.5: should be less than 0\.5"),
+        ({"diffusion.r": 0.5}, r"diffusion\.r = 0\.5: should be greater than or equal to 1"),
+        (
+            {"surface.load.1.kind": "forse"},
+            r"surface\.load\.1\.kind = 'forse' is not known; did you mean force\?; use one of force, pressure, self_weight",
+        ),
+        ({"surface.load.1.strength": 3}, r"unknown key surface\.load\.1\.strength \(known here: at, force, kind\)"),
+        ({"surface.support.0.at.pick": "bxo"}, r"support\.0\.at\.pick = 'bxo' is not known; did you mean box\?"),
+        ({"surface.support.0.at": {"axis": "z"}}, r"support\.0\.at needs pick = \.\.\.: use one of all, box"),
+        ({"surface.support.0.at.axxis": "z"}, r"unknown key surface\.support\.0\.at\.axxis"),
+        (
+            {"surface.support.0.at": {"pick": "ball", "center": [0, 0, 0]}},
+            r"surface\.support\.0\.at\.radius is missing",
+        ),
+        ({"surface.support.0.hold": "zz"}, r"surface\.support\.0\.hold = 'zz'"),
+        ({"surfce.x": 3}, r"unknown key surfce; did you mean surface\?"),
+        ({"pattern.major": 3}, r"pattern\.major = 3"),
+        ({"surface.load.5.force": [0, 0, 1]}, r"'5' must be a number from 0 to 1, the entry of that list"),
+        ({"name.x": 1}, r"--set name\.x: name is a value, not a section"),
+        ({"name.x.y": 1}, r"--set name\.x\.y: nothing lies below 'x'"),
+        ({"name": "../up"}, r"name = '\.\./up'"),
+        ({"export.formats": ["stp"]}, r"export\.formats\.0 = 'stp': .*did you mean step\?"),
+        ({"statics": {}}, r"statics\.thickness is missing"),
+        ({"surface": {}}, r"surface needs shape = \.\.\.: use one of plate.*, or a file"),
+    ],
+)
+def test_mistakes_are_told_with_key_value_range_and_nearest_name(changes, says):
+    with pytest.raises(PresetError, match=says) as caught:
+        load_preset("dome", changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_all_mistakes_are_told_at_once():
+    with pytest.raises(PresetError) as caught:
+        load_preset("dome", {"pattern.major.frequency": -3, "statics.young": 0, "colour": "red"})
+    for key in ("pattern.major.frequency", "statics.young", "unknown key colour"):
+        assert key in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("write", "says"),
+    [
+        (lambda p: p.write_text("name = 'x"), "is not valid TOML"),
+        (lambda p: p.write_bytes(b"\xff\xfe\x00rubbish"), "is not a text file"),
+        (lambda p: p.mkdir(), "is a folder; give a preset file or one of"),
+        (lambda p: None, "not found"),
+    ],
+)
+def test_unreadable_preset_files_are_refused(write, says, tmp_path):
+    path = tmp_path / "odd.toml"
+    write(path)
+    with pytest.raises(PresetError, match=says):
+        load_preset(path)
+
+
+def test_an_unknown_preset_names_the_nearest_one():
+    with pytest.raises(PresetError, match="did you mean dome"):
+        load_preset("dom")
+
+
+def test_presets_are_values():
+    preset = load_preset("dome")
+    with pytest.raises(ValueError, match="frozen"):
+        preset.pattern.major.frequency = 3
+    assert issubclass(PresetError, DsfabError)
+    assert preset_from(preset.model_dump(mode="json", exclude_none=True)) == preset
+    assert isinstance(preset, Preset)
+    assert Path(shipped()["dome"]).suffix == ".toml"
