@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, model_validator
 
 from dsfab.diffusion import Labelling
 from dsfab.diffusion.tensors import ISOTROPY
-from dsfab.pattern import Stripes
+from dsfab.errors import PatternError
+from dsfab.pattern import Rule, Stripes, Widths
 from dsfab.statics import Law, Material
 from dsfab.surface import SHAPES, Load, Support, Surface, read_surface
 
@@ -136,11 +137,42 @@ class Family(Section):
         return Stripes(self.frequency, self.phase, self.threshold)
 
 
+class Width(Section):
+    """[pattern.width]: how wide the stripes of both families are."""
+
+    rule: Rule = "plain"
+    """plain: as the thresholds say (the paper); constant: the same width in metres; graded: as the stress is large."""
+    member: Annotated[float, Ge(0)] = 0.0
+    """constant: width of the members, metres; with solid_fraction it is solved for and may be left out."""
+    q: Annotated[float, Ge(0), Le(4)] = 1.0
+    """graded: the share of material grows with this power of the stress."""
+    min_width: Annotated[float, Ge(0)] = 0.0
+    """Metres; no member is made thinner. 0 sets no limit."""
+    max_width: Annotated[float, Ge(0)] = 0.0
+    """Metres; no member is made wider. 0 sets no limit."""
+    solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
+    """Share of the surface to keep, with keep and rim: widths are scaled until it is met. 0 leaves them as they are."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> "Width":
+        try:
+            self.widths(1.0)
+        except PatternError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    def widths(self, length: float) -> Widths:
+        """The rule; members whose width is solved for are counted in hundredths of a length, metres."""
+        solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
+        return Widths(self.rule, length / 100 if solved else self.member, self.q, self.min_width, self.max_width)
+
+
 class Pattern(Section):
     """[pattern]: the two families, and what stays material besides them."""
 
     major: Family = Family()
     minor: Family = Family()
+    width: Width = Width()
     keep: Annotated[float, Ge(0)] = 0.0
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
