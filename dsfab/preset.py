@@ -16,7 +16,7 @@ from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Rule, Stripes, Widths
 from dsfab.statics import Law, Material
-from dsfab.surface import SHAPES, Load, Support, Surface, read_surface
+from dsfab.surface import SHAPES, Load, Support, Surface, read_surface, refined
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -33,9 +33,17 @@ class Given(Section):
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
+    refine: Annotated[float, Ge(0)] = 0.0
+    """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
+    smooth: bool = False
+    """Whether refining also rounds the facets (Loop subdivision)."""
 
     def build(self) -> Surface:
         """The surface itself; raises SurfaceError."""
+        return refined(self.given(), self.refine, self.smooth) if self.refine else self.given()
+
+    def given(self) -> Surface:
+        """The surface before it is refined."""
         raise NotImplementedError
 
 
@@ -47,7 +55,7 @@ class FileSurface(Given):
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
 
-    def build(self) -> Surface:
+    def given(self) -> Surface:
         return read_surface(self.file, self.unit)
 
 
@@ -56,9 +64,9 @@ class ShapeSurface(Given):
 
     shape: str
 
-    def build(self) -> Surface:
-        given = set(Given.model_fields) | {"shape"}
-        return SHAPES[self.shape](**{k: v for k, v in self if k not in given})
+    def given(self) -> Surface:
+        others = set(Given.model_fields) | {"shape"}
+        return SHAPES[self.shape](**{k: v for k, v in self if k not in others})
 
 
 def _shape_model(name: str) -> type[ShapeSurface]:

@@ -318,6 +318,16 @@ def test_cells_agree_with_the_wave_and_the_carried_half_widths(coarse, width):
     assert (material == cells.material)[clear].all()
 
 
+def test_each_family_follows_the_stress_that_it_runs_along(coarse):
+    """Major stripes run along the primary stress; on the sphere the two differ from pole to equator."""
+    design = with_width(coarse["sphere"], "sphere", rule="graded")
+    for name, principal in zip(("major", "minor"), design.diffusion.tensors.principal.T, strict=True):
+        d = design.pattern.half_widths[design.pattern.names.index(name)]
+        ratio = (d / vertex_means(design.surface, np.abs(principal)))[d < 0.5]
+        assert len(ratio) > 0.7 * design.surface.n
+        assert ratio == pytest.approx(np.full(len(ratio), ratio[0]), rel=1e-9)
+
+
 def test_widths_restart_at_the_pattern_and_give_the_fresh_design(coarse):
     old = coarse["cantilever"]
     new = with_width(old, "cantilever", rule="graded", solid_fraction=0.5, min_width=0.01)
