@@ -15,8 +15,9 @@ LARGEST = 4_000_000
 def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
     """The surface with no edge longer than `target` metres; the vertices it had come first.
 
-    smooth = False : the same flat facets. Edges are halved in rounds; in a face where any is, so is its longest one
-                     [Rivara 1984], which keeps angles from shrinking on and on. No T-junctions; area and boundary stay.
+    smooth = False : the same flat facets. Long edges are halved in rounds; the longest edge of a face that has a long
+                     one is among them, which keeps angles from shrinking on and on [Rivara 1984]. No T-junctions; area
+                     and boundary stay.
     smooth = True  : Loop's subdivision [Loop 1987], every triangle in four until all edges are short enough; vertices
                      move towards the smooth limit surface, boundaries towards smooth curves.
 
@@ -34,9 +35,8 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
             _check_count(4 * len(F), target)
             V, F = igl.loop(V, F, 1)
         else:
-            halves = _with_longest(V, F, edges, long)
-            _check_count(len(F) + int(halves[edges.of].sum()), target)
-            V, F = _halved(V, F, edges, halves)
+            _check_count(len(F) + int(long[edges.of].sum()), target)
+            V, F = _halved(V, F, edges, long)
         edges = edge_table(F)
     return surface if F is surface.F else Surface(V, F)
 
@@ -51,22 +51,8 @@ def _lengths(V: Floats, edges: EdgeTable) -> Floats:
     return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
 
-def _with_longest(V: Floats, F: Ints, edges: EdgeTable, marked: Bools) -> Bools:
-    """(e,) the marked edges, and of each face that has one, its longest edge."""
-    # exactly equal lengths are ordered by number: one order for all faces, so that marks spread to longer edges only
-    rank = np.empty(len(edges.ends), dtype=np.int64)
-    rank[np.lexsort((np.arange(len(rank)), _lengths(V, edges)))] = np.arange(len(rank))
-    longest = edges.of[np.arange(len(F)), rank[edges.of].argmax(axis=1)]
-    marked = marked.copy()
-    while True:
-        missing = longest[marked[edges.of].any(axis=1)]
-        if marked[missing].all():
-            return marked
-        marked[missing] = True
-
-
 def _halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints]:
-    """Faces divided along the midpoints of the edges that are halved: their longest and none, one or both others.
+    """Faces divided along the midpoints of the (e,) edges that are halved: their longest and none, one or both others.
 
                  c                             c                          c
                / | \\                         / | \\                       / \\
