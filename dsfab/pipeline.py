@@ -182,8 +182,8 @@ def _pattern(
     ask = preset.pattern
     with log.stage("pattern", "drawing stripes"):
         kept = _kept_regions(preset, surface, statics.load)
-        families = _families(preset, surface, diffusion)
         widths = ask.width.widths(np.sqrt(surface.area))
+        families = _families(preset, surface, diffusion, widths.radius)
         factor = mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0
         if ask.width.solid_fraction:
 
@@ -210,7 +210,7 @@ def _kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Laye
     return [Layer(name, -distance, np.array([-reach]), every) for name, distance, reach in regions]
 
 
-def _families(preset: Preset, surface: Surface, diffusion: DiffusionResult) -> list[Family]:
+def _families(preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float) -> list[Family]:
     """Both families of stripes; the major one runs along the primary stress, the minor one along the secondary."""
     ask, families = preset.pattern, []
     stress = [None, None]
@@ -223,7 +223,7 @@ def _families(preset: Preset, surface: Surface, diffusion: DiffusionResult) -> l
                 f"pattern.{name}.mode = {family.mode} but only diffusion.modes = {len(modes.lam)} are computed; "
                 "raise diffusion.modes or choose a lower mode"
             )
-        families.append(Family.on(surface, name, family.stripes, modes.mode(family.mode), along))
+        families.append(Family.on(surface, name, family.stripes, modes.mode(family.mode), along, radius))
     return families
 
 

@@ -63,9 +63,22 @@ def test_slope_of_a_linear_phase_is_its_gradient_and_means_keep_constants_and_in
 
 
 def test_slope_does_not_vanish_on_a_ridge():
-    """|x| has slope 1 on both sides and on the ridge, where the mean gradient is zero."""
+    """|x| has slope 1 on both sides and on the ridge, where the mean of the gradients is zero."""
     plate = grid(10, 4, 2.0, 1.0)
     assert slopes(plate, np.abs(plate.V[:, 0] - 1)) == pytest.approx(np.ones(plate.n))
+
+
+def test_slope_over_a_radius_is_half_the_range_of_the_phase_there():
+    """On the ridge of z = s^2 / 2 the mean of |s| over a disc of radius R is 4 R / (3 pi); far from it |s| stays."""
+    plate = grid(60, 30, 2.0, 1.0)
+    s = plate.V[:, 0] - 1
+    inner = np.abs(plate.V[:, 1] - 0.5) < 0.1
+    for radius in (0.15, 0.25):
+        slope = slopes(plate, s**2 / 2, radius)
+        assert slope[inner & (np.abs(s) < 1e-9)] == pytest.approx(4 * radius / (3 * np.pi), rel=0.12)
+        far = inner & (np.abs(np.abs(s) - 0.55) < 0.02)
+        assert slope[far] == pytest.approx(np.abs(s[far]), rel=0.03)
+    assert slopes(plate, s**2 / 2)[inner & (np.abs(s) < 1e-9)].max() < 0.04
 
 
 # --- constant

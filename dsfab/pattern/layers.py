@@ -41,10 +41,18 @@ class Family:
     stress: Floats
 
     @classmethod
-    def on(cls, surface: Surface, name: str, stripes: Stripes, x: Floats, stress: Floats | None = None) -> "Family":
-        """The family with its slope; without a stress (n,) it is taken as the same everywhere."""
+    def on(
+        cls,
+        surface: Surface,
+        name: str,
+        stripes: Stripes,
+        x: Floats,
+        stress: Floats | None = None,
+        radius: float = 0.0,
+    ) -> "Family":
+        """The family with its slope over a radius in metres; a stress (n,) left out is the same everywhere."""
         stress = np.ones(surface.n) if stress is None else stress
-        return cls(name, stripes, x, slopes(surface, stripes.phases(x)), stress)
+        return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
         """(n,) d in periods."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
@@ -21,6 +22,8 @@ SOLID = 0.5
 """The half-width, in periods, at which neighbouring stripes touch."""
 LARGEST_FACTOR = 1e9
 """What stripes cannot reach when they are made so many times wider, they cannot reach."""
+ROUNDS = (2, 60)
+"""Fewest and most rounds in which slopes are averaged."""
 STEPS = 30
 """Several times what the search needs on a share without jumps."""
 
@@ -58,6 +61,11 @@ class Widths:
             raise PatternError(f"min_width = {self.min_width} m is more than max_width = {self.max_width} m")
 
     @property
+    def radius(self) -> float:
+        """Metres over which slopes are averaged: half the width of a member, where it is known."""
+        return self.member / 2 if self.rule == "constant" else 0.0
+
+    @property
     def vary(self) -> bool:
         """Whether the half-width differs from vertex to vertex."""
         return self.rule != "plain" or self.min_width > 0 or self.max_width > 0
@@ -81,22 +89,32 @@ class Widths:
 
 def vertex_means(surface: Surface, x: Floats) -> Floats:
     """(n, ...) area-weighted means of values x (m, ...) over the faces around each vertex; 0 where there is none."""
-    weighted = x * surface.areas.reshape(-1, *[1] * (x.ndim - 1)) / 3
-    total = np.zeros((surface.n, *x.shape[1:]))
-    for corner in range(3):
-        np.add.at(total, surface.F[:, corner], weighted)
-    area = np.maximum(surface.vertex_areas, np.finfo(float).tiny)
-    return np.asarray(total / area.reshape(-1, *[1] * (x.ndim - 1)))
+    return np.asarray(_averaging(surface) @ x)
 
 
-def slopes(surface: Surface, z: Floats) -> Floats:
-    """(n,) mean of |grad z| over the faces around each vertex: periods per metre for a phase z (n,).
+def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
+    """(n,) mean of |grad z| around each vertex: periods per metre for a phase z (n,).
 
     The mean of the lengths, not the length of the mean: that vanishes on the ridges of z, where it would open a slit
-    along the middle of a member.
+    along the middle of a member. Half the range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2
+    on it, which is what the mean of |grad z| over the disc gives too: so means are taken over `radius`, metres, half
+    the width of a member, and at least over two rings of faces, or the borders of members would fray on ridges.
     """
+    average = _averaging(surface)
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
-    return vertex_means(surface, np.linalg.norm(gradient, axis=1))
+    slope = average @ np.linalg.norm(gradient, axis=1)
+    # a round spreads by a variance of h^2 / 3 on a regular mesh of width h; a disc has R^2 / 4
+    for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
+        slope = average @ slope[surface.F].mean(axis=1)
+    return np.asarray(slope)
+
+
+def _averaging(surface: Surface) -> csr_array:
+    """(n, m) area-weighted means over the faces around each vertex."""
+    area = np.maximum(surface.vertex_areas, np.finfo(float).tiny)
+    weights = np.repeat(surface.areas / 3, 3) / area[surface.F.ravel()]
+    faces = np.repeat(np.arange(surface.m), 3)
+    return csr_array((weights, (surface.F.ravel(), faces)), shape=(surface.n, surface.m))
 
 
 def relative_stresses(surface: Surface, principal: Floats) -> Floats:
