@@ -158,6 +158,8 @@ class Width(Section):
     """Metres; no member is made thinner. 0 sets no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Metres; no member is made wider. 0 sets no limit."""
+    min_gap: Annotated[float, Ge(0)] = 0.0
+    """Metres; narrower gaps between two stripes of a family are filled. 0 fills none."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface to keep, with keep and rim: widths are scaled until it is met. 0 leaves them as they are."""
 
@@ -172,7 +174,8 @@ class Width(Section):
     def widths(self, length: float) -> Widths:
         """The rule; members whose width is solved for are counted in hundredths of a length, metres."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
-        return Widths(self.rule, length / 100 if solved else self.member, self.q, self.min_width, self.max_width)
+        member = length / 100 if solved else self.member
+        return Widths(self.rule, member, self.q, self.min_width, self.max_width, self.min_gap)
 
 
 class Pattern(Section):

@@ -194,6 +194,20 @@ def test_widths_in_metres_stay_within_their_bounds_and_grow_with_the_factor(name
             assert (metres <= (low + span) * size * (1 + 1e-12)).all()
 
 
+def test_gaps_are_filled_where_they_are_narrower_than_asked():
+    """Stress s from 0 to 2 along stripes 0.1 apart, d = s / 4 periods: the gap 0.1 (1 - s / 2) is filled under 0.03."""
+    plate = grid(100, 20, 2.0, 1.0)
+    s = plate.V[:, 0]
+    family = Family.on(plate, "major", Stripes(10.0, 0.03, 0.0), plate.V[:, 1], s)
+    widths = Widths("graded", min_gap=0.03)
+    d = family.half_widths(widths)
+    assert (d[s > 1.401] == 0.5).all()
+    assert d[s < 1.399] == pytest.approx(s[s < 1.399] / 4)
+    void = sheet_of(plate, family.layer(widths)).kept(~sheet_of(plate, family.layer(widths)).material).surface
+    assert void.V[:, 0].max() < 1.43
+    assert sheet_of(plate, family.layer(Widths("graded"))).kept().surface.V[:, 0].max() == 2
+
+
 @zoo
 def test_plain_widths_without_bounds_are_the_thresholds(name):
     surface = ZOO[name]()
@@ -225,6 +239,7 @@ def test_stripes_are_widened_until_they_touch():
         ({"member": -1.0}, "member = -1.0 must be a length"),
         ({"min_width": np.inf}, "min_width = inf must be"),
         ({"max_width": np.nan}, "max_width = nan must be"),
+        ({"min_gap": -0.1}, "min_gap = -0.1 must be"),
         ({"q": 5.0}, "q = 5.0 must lie between 0"),
         ({"min_width": 0.2, "max_width": 0.1}, "min_width = 0.2 m is more than max_width = 0.1 m"),
     ],
@@ -273,6 +288,7 @@ def test_a_share_out_of_reach_is_refused_with_what_can_be_reached():
         {"rule": "graded"},
         {"rule": "graded", "q": 0.5, "min_width": 0.02},
         {"rule": "plain", "max_width": 0.7},
+        {"rule": "graded", "min_gap": 0.03},
     ],
 )
 def test_the_wanted_share_is_kept_to_a_thousandth(coarse, name, width):

@@ -37,6 +37,7 @@ class Widths:
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family.
     member    : metres, for "constant".    q : 0 to 4, for "graded".
     min_width, max_width : metres, bounds on the width at every vertex under any rule; 0 sets none.
+    min_gap   : metres; where the gap to the next stripe is narrower, it is filled. 0 fills none.
 
     Raises PatternError for other values, and for "constant" without `member`.
     """
@@ -46,11 +47,12 @@ class Widths:
     q: float = 1.0
     min_width: float = 0.0
     max_width: float = 0.0
+    min_gap: float = 0.0
 
     def __post_init__(self) -> None:
         if self.rule not in ("plain", "constant", "graded"):
             raise PatternError(f"the width rule {self.rule!r} must be plain, constant or graded")
-        for name in ("member", "min_width", "max_width"):
+        for name in ("member", "min_width", "max_width", "min_gap"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise PatternError(f"{name} = {getattr(self, name)} must be a length in metres, or 0 for none")
         if not 0 <= self.q <= 4:
@@ -68,7 +70,7 @@ class Widths:
     @property
     def vary(self) -> bool:
         """Whether the half-width differs from vertex to vertex."""
-        return self.rule != "plain" or self.min_width > 0 or self.max_width > 0
+        return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def half_widths(self, plain: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
         """(n,) d in periods, 0 (no material) to 0.5 (no gap), never less for a larger `factor`.
@@ -84,7 +86,8 @@ class Widths:
             d = factor * plain * grading
         if self.max_width:
             d = np.minimum(d, slope * (self.max_width / 2))
-        return np.asarray(np.clip(np.maximum(d, slope * (self.min_width / 2)), 0, SOLID))
+        d = np.maximum(d, slope * (self.min_width / 2))
+        return np.asarray(np.where(d + slope * (self.min_gap / 2) > SOLID, SOLID, d))
 
 
 def vertex_means(surface: Surface, x: Floats) -> Floats:
