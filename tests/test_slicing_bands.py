@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 from dsfab.errors import PatternError
 from dsfab.slicing import cut, material_area, resolve_pinches
 from dsfab.surface import Surface
-from dsfab.surface.topology import boundary_loops, euler_characteristic, pieces
+from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.test_slicing import check_laws, points_in_cells
 from tests.test_slicing import material_area as area_of
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
@@ -204,13 +204,19 @@ def test_laws_hold_on_random_meshes_with_degenerate_bands(case):
     assert closeness[wrong].max(initial=0) <= max(snap + 1e-3, 1e-6) * reach + 1e-14
 
 
-def test_a_sheet_of_bands_can_be_freed_of_pinches():
-    surface = sphere(3)
-    z, d = 3 * surface.V[:, 2], np.clip(0.6 * surface.V[:, 0], 0, 0.5)
-    sheet = cut(surface, [band(z, d)], [integers(z)])
-    for rule in ("join", "split"):
-        kept = resolve_pinches(sheet, 0.02, rule).sheet.kept().surface
-        assert boundary_loops(kept.F, kept.edges)
+def test_tips_that_touch_are_pinches_that_are_joined_or_split():
+    """Width |x| / 2 about the line y = 0: two wedges meet tip to tip at x = 0, on a vertex of the plate."""
+    plate = grid(10, 10, 2.0, 2.0)
+    x, y = plate.V[:, 0] - 1, plate.V[:, 1] - 1
+    sheet = cut(plate, [band(y, np.abs(x) / 2)], [[0.0]], snap=0)
+    assert area_of(sheet) == pytest.approx(1.0, rel=1e-12)
+    assert len(manifold_faults(sheet.kept().surface.F, sheet.kept().surface.edges, sheet.kept().surface.n)) == 1
+    for rule, count in (("join", 1), ("split", 2)):
+        pinched = resolve_pinches(sheet, 0.05, rule)
+        kept = pinched.sheet.kept().surface
+        assert pinched.count == 1
+        assert manifold_faults(kept.F, kept.edges, kept.n) == ()
+        assert pieces(kept.F, kept.edges)[0] == count
 
 
 # --- degenerate values, by rule
