@@ -169,7 +169,7 @@ class Export(Section):
     """[export]: the files."""
 
     formats: tuple[Literal["stl", "3mf", "step", "obj", "ply", "glb"], ...] = ("stl", "3mf", "step")
-    step_faces: Annotated[int, Gt(0)] = 20_000
+    step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
 
 

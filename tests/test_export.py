@@ -256,6 +256,20 @@ def test_a_file_that_says_something_else_is_not_kept(tmp_path, monkeypatch, suff
     assert not any(tmp_path.iterdir())
 
 
+def test_a_sheet_that_reads_back_torn_is_not_kept(tmp_path, monkeypatch):
+    form = FORMATS[".ply"]
+
+    def torn(part):
+        F = part.F.copy()
+        F[0, 0] = len(part.V)
+        return form.encode(replace(part, V=np.r_[part.V, part.V[part.F[0, :1]]], F=F))
+
+    monkeypatch.setitem(FORMATS, ".ply", replace(form, encode=torn))
+    with pytest.raises(ExportError, match="reads back with 10 vertices instead of 9"):
+        write(grid(2, 2, 1.0, 1.0), tmp_path / "sheet.ply")
+    assert not any(tmp_path.iterdir())
+
+
 def needle(gap: float, corner: float) -> Solid:
     """A box whose edge 0-1 is cut in two by a vertex `gap` from its upper end."""
     solid = box(corner=(corner, 0.0, 0.0))
@@ -282,7 +296,7 @@ def test_vertices_that_rounding_makes_equal_are_merged_and_the_file_stays_closed
 def test_a_shape_that_rounding_destroys_is_refused(tmp_path):
     tiny = box(size=SIZE * 1e-4, corner=(5000.0, 0.0, 0.0))
     for suffix in (".stl", ".3mf", ".glb"):
-        with pytest.raises(ExportError, match="too close together for numbers of single precision"):
+        with pytest.raises(ExportError, match=r"8 vertices of .* too close .* single precision \(first: 0, 1, "):
             write(tiny, tmp_path / f"a{suffix}")
     assert loaded(write(tiny, tmp_path / "a.ply")).volume == pytest.approx(tiny.volume * 1e9, rel=1e-3)
 

@@ -171,6 +171,12 @@ def test_an_unknown_preset_names_the_nearest_one():
         load_preset("dom")
 
 
+def test_the_face_budget_of_presets_is_that_of_write():
+    from dsfab.export import STEP_FACES
+
+    assert load_preset("dome").export.step_faces == STEP_FACES
+
+
 def test_presets_are_values():
     preset = load_preset("dome")
     with pytest.raises(ValueError, match="frozen"):

@@ -33,8 +33,6 @@ def replacing(path: Path) -> Iterator[Path]:
     target = Path(os.path.realpath(path))  # a link stays a link: the file it points to is replaced
     temporary = target.with_name(f".{secrets.token_hex(6)}.partial{target.suffix}")
     try:
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         yield temporary
         os.replace(temporary, target)
     except OSError as error:

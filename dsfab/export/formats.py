@@ -12,7 +12,7 @@ from dsfab.export.part import Part, part_of
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 
-STEP_FACES = 20_000
+STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
 

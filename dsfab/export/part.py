@@ -92,9 +92,10 @@ def settled(part: Part, V: Floats, holding: str) -> Part:
     merged[of] = V
     small = replace(part, V=merged, F=F)
     if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > 1e-3 * part.volume)):
+        close = np.unique([a[lost], b[lost]])
         raise ExportError(
-            f"{len(np.unique(part.F[lost // 3]))} vertices of {part.name!r} are too close together for {holding} "
-            f"(first: {first(np.unique(a[lost]))}) and the shape does not survive their merging; "
+            f"{len(close)} vertices of {part.name!r} are too close together for {holding} "
+            f"(first: {first(close)}) and the shape does not survive their merging; "
             "coarsen the mesh there, or move it to the origin"
         )
     return small
