@@ -30,9 +30,9 @@ _HOME = {
 __all__ = sorted(_HOME)
 
 if TYPE_CHECKING:
+    from dsfab.design import Design as Design
     from dsfab.errors import DsfabError as DsfabError
     from dsfab.export import write as write
-    from dsfab.design import Design as Design
     from dsfab.pipeline import revise as revise
     from dsfab.pipeline import run as run
     from dsfab.preset import Preset as Preset
