@@ -23,6 +23,7 @@ from dsfab.surface import Surface
 
 PLATE = Material(young=1e7, poisson=0.3)
 THIN = 0.01
+IN_PLANE, ACROSS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
@@ -146,9 +147,9 @@ def _tests() -> list[Test]:
     harder = "MacNeal and Harder 1985, unit load on the whole end"
     plates = "Timoshenko and Woinowsky-Krieger 1959, series; whole plate"
     beams: list[tuple[str, float, Callable[[int, Mesh], Problem], tuple[int, ...]]] = [
-        ("straight_beam_in_plane", 0.1081, partial(straight_beam, force=(0.0, 1.0, 0.0)), (1, 2, 4)),
-        ("straight_beam_out_of_plane", 0.4321, partial(straight_beam, force=(0.0, 0.0, 1.0)), (1, 2, 4)),
-        ("curved_beam_in_plane", 0.08734, partial(curved_beam, force=(0.0, 1.0, 0.0)), (1, 2, 4)),
+        ("straight_beam_in_plane", 0.1081, partial(straight_beam, force=IN_PLANE), (1, 2, 4)),
+        ("straight_beam_out_of_plane", 0.4321, partial(straight_beam, force=ACROSS), (1, 2, 4)),
+        ("curved_beam_in_plane", 0.08734, partial(curved_beam, force=IN_PLANE), (1, 2, 4)),
         ("twisted_beam_in_plane", 0.005424, partial(twisted_beam, force=(0.0, 0.0, 1.0)), (1, 2, 4)),
         ("twisted_beam_out_of_plane", 0.001754, partial(twisted_beam, force=(0.0, 1.0, 0.0)), (1, 2, 4)),
     ]
@@ -156,7 +157,7 @@ def _tests() -> list[Test]:
         Test("plate_supported", 0.00406235, plates, partial(plate, clamped=False), (4, 8, 16), MESHES),
         Test("plate_clamped", 0.00126532, plates, partial(plate, clamped=True), (4, 8, 16), MESHES),
         *(Test(name, reference, harder, problem, cells) for name, reference, problem, cells in beams),
-        Test("curved_beam_out_of_plane", _curved_strip(), STRIP, partial(curved_beam, force=(0.0, 0.0, 1.0)), (1, 2, 4)),
+        Test("curved_beam_out_of_plane", _curved_strip(), STRIP, partial(curved_beam, force=ACROSS), (1, 2, 4)),
         Test("cook", 23.96, "Cook 1974, reference of refined meshes; whole panel", cook, (4, 8, 16)),
         Test(
             "patch_tension", 1e3 / (210e9 * 0.01), "closed form, N / (E h)", partial(patch, shear=False), (2, 4, 8),
