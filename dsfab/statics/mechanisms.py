@@ -54,8 +54,8 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
-    """Names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops (a basis, each by its
-    largest part).
+    """Names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops (a basis: shifts and
+    turns, each by its largest part).
 
     clamped : (k, 2) ends of the edges that do not turn about themselves: a turn about w turns edge t by w . t.
     """
@@ -66,7 +66,12 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= RANK_TOLERANCE * max(values.max(), 1.0)]
-    return [MOTIONS[int(np.abs(row).argmax())] for row in null]
+    # sort what shifts only from what turns: a turn about a line of supports shifts the centre as well
+    mix, turns, _ = np.linalg.svd(null[:, 3:])
+    turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > RANK_TOLERANCE
+    parts = np.abs(mix.T @ null)
+    largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
+    return [MOTIONS[k] for k in largest]
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
