@@ -23,6 +23,7 @@ _HOME = {
     "read_surface": "dsfab.surface",
     "revise": "dsfab.pipeline",
     "run": "dsfab.pipeline",
+    "sweep": "dsfab.study",
     "write": "dsfab.export",
 }
 """Where each public name lives; it is imported when first asked for."""
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from dsfab.preset import Preset as Preset
     from dsfab.preset_file import load_preset as load_preset
     from dsfab.slicing import Sheet as Sheet
+    from dsfab.study import sweep as sweep
     from dsfab.surface import LoadCase as LoadCase
     from dsfab.surface import Surface as Surface
     from dsfab.surface import read_surface as read_surface

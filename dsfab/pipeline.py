@@ -241,9 +241,9 @@ def _thickening(preset: Preset, surface: Surface, slicing: SlicingResult, log: _
         offset = offsets(surface, preset.statics.thickness)
         if offset.smallest < preset.thickening.thinnest:
             raise SolidError(
-                f"the surface bends so sharply that the sheet would be thinned to {offset.smallest:.0%} of its thickness "
-                f"(allowed: {preset.thickening.thinnest:.0%}); make statics.thickness smaller, smooth the surface, or "
-                "lower thickening.thinnest"
+                f"the surface bends so sharply that the sheet would be thinned to {offset.smallest:.0%} of its "
+                f"thickness (allowed: {preset.thickening.thinnest:.0%}); make statics.thickness smaller, smooth the "
+                "surface, or lower thickening.thinnest"
             )
         solid = thicken(slicing.sheet.surface, slicing.sheet.carry(offset.D))
     if offset.limited:

@@ -22,8 +22,8 @@ SNAP_FLOOR = 1e-9
 """Least snap fraction, applied also at snap = 0: lines nearer to a vertex go through it."""
 ROUNDING = 8
 """Values within this many units in the last place of the largest value are on a level, however flat the field."""
-LEVEL_GAP = 1e-7
-"""Levels closer than this share of the field's range count as equal."""
+LEVEL_GAP = 1e-6
+"""Levels closer than this share of the field's range count as equal: thinner stripes are neither made nor left out."""
 CELL_AREA = 1e3 * ZERO_AREA
 """A cell under this share of the squared size is not made (a margin over what `Surface` refuses)."""
 FLATNESS = 1e-12
@@ -37,7 +37,7 @@ def cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[ArrayLike],
 
     fields : (n,) each, values on the vertices, linear over each face; any unit.
     levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, the
-             union over the fields is. Two equal levels enclose nothing and are left out.
+             union over the fields is. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
     snap   : fraction of a vertex's largest edge range (0 to 0.4). A value closer to a level than that is moved onto it
              first, which moves a line by at most this fraction of an edge and avoids slivers. 0 is for exact areas; a
              floor of `SNAP_FLOOR` always holds, and where a cell would still have no area its corners are moved too.
