@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dsfab import load_preset, run
 from dsfab.errors import StaticsError
 from dsfab.statics import (
     PAPER,
@@ -337,3 +338,20 @@ def test_names_of_unknowns_and_their_number():
     assert str(VERDICT) == "quadratic+hhj"
     with pytest.raises(ValueError, match="no bending"):
         bending_stiffness(surface, STEEL, H, VERDICT.in_plane)
+
+
+@pytest.mark.parametrize("preset", ["cantilever", "dome"])
+def test_presets_name_their_elements(preset):
+    """A flat sheet loaded in its plane (no bending) and a curved one; edges longer, to be quick."""
+    coarse = {"surface.edge": 0.6 if preset == "dome" else 0.1}
+    plain, rich = (
+        run(load_preset(preset, {**coarse, **more})).statics
+        for more in ({}, {"statics.membrane": "quadratic", "statics.bending": "hhj"})
+    )
+    assert set(rich.equilibrium.on_edges) == set((VERDICT if preset == "dome" else VERDICT.in_plane).on_edges)
+    assert not plain.equilibrium.on_edges
+    assert rich.sigma.shape == plain.sigma.shape
+    assert not np.array_equal(rich.sigma, plain.sigma)
+    assert rich.equilibrium.compliance == pytest.approx(plain.equilibrium.compliance, rel=0.5)
+    balance = [statics.equilibrium.reaction.sum(axis=0) for statics in (rich, plain)]
+    assert balance[0] == pytest.approx(balance[1], rel=1e-6, abs=1)

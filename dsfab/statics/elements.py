@@ -10,12 +10,13 @@ All elements live on the same flat triangles. Besides three displacements per ve
 """
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Self, get_args
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
+from dsfab.errors import StaticsError
 from dsfab.surface.mesh import Surface
 
 Membrane = Literal["constant", "quadratic"]
@@ -41,6 +42,15 @@ class Elements:
 
     membrane: Membrane = "constant"
     bending: Bending | None = "hinge"
+
+    @classmethod
+    def named(cls, name: str) -> Self:
+        """The pair that is written as `name`, such as "quadratic+hhj". Raises StaticsError for any other text."""
+        pairs = [cls(membrane, bending) for membrane in get_args(Membrane) for bending in get_args(Bending)]
+        found = next((pair for pair in pairs if str(pair) == name), None)
+        if found is None:
+            raise StaticsError(f"there are no elements {name!r}; choose {', '.join(map(str, pairs))}")
+        return found
 
     def __str__(self) -> str:
         return f"{self.membrane}+{self.bending or 'none'}"

@@ -71,7 +71,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > RANK_TOLERANCE
     parts = np.abs(mix.T @ null)
     largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
-    return [MOTIONS[k] for k in largest]
+    return [MOTIONS[k] for k in largest[::-1]]
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
