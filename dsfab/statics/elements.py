@@ -28,6 +28,9 @@ BUBBLES = ("along", "across", "normal")
 FOLDED = 0.3
 """The mean normal of an edge's faces counts as lost when it is shorter than this: they fold by over 145 degrees."""
 
+TIE = 0.01
+"""Extra weight of an edge's first face where its faces have no mean normal: three leaves at 120 degrees are a tie."""
+
 
 @dataclass(frozen=True)
 class Elements:
@@ -112,6 +115,8 @@ def edge_frames(surface: Surface) -> Floats:
     if len(lost):
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
+        first = edges.order[edges.start[lost]] // 3
+        tensors[lost] += TIE * _outer(surface.normals[first], area_normal[first])
         n[lost] = np.linalg.eigh(tensors[lost])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
     return np.stack([t, np.cross(n, t), n], axis=1)
