@@ -243,10 +243,12 @@ def test_the_normal_of_an_edge_is_the_mean_of_its_faces_or_the_line_nearest_to_t
             assert abs(n @ expected) == pytest.approx(1, abs=1e-5), n
 
 
-def test_the_tie_of_three_leaves_is_broken_the_same_way_however_they_are_written():
-    one, two = (edge_frames(s)[0, 2] for s in (hub(90, 210, 330), flipped(hub(90, 210, 330))))
-    assert abs(one @ two) == pytest.approx(1, abs=1e-9)
-    assert abs(one[0]) == pytest.approx(1, abs=1e-9)  # the first leaf stands in the plane x = 0
+@pytest.mark.parametrize("start", [0, 10, 37, 50, 90, 200])
+def test_the_tie_of_three_leaves_is_broken_by_the_first(start):
+    leaves = hub(start, start + 120, start + 240)
+    first = leaves.normals[0]
+    for surface in (leaves, flipped(leaves)):
+        assert abs(edge_frames(surface)[0, 2] @ first) == pytest.approx(1, abs=1e-9)
 
 
 def test_spread_loads_put_on_vertices_what_the_load_case_does():
