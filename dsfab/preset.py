@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_mo
 from dsfab.diffusion import Labelling
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.pattern import Stripes
-from dsfab.statics import Law, Material
+from dsfab.statics import Bending, Elements, Law, Material, Membrane
 from dsfab.surface import SHAPES, Load, Support, Surface, read_surface
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
@@ -96,12 +96,18 @@ class Statics(Section):
     """kg/m3."""
     law: Law = "plane_stress"
     """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
-    bending: Literal["hinge"] = "hinge"
-    """The paper's hinge energy."""
+    membrane: Membrane = "constant"
+    """constant strain (the paper), or quadratic: right for slender parts too, at several times the cost."""
+    bending: Bending = "hinge"
+    """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
 
     @property
     def material(self) -> Material:
         return Material(self.young, self.poisson, self.density)
+
+    @property
+    def elements(self) -> Elements:
+        return Elements(self.membrane, self.bending)
 
 
 class Diffusion(Section):

@@ -1,4 +1,4 @@
-"""The command line: `dsfab build`, `presets`, `inspect`, `bench`. The only place that prints and exits.
+"""The command line: `dsfab build`, `presets`, `inspect`, `bench`, `verify`. The only place that prints and exits.
 
 Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 130 stopped by Ctrl-C.
 """
@@ -25,6 +25,7 @@ app.command("dsfab.app.build:build", name="build")
 app.command("dsfab.app.listing:presets", name="presets")
 app.command("dsfab.app.listing:inspect", name="inspect")
 app.command("dsfab.app.bench:bench", name="bench")
+app.command("dsfab.app.verify:verify", name="verify")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
