@@ -23,6 +23,7 @@ _HOME = {
     "read_surface": "dsfab.surface",
     "revise": "dsfab.pipeline",
     "run": "dsfab.pipeline",
+    "sweep": "dsfab.study",
     "write": "dsfab.export",
 }
 """Where each public name lives; it is imported when first asked for."""
@@ -30,14 +31,15 @@ _HOME = {
 __all__ = sorted(_HOME)
 
 if TYPE_CHECKING:
+    from dsfab.design import Design as Design
     from dsfab.errors import DsfabError as DsfabError
     from dsfab.export import write as write
-    from dsfab.design import Design as Design
     from dsfab.pipeline import revise as revise
     from dsfab.pipeline import run as run
     from dsfab.preset import Preset as Preset
     from dsfab.preset_file import load_preset as load_preset
     from dsfab.slicing import Sheet as Sheet
+    from dsfab.study import sweep as sweep
     from dsfab.surface import LoadCase as LoadCase
     from dsfab.surface import Surface as Surface
     from dsfab.surface import read_surface as read_surface

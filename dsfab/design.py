@@ -57,7 +57,7 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Stage 5: all cells, the sheet that is kept of them, its pieces (largest first), and how many pinches were cured."""
+    """Stage 5: all cells, the sheet kept of them, its pieces (largest first), and how many pinches were cured."""
 
     cells: Sheet
     sheet: Sheet

@@ -24,7 +24,7 @@ from dsfab.pattern import (
 )
 from dsfab.preset import STAGES, Preset
 from dsfab.slicing import Sheet, cut, material_area, resolve_pinches
-from dsfab.statics import bending_stiffness, equilibrium, flat_axis, membrane_stiffness, stress
+from dsfab.statics import bending_stiffness, equilibrium, flat_axis, membrane_stiffness, spread_load, stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets, thicken
@@ -135,16 +135,18 @@ def _statics(preset: Preset, surface: Surface, log: _Log) -> StaticsResult:
     given, sheet = preset.surface, preset.statics
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
-    load = LoadCase.build(surface, given.support, given.load, sheet.density * sheet.thickness * GRAVITY)
+    weight = sheet.density * sheet.thickness * GRAVITY
+    load = LoadCase.build(surface, given.support, given.load, weight)
+    elements = sheet.elements if flat_axis(surface, load) is None else sheet.elements.in_plane
     with log.row("membrane"):
-        K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law)
-    if flat_axis(surface, load) is None:
+        K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
+    if elements.bending:
         with log.row("bending"):
-            K = K + bending_stiffness(surface, sheet.material, sheet.thickness)
+            K = K + bending_stiffness(surface, sheet.material, sheet.thickness, elements)
     with log.row("statics"):
-        answer = equilibrium(surface, K, load)
+        answer = equilibrium(surface, K, load, elements, spread=spread_load(surface, given.load, weight))
     with log.row("stress"):
-        sigma = stress(surface, sheet.material, answer.u, sheet.law)
+        sigma = stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     if answer.largest_displacement > 0.1 * surface.size:
         log.note(
             "statics",
@@ -295,9 +297,9 @@ def _thickening(preset: Preset, surface: Surface, slicing: SlicingResult, log: _
         offset = offsets(surface, preset.statics.thickness)
         if offset.smallest < preset.thickening.thinnest:
             raise SolidError(
-                f"the surface bends so sharply that the sheet would be thinned to {offset.smallest:.0%} of its thickness "
-                f"(allowed: {preset.thickening.thinnest:.0%}); make statics.thickness smaller, smooth the surface, or "
-                "lower thickening.thinnest"
+                f"the surface bends so sharply that the sheet would be thinned to {offset.smallest:.0%} of its "
+                f"thickness (allowed: {preset.thickening.thinnest:.0%}); make statics.thickness smaller, smooth the "
+                "surface, or lower thickening.thinnest"
             )
         solid = thicken(slicing.sheet.surface, slicing.sheet.carry(offset.D))
     if offset.limited:

@@ -15,7 +15,7 @@ from dsfab.diffusion import Labelling
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Rule, Stripes, Widths
-from dsfab.statics import Law, Material
+from dsfab.statics import Bending, Elements, Law, Material, Membrane
 from dsfab.surface import SHAPES, Load, Support, Surface, read_surface, refined
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
@@ -105,12 +105,18 @@ class Statics(Section):
     """kg/m3."""
     law: Law = "plane_stress"
     """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
-    bending: Literal["hinge"] = "hinge"
-    """The paper's hinge energy."""
+    membrane: Membrane = "constant"
+    """constant strain (the paper), or quadratic: right for slender parts too, at several times the cost."""
+    bending: Bending = "hinge"
+    """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
 
     @property
     def material(self) -> Material:
         return Material(self.young, self.poisson, self.density)
+
+    @property
+    def elements(self) -> Elements:
+        return Elements(self.membrane, self.bending)
 
 
 class Diffusion(Section):
@@ -212,7 +218,7 @@ class Export(Section):
     """[export]: the files."""
 
     formats: tuple[Literal["stl", "3mf", "step", "obj", "ply", "glb"], ...] = ("stl", "3mf", "step")
-    step_faces: Annotated[int, Gt(0)] = 20_000
+    step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
 
 

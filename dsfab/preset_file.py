@@ -49,6 +49,14 @@ def load_preset(
     return preset_from(values, f"preset {path.name}")
 
 
+def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
+    """`preset` with other values at dotted keys; raises PresetError as `load_preset` does."""
+    values = preset.model_dump(mode="json", exclude_none=True)
+    for key, value in changes.items():
+        _override(values, key, value)
+    return preset_from(values, f"preset {preset.name}")
+
+
 def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
     """A preset from nested tables; raises PresetError that lists every mistake with its key."""
     try:

@@ -4,6 +4,7 @@ PARDISO (extra `fast`) where it is installed, else SuperLU on a nested dissectio
 orderings the same factorisation takes two to four times as long.
 """
 
+import importlib.metadata
 import importlib.util
 import os
 import weakref
@@ -51,6 +52,7 @@ def _pardiso(K: csr_array) -> Callable[[Floats], Floats]:
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     os.environ.setdefault("MKL_CBWR", "AUTO")  # bitwise repeatable sums: the same preset gives the same file
+    _point_to_mkl()
     upper = csr_array(triu(K, format="csr"))
     upper.sort_indices()
     solver = PyPardisoSolver(mtype=2)
@@ -70,6 +72,19 @@ def _pardiso(K: csr_array) -> Callable[[Floats], Floats]:
 
     weakref.finalize(solve, solver.free_memory, everything=True)  # MKL's memory is not Python's
     return solve
+
+
+def _point_to_mkl() -> None:
+    """Tell pypardiso where MKL is: it would search the whole Python installation at every factorisation (0.7 s)."""
+    if "PYPARDISO_MKL_RT" in os.environ:
+        return
+    try:
+        files = importlib.metadata.files("mkl") or []
+    except importlib.metadata.PackageNotFoundError:
+        return  # installed by other means: let pypardiso search
+    found = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
+    if found and os.path.exists(found[0]):
+        os.environ["PYPARDISO_MKL_RT"] = found[0]
 
 
 def _superlu(K: csr_array, order: Ints) -> Callable[[Floats], Floats]:

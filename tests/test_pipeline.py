@@ -46,11 +46,11 @@ def test_every_shape_gives_a_closed_solid_whose_volume_is_area_times_thickness(s
 @pytest.mark.parametrize(
     ("name", "vertices", "kept", "genus"),
     [
-        ("dome", 3979, None, None),
-        ("sphere", 9002, None, None),
-        ("barrel_vault", 2464, None, None),
-        ("cantilever", 3830, None, None),
-        ("tower", 4188, None, None),
+        ("dome", 3979, 0.624, 260),
+        ("sphere", 9002, 0.563, 157),
+        ("barrel_vault", 2464, 0.500, 176),
+        ("cantilever", 3830, 0.728, 65),
+        ("tower", 4188, 0.577, 197),
     ],
 )
 def test_shipped_presets_keep_their_recorded_numbers(name, vertices, kept, genus):
@@ -59,7 +59,7 @@ def test_shipped_presets_keep_their_recorded_numbers(name, vertices, kept, genus
     assert design.surface.n == vertices
     assert len(design.slicing.pieces) == 1
     assert design.slicing.pieces[0].held
-    assert design.slicing.pieces[0].loaded
+    assert design.slicing.pieces[0].loaded == design.load.loaded.any()
     assert design.statics.equilibrium.imbalance < 1e-8
     assert design.sheet.surface.area / design.surface.area == pytest.approx(kept, abs=0.005)
     assert design.solid.genus == pytest.approx(genus, abs=4)
@@ -155,7 +155,8 @@ def test_a_load_on_removed_material_is_told():
     changes = {**SMALL["dome"], "pattern.keep": 0.0, "pattern.major.phase": 0.0}
     seen = set()
     for phase in (0.0, 0.25, 0.5, 0.75):
-        design = dsfab.run(dsfab.load_preset("dome", {**changes, "pattern.major.phase": phase, "pattern.minor.phase": 0.3}))
+        phases = {"pattern.major.phase": phase, "pattern.minor.phase": 0.3}
+        design = dsfab.run(dsfab.load_preset("dome", {**changes, **phases}))
         seen.add(any("loaded points lie on removed material" in note.text for note in design.notes))
     assert seen == {True, False}
 

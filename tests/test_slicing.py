@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 from dsfab.errors import PatternError
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.cells import Cells
-from dsfab.slicing.cut import filled
+from dsfab.slicing.cut import clean_split, filled
 from dsfab.slicing.triangulate import LARGEST, triangulate
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
@@ -269,10 +269,11 @@ def test_degenerate_values_follow_the_rule(values, levels, cells, families):
     check_laws(face, sheet)
 
 
-def test_line_one_rounding_from_a_vertex_goes_through_it():
+@pytest.mark.parametrize("distance", [1e-15, 1e-11])
+def test_line_very_near_a_vertex_goes_through_it(distance):
     plate = grid(4, 4, 1.0, 1.0)
     exact = cut(plate, [plate.V[:, 0]], [[0.5]], snap=0)
-    near = cut(plate, [plate.V[:, 0]], [[0.5 + 1e-15]], snap=0)
+    near = cut(plate, [plate.V[:, 0]], [[0.5 + distance]], snap=0)
     assert exact.surface.m == near.surface.m == plate.m
     assert (exact.family == near.family).all()
 
@@ -284,6 +285,19 @@ def test_slivers_of_a_long_thin_face_are_not_made():
     sheet = cut(thin, [x], [[0.0]], snap=0)
     check_laws(thin, sheet)
     assert sheet.surface.areas.min() > 1e-17
+
+
+def test_corners_on_one_line_make_no_cell():
+    """Snapping puts a and c on the level but not b between them: the cell a b c would have no area but rounding."""
+    a, c, d = np.array([[0.1, 0.2, 0.3], [0.8, 0.5, 0.1], [0.2, 0.9, 0.4]]) + 1000
+    X = np.stack([a, a + 0.3 * (c - a), c, d])
+    quad, everywhere = Cells(np.array([0, 4]), np.arange(4)), np.array([True])
+    split = clean_split(quad, X, np.array([0, 0.1, 0, -1]), np.array([0.0]), everywhere, 0.0, 1.0)
+    assert len(split.cells.sizes) == 1
+    assert split.strip.tolist() == [0]
+    bent = X.copy()
+    bent[1] += 1e-3 * (a - d)
+    assert len(clean_split(quad, bent, np.array([0, 0.1, 0, -1]), np.array([0.0]), everywhere, 0.0, 1.0).strip) == 2
 
 
 def test_constant_field_on_a_level_stays_void_where_an_earlier_field_cuts():

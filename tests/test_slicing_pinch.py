@@ -96,16 +96,44 @@ def test_no_pinch_is_left_on_any_surface(name, rule, share):
     check_laws(surface, done.sheet)
 
 
+def two_families(seed: int) -> tuple[Surface, Sheet]:
+    """Two random fields with many values on levels."""
+    surface = jittered(grid(7, 7, 1.0, 1.0), seed=seed % 3)
+    rng = np.random.default_rng(seed)
+    fields = [np.round(2 * rng.normal(size=surface.n)) / 2 for _ in range(2)]
+    return surface, cut(surface, fields, [[-1.0, 0.0, 0.5], [0.5, 0.75]], snap=0.1)
+
+
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(st.integers(0, 10**6), st.floats(0.01, 0.8), st.sampled_from(["join", "split"]))
 def test_no_pinch_is_left_on_random_sheets(seed, share, rule):
-    surface = jittered(grid(7, 7, 1.0, 1.0), seed=seed)
-    rng = np.random.default_rng(seed)
-    fields = [np.round(2 * rng.normal(size=surface.n)) / 2 for _ in range(2)]
-    sheet = cut(surface, fields, [[-1.0, 0.0, 0.5], [0.5, 0.75]], snap=0.1)
+    surface, sheet = two_families(seed)
     done = resolve_pinches(sheet, share * surface.mean_edge, rule)
     assert pinch_count(done.sheet) == 0
     check_laws(surface, done.sheet)
+
+
+@pytest.mark.parametrize(("seed", "share"), [(60, 0.6), (83, 0.6), (122, 0.3)])
+def test_corner_cuts_finish_what_discs_leave(seed, share, monkeypatch):
+    """Sheets on which three rounds of discs keep making a new pinch."""
+    surface, sheet = two_families(seed)
+    done = resolve_pinches(sheet, share * surface.mean_edge, "split")
+    assert pinch_count(done.sheet) == 0
+    check_laws(surface, done.sheet)
+    monkeypatch.setattr(pinch, "CORNER_ROUNDS", 0)
+    with pytest.raises(PatternError, match="still meets in a single point at 1 vertices"):
+        resolve_pinches(sheet, share * surface.mean_edge, "split")
+
+
+def test_disc_that_swallows_a_neighbour_counts_once():
+    surface = ZOO["obtuse"]()
+    sheet = noisy(surface)
+    kept = sheet.kept().surface
+    at = kept.V[pinches(kept.F, kept.edges, kept.n)]
+    apart = np.linalg.norm(at[:, None] - at, axis=2)
+    radius = 1.5 * surface.mean_edge
+    assert (apart[apart > 0] < radius).any()
+    assert resolve_pinches(sheet, radius, "join").count < len(at)
 
 
 @both_rules

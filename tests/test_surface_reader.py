@@ -168,8 +168,8 @@ def test_a_dented_quad_is_cut_inside_even_if_the_other_diagonal_is_shorter(tmp_p
 
 
 def test_an_ear_with_a_corner_inside_is_not_clipped():
-    V = [[0, 0, 0], [2, 0, 0], [9, 2, 0], [0.5, 0.5, 0], [2, 9, 0], [0, 2, 0]]
-    F, _ = triangles(polygons(V, [list(range(6))]))
+    V = [[0, 0, 0], [2, 0, 0], [9, 0.5, 0], [9, 2, 0], [0.9, 0.9, 0], [2, 9, 0], [0.5, 9, 0], [0, 2, 0]]
+    F, _ = triangles(polygons(V, [list(range(8))]))
     x, y, _ = np.array(V).T
     assert Surface(V, F).area == pytest.approx(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
 
@@ -194,7 +194,7 @@ def test_star_shaped_polygons_keep_their_area_and_orientation(k, seed):
     ("faces", "area"),
     [
         ([[0, 1, 2, 3], [1, 4, 2]], 1.5),
-        ([[1, 4, 2], [1, 4, 2], [0, 1, 2, 3]], 2.0),
+        ([[1, 4, 2], [0, 1, 2, 3]], 1.5),
         ([[0, 1, 2], [0, 2, 3]], 1.0),
         ([[0, 1, 2, 3]], 1.0),
     ],
@@ -311,7 +311,7 @@ def test_bad_files_are_refused_with_one_sentence_that_names_them(case, tmp_path,
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_log_of_a_foreign_reader_is_silent_while_it_reads(tmp_path, monkeypatch, capfd):
+def test_the_log_of_a_foreign_reader_is_silent_while_it_reads(tmp_path, monkeypatch, caplog):
     def loud(*args, **kwargs):
         logging.getLogger("trimesh").warning("noise")
         warnings.warn("noise", stacklevel=1)
@@ -320,7 +320,7 @@ def test_the_log_of_a_foreign_reader_is_silent_while_it_reads(tmp_path, monkeypa
     monkeypatch.setattr(trimesh, "load", loud)
     with pytest.raises(SurfaceError, match=r"cannot be read as STL \(IndexError: deep inside\); export it again"):
         read_surface(obj(tmp_path, "solid\n", "mesh.stl"))
-    assert "noise" not in capfd.readouterr().err
+    assert "noise" not in caplog.text
     assert not logging.getLogger("trimesh").disabled
 
 

@@ -247,7 +247,7 @@ def test_a_vertex_that_no_direction_sees_gets_the_mean_normal():
     unseen = np.unique(spike.F[np.einsum("mvi,mi->mv", N[spike.F], spike.normals) <= 0])
     assert len(unseen) > 0
     for vertex in unseen:
-        mean = spike.normals[(spike.F == vertex).any(axis=1)].mean(axis=0)
+        mean = spike.normals[(vertex == spike.F).any(axis=1)].mean(axis=0)
         assert N[vertex] @ mean == pytest.approx(np.linalg.norm(mean))
 
 
@@ -419,7 +419,9 @@ def test_intersecting_pairs_are_those_of_cgal_at_every_scale(scale, flat):
         jitter = np.random.default_rng(seed).normal(size=shape.V.shape) * ([1, 1, 0] if flat else [1, 1, 1])
         V = scale * (shape.V + (0.05 if flat else 0.1) * jitter)
         expected = cgal_pairs(V, shape.F)
-        assert {tuple(pair) for pair in intersecting_pairs(V, shape.F)} == expected
+        pairs = intersecting_pairs(V, shape.F)
+        assert {tuple(pair) for pair in pairs} == expected
+        assert np.array_equal(pairs, np.unique(pairs, axis=0))  # libigl gives them in the order of its threads
         total += len(expected)
     assert total > 20
 

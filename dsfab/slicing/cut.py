@@ -20,8 +20,8 @@ from dsfab.slicing.triangulate import triangulate
 from dsfab.surface import Surface
 from dsfab.surface.mesh import ZERO_AREA
 
-LEVEL_GAP = 1e-7
-"""Levels closer than this share of the field's range count as equal."""
+LEVEL_GAP = 1e-6
+"""Levels closer than this share of the field's range count as equal: thinner stripes are neither made nor left out."""
 CELL_AREA = 1e3 * ZERO_AREA
 """A cell under this share of the squared size is not made (a margin over what `Surface` refuses)."""
 FLATNESS = 1e-12
@@ -36,7 +36,7 @@ def cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[ArrayLike],
     fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
              varies over a face: two fields z + d and z - d, levels at the middles of the stripes.
     levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, the
-             union over the fields is. Two equal levels enclose nothing and are left out.
+             union over the fields is. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
              Of two fields, material is where the first has more levels below it than the second: |z - level| < d.
     snap   : fraction of a vertex's largest edge range (0 to 0.4). A value closer to a level than that is moved onto it
              first, which moves a line by at most this fraction of an edge and avoids slivers. 0 is for exact areas; a

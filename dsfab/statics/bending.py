@@ -1,10 +1,13 @@
-"""Bending stiffness: the paper's hinge energy (discrete Willmore energy), linearised at rest."""
+"""Bending stiffness by name: the paper's hinge energy (discrete Willmore energy) here, `midedge` and `hhj` beside."""
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
+from dsfab.statics.elements import PAPER, Elements, padded
+from dsfab.statics.hhj import hhj_stiffness
 from dsfab.statics.material import Material
+from dsfab.statics.midedge import midedge_stiffness
 from dsfab.surface.mesh import Surface
 
 
@@ -43,7 +46,21 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
     return np.stack([-(g1 + g2 + g3), g1, g2, g3], axis=1), length**2 / (area2 + area3)
 
 
-def bending_stiffness(surface: Surface, material: Material, thickness: float) -> csr_array:
+def bending_stiffness(surface: Surface, material: Material, thickness: float, elements: Elements = PAPER) -> csr_array:
+    """K_b, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
+
+    Raises ValueError for elements without bending.
+    """
+    if elements.bending == "hinge":
+        return padded(hinge_stiffness(surface, material, thickness), elements.unknowns(surface))
+    if elements.bending == "midedge":
+        return midedge_stiffness(surface, material.bending(thickness), elements)
+    if elements.bending == "hhj":
+        return hhj_stiffness(surface, material.bending(thickness), elements)
+    raise ValueError(f"{elements} has no bending")
+
+
+def hinge_stiffness(surface: Surface, material: Material, thickness: float) -> csr_array:
     """K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, (3 n, 3 n), N/m [Wardetzky et al. 2007].
 
     At rest its Hessian is w g g^T with g = grad theta, hence positive semidefinite on curved sheets too. It gives good

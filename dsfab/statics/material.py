@@ -46,3 +46,8 @@ class Material:
     def bending_stiffness(self, thickness: float) -> float:
         """D = E h^3 / (12 (1 - nu^2)), N m: moment per unit length and unit curvature (Kirchhoff)."""
         return self.young * thickness**3 / (12 * (1 - self.poisson**2))
+
+    def bending(self, thickness: float) -> Floats:
+        """(3, 3) moments per unit length from curvatures (xx, yy, 2 xy) of a plate, N m (Kirchhoff, plane stress)."""
+        nu = self.poisson
+        return self.bending_stiffness(thickness) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])

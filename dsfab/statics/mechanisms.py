@@ -25,10 +25,11 @@ def rigid_motions(points: Floats) -> Floats:
     return motion
 
 
-def require_held(surface: Surface, load: LoadCase, fixed: Bools) -> None:
+def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
 
-    fixed : (n, 3) freedoms that do not move (the supports, and the normal of a sheet solved in its plane).
+    fixed   : (n, 3) freedoms that do not move (the supports, and the normal of a sheet solved in its plane).
+    clamped : (e,) edges that do not turn about themselves.
     """
     count, label = pieces(surface.F, surface.edges)
     unheld = [k for k in range(count) if not load.held[surface.F[label == k]].any()]
@@ -41,19 +42,36 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools) -> None:
             else "no vertex of the surface is supported; add a [[surface.support]]"
         )
     for k in range(count):
-        free = free_motions(surface.V, np.unique(surface.F[label == k]), fixed)
+        mine = label == k
+        turning = np.zeros((0, 2), dtype=np.int64)
+        if clamped is not None:
+            own = np.unique(surface.edges.of[mine])
+            turning = surface.edges.ends[own[clamped[own]]]
+        free = free_motions(surface.V, np.unique(surface.F[mine]), fixed, turning)
         if free:
             which = "the surface" if count == 1 else f"piece {k + 1} of {count}"
             raise StaticsError(f"{which} can {' and '.join(free)}: the supports do not stop it; hold more directions")
 
 
-def free_motions(V: Floats, vertices: Ints, fixed: Bools) -> list[str]:
-    """Names of the rigid motions of `vertices` that no fixed freedom stops (a basis, each by its largest part)."""
+def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
+    """Names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops (a basis: shifts and
+    turns, each by its largest part).
+
+    clamped : (k, 2) ends of the edges that do not turn about themselves: a turn about w turns edge t by w . t.
+    """
     motion = rigid_motions(V[vertices])
     at_supports = motion[fixed[vertices]]  # (number of fixed freedoms, 6)
-    _, values, basis = np.linalg.svd(np.concatenate([at_supports, np.zeros((6, 6))]), full_matrices=False)
+    along = V[clamped[:, 1]] - V[clamped[:, 0]]
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
+    _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= RANK_TOLERANCE * max(values.max(), 1.0)]
-    return [MOTIONS[int(np.abs(row).argmax())] for row in null]
+    # sort what shifts only from what turns: a turn about a line of supports shifts the centre as well
+    mix, turns, _ = np.linalg.svd(null[:, 3:])
+    turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > RANK_TOLERANCE
+    parts = np.abs(mix.T @ null)
+    largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
+    return [MOTIONS[k] for k in largest[::-1]]
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:

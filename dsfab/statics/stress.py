@@ -1,17 +1,23 @@
-"""Stress on each face from the displacements of its corners."""
+"""Stress on each face from the displacements of its corners and edges."""
 
 import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.statics.material import Law, Material
-from dsfab.statics.membrane import strain_operator
+from dsfab.statics.membrane import mean_strain
 from dsfab.surface.hats import tangents
 from dsfab.surface.mesh import Surface
 
 
-def stress(surface: Surface, material: Material, u: Floats, law: Law = "plane_stress") -> Floats:
-    """Membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent to each face, of displacements u (n, 3), metres."""
-    strain = (strain_operator(surface) @ u.ravel()).reshape(-1, 3)
+def stress(
+    surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
+) -> Floats:
+    """Membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent to each face, of displacements u (n, 3), metres.
+
+    bubbles : (e, 2) metres, `Equilibrium.bubbles`: with them it is the mean on each face of the linear stress of
+              `quadratic` elements; None for constant strain.
+    """
+    strain = mean_strain(surface, u, bubbles)
     xx, yy, xy = (strain @ material.membrane(law).T).T
     planar = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
     t = tangents(surface)

@@ -1,0 +1,121 @@
+"""`dsfab bench`: the paper's Table 2 for presets, each in a process of its own so that peak memory is its own."""
+
+import json
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from dsfab.app.build import Mesh, Set, Unit, read_preset
+from dsfab.app.report import Reporter, out, table
+from dsfab.errors import DsfabError
+
+ROWS = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening", "export", "total")
+"""Columns of the table, seconds: those of the paper's Table 2, then the stages beyond it."""
+
+
+def bench(
+    *presets: str,
+    set_: Set = (),
+    mesh: Mesh = None,
+    unit: Unit = None,
+    repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
+    step: Annotated[bool, Parameter(negative=(), help="Include STEP in the export column.")] = False,
+    json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
+) -> int:
+    """Time presets stage by stage, as the paper's Table 2 does, with peak memory.
+
+    Export writes and reads back the preset's formats, without STEP unless asked for.
+    """
+    reporter = Reporter(quiet=json_)
+    results = []
+    for name in presets or ("sphere",):
+        reporter("bench", f"{name}, {repeat} {'run' if repeat == 1 else 'runs'}")
+        try:
+            runs = [_in_own_process(name, set_, mesh, unit, step) for _ in range(max(1, repeat))]
+        finally:
+            reporter.stop()
+        results.append(_median(runs))
+    reporter.done()
+    if json_:
+        out(json.dumps(results, indent=2))
+    else:
+        out(_table(results))
+    return 0
+
+
+def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool) -> dict[str, Any]:
+    """One run in this process: seconds per row, peak memory in MiB, and the sizes."""
+    from dsfab.export import write
+    from dsfab.pipeline import run
+
+    start = time.perf_counter()
+    design = run(read_preset(name, changes, mesh, unit))
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.perf_counter()
+        for suffix in design.preset.export.formats:
+            if step or suffix != "step":
+                write(design.solid, Path(folder) / f"bench.{suffix}", step_faces=design.preset.export.step_faces)
+        export = time.perf_counter() - begin
+    seconds = {**dict.fromkeys(ROWS), **design.seconds, "export": export, "total": time.perf_counter() - start}
+    return {
+        "preset": design.preset.name,
+        "vertices": design.surface.n,
+        "triangles": design.surface.m,
+        **{row: seconds[row] for row in ROWS},
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10),
+        "compliance": design.statics.equilibrium.compliance,
+    }
+
+
+def _in_own_process(
+    name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool
+) -> dict[str, Any]:
+    request = json.dumps([name, list(changes), str(mesh) if mesh else None, unit, step])
+    done = subprocess.run(
+        [sys.executable, "-m", "dsfab.app.bench", request], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise DsfabError(
+            done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"the run of {name} was killed"
+        )
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
+
+
+def _median(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    middle = dict(runs[0])
+    for key in (*ROWS, "peak_mb"):
+        if runs[0][key] is not None:
+            middle[key] = round(statistics.median(run[key] for run in runs), 4)
+    return middle
+
+
+def _table(results: list[dict[str, Any]]) -> str:
+    head = ("preset", "|V|", "|T|", *(row.capitalize() for row in ROWS), "Peak MiB", "Compliance J")
+    rows = [
+        (
+            r["preset"],
+            f"{r['vertices']:,}",
+            f"{r['triangles']:,}",
+            *("n/a" if r[row] is None else f"{r[row]:.3f}" for row in ROWS),
+            f"{r['peak_mb']:.0f}",
+            f"{r['compliance']:.4g}",
+        )
+        for r in results
+    ]
+    return table(head, rows)
+
+
+if __name__ == "__main__":
+    _name, _changes, _mesh, _unit, _step = json.loads(sys.argv[1])
+    try:
+        sys.stdout.write(json.dumps(measure(_name, tuple(_changes), Path(_mesh) if _mesh else None, _unit, _step)))
+    except DsfabError as _error:
+        sys.exit(str(_error))

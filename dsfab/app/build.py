@@ -1,0 +1,239 @@
+"""`dsfab build`: a preset to a folder of files."""
+
+import json
+import os
+import platform
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from dsfab import __version__
+from dsfab.app.report import Reporter, length, mass, out, size
+from dsfab.errors import DsfabError, ExportError
+
+if TYPE_CHECKING:
+    from dsfab.design import Design
+    from dsfab.preset import Preset
+
+Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
+Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
+Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
+
+
+def read_preset(
+    name: str, changes: tuple[str, ...] = (), mesh: Path | None = None, unit: str | None = None
+) -> "Preset":
+    """The preset of a command line, with its overrides."""
+    from dsfab.preset_file import load_preset, parse_override
+
+    overrides = dict(parse_override(text) for text in changes)
+    if unit is not None:
+        overrides["surface.unit"] = unit
+    return load_preset(name, overrides, mesh)
+
+
+def build(
+    preset: str,
+    /,
+    *,
+    set_: Set = (),
+    mesh: Mesh = None,
+    unit: Unit = None,
+    output: Annotated[
+        Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")
+    ] = None,
+    format_: Annotated[
+        str | None, Parameter(name=["--format", "-f"], help="Comma list of stl, 3mf, step, obj, ply, glb.")
+    ] = None,
+    picture: Annotated[bool, Parameter(help="Also make preview.png.")] = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")] = False,
+) -> int:
+    """Build a preset: solid, sheet, picture and numbers, in one folder.
+
+    Parameters
+    ----------
+    preset
+        Name of a shipped preset (see `dsfab presets`) or a TOML file.
+    """
+    from dsfab.pipeline import run
+
+    if format_ is not None:
+        formats = [word.strip().lower() for word in format_.split(",") if word.strip()]
+        set_ = (*set_, f"export.formats={json.dumps(formats)}")
+    given = read_preset(preset, set_, mesh, unit)
+    reporter = Reporter(quiet)
+    picture = picture and _can_draw(reporter)
+    folder = output if output is not None else Path("outputs") / given.name
+    try:
+        design = run(given, reporter)
+        with _whole_or_nothing(folder) as partial:
+            refused = _write_all(design, partial, reporter, picture)
+        reporter.done()
+    finally:
+        reporter.stop()
+    if not quiet:
+        _summary(design, folder)
+    if refused:
+        raise ExportError(refused)
+    return 0
+
+
+@contextmanager
+def _whole_or_nothing(folder: Path) -> Iterator[Path]:
+    """A folder to write in whose files move to `folder` at the end; if anything fails, `folder` is left as it was."""
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(prefix=".partial-", dir=folder))
+    except OSError as error:
+        raise ExportError(f"cannot write to {folder}: {error.strerror}; choose another folder with -o") from None
+    try:
+        try:
+            yield partial
+        except ExportError as error:  # name the place that the user gave
+            raise ExportError(str(error).replace(str(partial), str(folder))) from None
+        for path in sorted(partial.iterdir()):
+            os.replace(path, folder / path.name)
+        missing = []
+    except OSError as error:
+        raise ExportError(
+            f"writing to {folder} failed: {error.strerror}; free some space or choose another with -o"
+        ) from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        for parent in missing:
+            if parent.is_dir() and not any(parent.iterdir()):
+                parent.rmdir()
+
+
+def _can_draw(reporter: Reporter) -> bool:
+    """Whether pictures can be drawn here, asked before the work begins; without them everything else is still built."""
+    from dsfab.app.gl import require_rendering
+
+    try:
+        require_rendering()
+    except DsfabError as error:
+        reporter.say(f"preview     no picture: {error}")
+        return False
+    return True
+
+
+def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool) -> str:
+    """Write every file of a design; returns why a format was refused, or ''."""
+    import time
+
+    from dsfab.export import write
+    from dsfab.preset_file import preset_toml
+
+    preset = design.preset
+    seconds, files, refused = dict(design.seconds), [], []
+    start = time.perf_counter()
+    for suffix in preset.export.formats:
+        reporter("export", f"writing and reading back {preset.name}.{suffix}")
+        try:
+            files.append(write(design.solid, folder / f"{preset.name}.{suffix}", step_faces=preset.export.step_faces))
+        except ExportError as error:
+            if suffix != "step":
+                raise
+            refused.append(str(error))
+    write(design.sheet.surface, folder / "sheet.ply")
+    seconds["export"] = time.perf_counter() - start
+    if picture:
+        reporter("preview", "drawing preview.png")
+        _draw(design, folder / "preview.png")
+    (folder / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
+    names = [path.name for path in files]
+    (folder / "design.json").write_text(
+        json.dumps(facts(design, seconds, names, refused), indent=2) + "\n", encoding="utf-8"
+    )
+    return "; ".join(refused)
+
+
+def _draw(design: "Design", path: Path) -> None:
+    from dsfab.app.preview import write_picture
+
+    write_picture(
+        path, design.solid.V, design.solid.F, surface=design.surface, load=design.load, caption=caption(design)
+    )
+
+
+def caption(design: "Design") -> str:
+    """One line under the picture."""
+    pieces = len(design.slicing.pieces)
+    share = design.sheet.surface.area / design.surface.area
+    return (
+        f"{design.preset.name} - {share:.0%} of the surface kept, {length(design.preset.statics.thickness)} thick, "
+        f"{mass(design.mass)}, {pieces} {'piece' if pieces == 1 else 'pieces'}"
+    )
+
+
+def facts(design: "Design", seconds: dict[str, float], files: list[str], refused: list[str]) -> dict[str, Any]:
+    """What `design.json` holds: sizes and results in SI units, seconds per stage, notes, versions."""
+    solid, sheet, uncut = design.solid, design.sheet.surface, design.surface
+    box = solid.V.min(axis=0).tolist(), solid.V.max(axis=0).tolist()
+    return {
+        "name": design.preset.name,
+        "preset": design.preset.model_dump(mode="json", exclude_none=True),
+        "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
+        "statics": {
+            "compliance_J": design.statics.equilibrium.compliance,
+            "largest_displacement_m": design.statics.equilibrium.largest_displacement,
+            "imbalance": design.statics.equilibrium.imbalance,
+            "load_N": design.load.force.sum(axis=0).tolist(),
+            "reaction_N": design.statics.equilibrium.reaction.sum(axis=0).tolist(),
+        },
+        "modes": {"major": design.diffusion.major.lam.tolist(), "minor": design.diffusion.minor.lam.tolist()},
+        "sheet": {
+            "vertices": sheet.n,
+            "triangles": sheet.m,
+            "area_m2": sheet.area,
+            "kept_share": sheet.area / uncut.area,
+            "pinches": design.slicing.pinches,
+            "pieces": [piece._asdict() for piece in design.slicing.pieces],
+        },
+        "solid": {
+            "vertices": len(solid.V),
+            "triangles": len(solid.F),
+            "volume_m3": solid.volume,
+            "mass_kg": design.mass,
+            "genus": solid.genus,
+            "pieces": solid.pieces,
+            "box_m": box,
+        },
+        "files": files,
+        "refused": refused,
+        "notes": [f"{note.stage}: {note.text}" for note in design.notes],
+        "seconds": {row: round(value, 4) for row, value in seconds.items()},
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """dsfab, Python and the libraries that a result depends on."""
+    from dsfab.sparse import solver_name
+
+    libraries = ("numpy", "scipy", "libigl", "manifold3d", "trimesh", "build123d", "pyvista")
+    found = {name: version(name) for name in libraries}
+    return {"dsfab": __version__, "python": platform.python_version(), "solver": solver_name(), **found}
+
+
+def _summary(design: "Design", folder: Path) -> None:
+    solid, answer = design.solid, design.statics.equilibrium
+    pieces = len(design.slicing.pieces)
+    out(caption(design))
+    out(
+        f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
+        f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
+    )
+    out(f"uncut sheet: compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most")
+    for note in design.notes:
+        out(f"note ({note.stage}): {note.text}")
+    for path in sorted(folder.iterdir()):
+        if path.is_file():
+            out(f"  {path}  {size(path.stat().st_size)}")

@@ -1,0 +1,58 @@
+"""The command line: `dsfab build`, `presets`, `inspect`, `bench`, `verify`. The only place that prints and exits.
+
+Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 130 stopped by Ctrl-C.
+"""
+
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from dsfab import __version__
+from dsfab.errors import DsfabError
+
+DONE, REFUSED, WRONG_USAGE, STOPPED = 0, 1, 2, 130
+
+app = App(
+    name="dsfab",
+    help="Diffusion Structures: from a surface, its supports and its loads to a file that a fabricator opens.",
+    help_epilogue="Start with `dsfab presets`, then `dsfab build dome`.",
+    version=__version__,
+    suppress_keyboard_interrupt=False,
+)
+# named by text: a command's module is imported when the command is used
+app.command("dsfab.app.build:build", name="build")
+app.command("dsfab.app.listing:presets", name="presets")
+app.command("dsfab.app.listing:inspect", name="inspect")
+app.command("dsfab.app.bench:bench", name="bench")
+app.command("dsfab.app.verify:verify", name="verify")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    try:
+        code = app(
+            sys.argv[1:] if arguments is None else list(arguments),
+            exit_on_error=False,
+            print_error=False,
+            result_action="return_value",
+        )
+    except CycloptsError as error:
+        return _fail(WRONG_USAGE, f"{str(error).strip()} Try `dsfab --help`.")
+    except DsfabError as error:
+        return _fail(REFUSED, str(error))
+    except KeyboardInterrupt:
+        return _fail(STOPPED, "stopped; nothing was written")
+    except BrokenPipeError:  # `dsfab presets | head` has seen enough
+        sys.stderr.close()
+        return DONE
+    return code if isinstance(code, int) else DONE
+
+
+def _fail(code: int, text: str) -> int:
+    print(f"dsfab: {text}", file=sys.stderr)  # noqa: T201
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,80 @@
+"""Whether this machine can draw off screen: asked in a process of its own, because VTK crashes where it cannot."""
+
+import os
+import subprocess
+import sys
+from functools import cache
+
+from dsfab.errors import DsfabError
+
+WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
+"""The environment variable by which VTK chooses its kind of window."""
+
+SECONDS = 120
+"""A probe that has not answered by then has failed (it takes half a second on an idle machine)."""
+
+# Importing VTK proves nothing: libraries are opened at the first frame. So a red frame is drawn and read back.
+PROBE = """
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+import vtkmodules.vtkRenderingOpenGL2
+window, renderer, pixels = vtkRenderWindow(), vtkRenderer(), vtkUnsignedCharArray()
+renderer.SetBackground(1.0, 0.0, 0.0)
+window.SetOffScreenRendering(1)
+window.SetSize(8, 8)
+window.AddRenderer(renderer)
+window.Render()
+window.GetPixelData(0, 0, 7, 7, 1, pixels, 0)
+raise SystemExit(0 if pixels.GetTuple3(0) == (255.0, 0.0, 0.0) else 3)
+"""
+
+
+def require_rendering() -> None:
+    """Make sure that pictures can be drawn, choosing VTK's window for a machine without a screen.
+
+    Sets VTK_DEFAULT_OPENGL_WINDOW when it is not set and a choice was needed. The answer is kept for this process.
+    Raises DsfabError, naming the packages to install, where nothing can be drawn.
+    """
+    chosen = os.environ.get(WINDOW, "")
+    if not chosen:
+        os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
+    working = next((name for name in _candidates(chosen) if _draws(name)), None)
+    if working is None:
+        raise DsfabError(_missing(chosen))
+    if working:
+        os.environ.setdefault(WINDOW, working)
+
+
+def _candidates(chosen: str) -> tuple[str, ...]:
+    """Kinds of window to try, best first; '' is VTK's own choice: Cocoa, Win32, or X11 where there is a screen."""
+    if chosen:
+        return (chosen,)
+    if not sys.platform.startswith("linux"):
+        return ("",)
+    without_screen = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
+    return ("", *without_screen) if os.environ.get("DISPLAY") else without_screen
+
+
+@cache
+def _draws(name: str) -> bool:
+    """Whether a window of this kind gives a picture."""
+    environment = {**os.environ, WINDOW: name} if name else dict(os.environ)
+    try:
+        answer = subprocess.run(_command(), env=environment, capture_output=True, timeout=SECONDS, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return answer.returncode == 0
+
+
+def _command() -> list[str]:
+    return [sys.executable, "-P", "-c", PROBE]
+
+
+def _missing(chosen: str) -> str:
+    if sys.platform.startswith("linux"):
+        advice = "install the Debian packages libegl1 and libgl1-mesa-dri (or libosmesa6)"
+    else:
+        advice = "check the graphics driver"
+    asked = f" with {WINDOW}={chosen}" if chosen else ""
+    unset = f", unset {WINDOW}" if chosen else ""
+    return f"pictures cannot be drawn on this machine{asked}: {advice}{unset}, or build without a picture"

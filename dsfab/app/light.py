@@ -1,0 +1,233 @@
+"""Light for pictures: a sun with a soft edge, an overcast sky and a faint floor, as many small lamps.
+
+A point is lit by a lamp that sees it (Williams 1978, shadow maps); the mean over many lamps gives the soft shadows of a
+plaster model, and edges are drawn where depth or normals jump (Saito and Takahashi 1990).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from dsfab.app.scene import Bytes, Floats32, Pixels, Scene
+from dsfab.app.view import View
+from dsfab.arrays import Bools, Floats
+
+SUN, SKY, FLOOR = 10, 36, 8
+"""Number of lamps in the sun, in the sky and below."""
+
+SHARES = (0.60, 0.44, 0.14)
+"""Light on a surface that faces the sun from the sun; that faces the middle of the sky, of the floor, from those."""
+
+AMBIENT = 0.10
+"""Light that reaches every point."""
+
+FINE, COARSE = 1280, 768
+"""Side of the pictures that lamps see, pixels: of the sun, whose shadows are sharper, and of the others."""
+
+CHUNK = 1 << 15
+"""Points lit at a time: what fits the cache."""
+
+
+TURN = np.float32(0.87)
+"""Cosine of the angle from which an edge between faces is drawn."""
+
+STRIP = 256
+"""Rows searched for edges at a time."""
+
+FLOOR_STEP = 6
+"""Pixels of the picture for one of the floor: its shadows are soft."""
+
+FLOOR_REACH = 4.0
+"""The floor is drawn to this many radii around the structure."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """towards (k, 3) unit vectors, strength (k,) on a surface that faces the lamp; the first `SUN` are the sun."""
+
+    towards: Floats
+    strength: Floats
+
+    def open(self, normal: Floats) -> tuple[float, float]:
+        """Light on a free surface with this normal: of the sun, and of everything else."""
+        each = np.maximum(self.towards @ normal, 0) * self.strength
+        return float(each[:SUN].sum()), float(each[SUN:].sum()) + AMBIENT
+
+
+def lamps(view: View, floor: Floats) -> Lamps:
+    """The lamps for a view: the sun stands over the eye's left shoulder, the sky over what things stand or lie on."""
+    back = -view.forward
+    level = back - (back @ floor) * floor
+    level /= max(float(np.linalg.norm(level)), 0.2)
+    sun = level * 0.45 - view.right * 0.62 + floor * 0.95
+    if view.front:
+        sun = view.up * 0.5 - view.right * 0.42 + floor
+    groups = [_cap(SUN, np.radians(6.0)) @ _frame(sun / np.linalg.norm(sun))]
+    groups += [_cap(SKY, np.radians(78.0)) @ _frame(floor), _cap(FLOOR, np.radians(75.0)) @ _frame(-floor)]
+    strength = [
+        np.full(len(group), share / (group @ _unit(group.mean(axis=0))).sum())
+        for group, share in zip(groups, SHARES, strict=True)
+    ]
+    return Lamps(np.concatenate(groups), np.concatenate(strength))
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+def _cap(count: int, half_angle: float) -> Floats:
+    """(count, 3) unit vectors spread evenly over a cap around the third axis (golden spiral)."""
+    index = np.arange(count) + 0.5
+    z = 1 - index / count * (1 - np.cos(half_angle))
+    turn = index * np.pi * (3 - np.sqrt(5))
+    r = np.sqrt(1 - z * z)
+    return np.stack([r * np.cos(turn), r * np.sin(turn), z], axis=1)
+
+
+def _frame(towards: Floats) -> Floats:
+    """Rows: two unit vectors across and `towards` itself."""
+    across = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(towards, across), towards])
+
+
+def lit(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32) -> Floats32:
+    """(2, k) light of the sun and of everything else on `points`, which face along `normals`, both (3, k), radii."""
+    light = np.zeros((2, points.shape[1]), dtype=np.float32)
+    light[1] = AMBIENT
+    # a lamp's picture is sampled at random places around the point: its steps become a grain that the eye averages
+    grain = np.random.default_rng(1).uniform(-1.2, 1.2, (2, CHUNK)).astype(np.float32)
+    with scene.lamps():
+        for number, (towards, strength) in enumerate(zip(all_lamps.towards, all_lamps.strength, strict=True)):
+            frame = _frame(towards)
+            heights = scene.lamp(frame, FINE if number < SUN else COARSE)
+            into = light[int(number >= SUN)]
+            for start in range(0, points.shape[1], CHUNK):
+                part = slice(start, start + CHUNK)
+                cosine = _along(normals[:, part], frame[2])
+                seen = _sees(heights, frame, points[:, part], normals[:, part], grain[:, : len(cosine)])
+                into[part] += np.float32(strength) * np.maximum(cosine, 0) * seen
+    return light
+
+
+def _along(vectors: Floats32, direction: Floats) -> Floats32:
+    """(k,) components of (3, k) vectors; by hand, because BLAS takes ten times as long for products so thin."""
+    x, y, z = direction.astype(np.float32)
+    return np.asarray(vectors[0] * x + vectors[1] * y + vectors[2] * z)
+
+
+def _sees(heights: Floats32, frame: Floats, points: Floats32, normals: Floats32, grain: Floats32) -> Bools:
+    """Whether a lamp with the picture `heights` sees points (3, k)."""
+    side = len(heights)
+    step = np.float32(2.5 / side)
+    above = points + step * normals  # on the surface itself a lamp's pixels, which are steps, would throw shadows
+    i = ((_along(above, frame[0]) + 1) * np.float32(side / 2) + grain[0]).astype(np.int32)
+    j = ((_along(above, frame[1]) + 1) * np.float32(side / 2) + grain[1]).astype(np.int32)
+    outside = (i < 0) | (j < 0) | (i >= side) | (j >= side)
+    index = np.where(outside, 0, j * np.int32(side) + i)
+    return np.asarray(outside | (heights.ravel()[index] < _along(above, frame[2]) + step))
+
+
+def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
+    """(w,) and (h,) slopes of the rays through the pixels, along `view.right` and `view.up`."""
+    x = (2 * np.arange(width) + 1 - width) / height * view.slope
+    y = -(2 * np.arange(height) + 1 - height) / height * view.slope
+    return x.astype(np.float32), y.astype(np.float32)
+
+
+def shaded(
+    scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
+) -> tuple[Floats32, Floats32 | None]:
+    """The light on the drawn pixels (k,), in their order, and on the floor: coarse (h, w) share of its open light.
+
+    The floor is the plane at `level` along `floor`, in the scene's units; without a level there is none.
+    """
+    height, width = pixels.depth.shape
+    points, normals = _points(scene, view, pixels)
+    if level is None:
+        return lit(scene, all_lamps, points, normals).sum(axis=0), None
+    coarse = (height // FLOOR_STEP, width // FLOOR_STEP)
+    spots, there = _floor_points(scene, view, floor, level, coarse)
+    facing = np.broadcast_to(floor.astype(np.float32)[:, None], spots.shape)
+    light = lit(scene, all_lamps, np.hstack([points, spots]), np.hstack([normals, facing]))
+    drawn = points.shape[1]
+    return light[:, :drawn].sum(axis=0), _floor_share(light[:, drawn:], there, all_lamps.open(floor))
+
+
+def _points(scene: Scene, view: View, pixels: Pixels) -> tuple[Floats32, Floats32]:
+    """(3, k) points of the drawn pixels in the scene's units, and their normals, turned towards the eye."""
+    height, width = pixels.depth.shape
+    row, column = np.nonzero(np.isfinite(pixels.depth))
+    x, y = rays(view, width, height)
+    x, y, depth = x[column], y[row], pixels.depth[row, column]
+    eye = (view.eye - scene.centre) / scene.radius
+    normal = pixels.normal[row, column].T.astype(np.float32) / np.float32(127.5) - 1
+    points = np.empty_like(normal)
+    away = np.zeros_like(depth)
+    for a in range(3):
+        ray = x * np.float32(view.right[a]) + y * np.float32(view.up[a]) + np.float32(view.forward[a])
+        away += ray * normal[a]
+        points[a] = ray * depth + np.float32(eye[a])
+    length = np.maximum(np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2), np.float32(1e-6))
+    normal /= np.where(away > 0, -length, length)
+    return points, normal
+
+
+def _floor_points(
+    scene: Scene, view: View, floor: Floats, level: float, shape: tuple[int, int]
+) -> tuple[Floats32, Bools]:
+    """(3, k) points of the floor near the structure, and the pixels (h, w) of a coarse picture that show them."""
+    x, y = rays(view, shape[1], shape[0])
+    eye = (view.eye - scene.centre) / scene.radius
+    ray = x[None, :, None] * view.right + y[:, None, None] * view.up + view.forward
+    fall = ray @ floor
+    far = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
+    points = eye + np.where(np.isfinite(far), far, 0.0)[:, :, None] * ray
+    there = np.isfinite(far) & (np.linalg.norm(points, axis=2) < FLOOR_REACH)
+    return points[there].T.astype(np.float32), there
+
+
+def _floor_share(light: Floats32, there: Bools, open_light: tuple[float, float]) -> Floats32:
+    """(h, w) share of light on the floor; the sky's shadows, few lamps' worth, are blurred to what many would give."""
+    whole = sum(open_light)
+    share = np.ones(there.shape, dtype=np.float32)
+    for part, free, blur in zip(light, open_light, (0.004, 0.028), strict=True):
+        lost = np.zeros(there.shape, dtype=np.float32)
+        lost[there] = (free - part) / whole
+        share -= gaussian_filter(lost, blur * there.shape[0])
+    return share
+
+
+def edges(pixels: Pixels, jump: float) -> Floats32:
+    """(h, w) 0..1: where depth jumps by more than `jump` (radii) to a neighbouring pixel, or the normals turn.
+
+    Drawn on the nearer of the two pixels, so that lines lie on what they bound.
+    """
+    strong = np.zeros(pixels.depth.shape, dtype=np.float32)
+    for start in range(0, len(strong), STRIP):  # in strips: bounds the memory
+        low, high = max(start - 2, 0), min(start + STRIP + 2, len(strong))
+        strip = _edges(pixels.depth[low:high], pixels.normal[low:high], jump)
+        strong[start : start + STRIP] = strip[start - low : start - low + STRIP]
+    return strong
+
+
+def _edges(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
+    strong = np.zeros(depth.shape, dtype=np.float32)
+    flat = np.where(np.isfinite(depth), depth, np.float32(1e3))
+    units = normal.astype(np.float32) / np.float32(127.5) - 1
+    for axis in (0, 1):
+        head = tuple(slice(None, -1) if a == axis else slice(None) for a in range(2))
+        tail = tuple(slice(1, None) if a == axis else slice(None) for a in range(2))
+        inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
+        one, two = flat[head], flat[tail]
+        step = np.abs(one - two)
+        # along a slanted face depth changes as well: only what the pixels on either side do not continue is a jump
+        steady = np.full_like(flat, np.inf)
+        steady[inner] = np.minimum(step[head], step[tail])
+        excess = step - 2 * np.minimum(steady[head], steady[tail])
+        turned = (TURN - np.einsum("hwi,hwi->hw", units[head], units[tail])) / TURN * (np.minimum(one, two) < 100)
+        line = np.clip(np.maximum(excess / np.float32(jump) - 1, 2 * turned), 0, 1)
+        strong[head] = np.maximum(strong[head], line * (one <= two))
+        strong[tail] = np.maximum(strong[tail], line * (two < one))
+    return strong

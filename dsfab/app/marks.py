@@ -1,0 +1,204 @@
+"""What is drawn beside a structure to explain it: load arrows, support cones, a person for scale. Numpy only."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface import LoadCase, Surface
+
+Mesh = tuple[Floats, Ints]
+"""V (n, 3), F (m, 3)."""
+
+SIDES = 16
+"""Corners of a drawn circle."""
+
+PERSON = 1.75
+"""Height of the person, metres."""
+
+
+@dataclass(frozen=True)
+class Spacing:
+    """How marks are thinned: at least `apart` (share of the structure's size) from each other, at most `most`."""
+
+    apart: float
+    most: int
+
+
+SPREAD_LOAD = Spacing(0.13, 30)
+POINT_LOAD = Spacing(0.07, 16)
+SUPPORTS = Spacing(0.05, 40)
+
+CONE = 0.026
+"""Height of a support cone, share of the structure's size."""
+
+LONGEST_POINT, LONGEST_SPREAD = 0.15, 0.085
+"""Longest arrow of a concentrated and of a spread load, share of the structure's size."""
+
+
+def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
+    """Indices of a few of (k, 3) points, evenly apart, each in the middle of its neighbourhood.
+
+    Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982).
+    """
+    taken = [0]
+    near = np.linalg.norm(points - points[0], axis=1)
+    while len(taken) < spacing.most:
+        farthest = int(np.argmax(near))
+        if near[farthest] < spacing.apart * size:
+            break
+        taken.append(farthest)
+        near = np.minimum(near, np.linalg.norm(points - points[farthest], axis=1))
+    chosen = np.array(taken)
+    for _ in range(20):
+        owner = _nearest(points, points[chosen])
+        counts = np.maximum(np.bincount(owner, minlength=len(chosen)), 1)
+        chosen = np.unique(_nearest(_sums(owner, points, len(chosen)) / counts[:, None], points))
+    return chosen
+
+
+@dataclass(frozen=True, eq=False)
+class Pulls:
+    """Arrows to draw: at (k,) vertices, pull (k, 3) N, long (k,) metres."""
+
+    at: Ints
+    pull: Floats
+    long: Floats
+
+
+def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats) -> Mesh:
+    """Slim arrows for the loads, thinned: each stands for the force on the vertices nearest to it.
+
+    size : of the structure, metres.   lift : half its thickness, metres: arrows start or end on the solid's skin.
+    eye  : (3,) unit vector towards the eye: arrows along the surface are drawn on the side that is seen.
+    """
+    acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
+    points = _gathered(surface, load, acts & load.loaded, POINT_LOAD, LONGEST_POINT * size, size)
+    spread = _gathered(surface, load, acts & ~load.loaded, SPREAD_LOAD, LONGEST_SPREAD * size, size)
+    at = np.concatenate([points.at, spread.at])
+    pull, long = np.concatenate([points.pull, spread.pull]), np.concatenate([points.long, spread.long])
+    along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
+    normal = surface.vertex_normals[at]
+    out = np.einsum("ki,ki->k", along, normal)
+    # pressing: the tip touches the surface; pulling outwards: the tail does; along the surface: drawn just above it
+    level = np.abs(out) < 0.3
+    away = np.where(level, np.where(normal @ eye < 0, -1.0, 1.0), -np.sign(out))[:, None] * normal
+    away[out > 0.3] *= -1
+    start = np.where((out > 0.3)[:, None], 0.0, -along * long[:, None])
+    gap = np.where(level, 1.4 * lift + 0.006 * size, 1.1 * lift)
+    return _placed(_arrow(), surface.V[at] + away * gap[:, None] + start, along, long)
+
+
+def _gathered(surface: Surface, load: LoadCase, acts: Bools, spacing: Spacing, longest: float, size: float) -> Pulls:
+    """The forces on the marked vertices, gathered at a few of them in the middle of their patches (Lloyd 1982)."""
+    at = np.flatnonzero(acts)
+    if not len(at):
+        return Pulls(at, np.zeros((0, 3)), np.zeros(0))
+    where = surface.V[at]
+    taken = thinned(where, size, spacing)
+    owner = _nearest(where, where[taken])
+    pull = _sums(owner, load.force[at], len(taken))
+    amount = np.linalg.norm(pull, axis=1)
+    kept = amount > 1e-6 * amount.max()  # forces that cancel within a patch have no arrow
+    long = longest * (0.35 + 0.65 * np.sqrt(amount[kept] / amount.max()))
+    return Pulls(at[taken][kept], pull[kept], long)
+
+
+def _sums(owner: Ints, values: Floats, count: int) -> Floats:
+    """(count, 3) sums of the rows of (k, 3) values that belong to each owner."""
+    return np.stack([np.bincount(owner, values[:, i], count) for i in range(3)], axis=1)
+
+
+def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> Mesh:
+    """Small cones whose points touch the supported vertices, thinned, on the side where the supports are."""
+    at = np.flatnonzero(load.held)
+    if not len(at):
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    tips = surface.V[at[thinned(surface.V[at], size, SUPPORTS)]]
+    away = support_side(surface, load, size, up)
+    towards = np.repeat(-away[None], len(tips), axis=0)
+    long = np.full(len(tips), CONE * size)
+    return _placed(_cone(), tips + (0.3 * lift + long[:, None]) * away, towards, long)
+
+
+def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
+    """Unit vector along an axis, from the structure to its supports; down when they lie all around it."""
+    middle = surface.areas @ surface.centroids / surface.area
+    offset = surface.V[load.held].mean(axis=0) - middle
+    if np.linalg.norm(offset) < 0.08 * size:
+        return -up
+    axis = int(np.argmax(np.abs(offset)))
+    return np.asarray(np.eye(3)[axis] * np.sign(offset[axis]))
+
+
+def person(foot: Floats, right: Floats, up: Floats) -> Mesh:
+    """A flat figure of 1.75 m, standing at `foot` and facing along `right` x `up`."""
+    strips = [[(0.0, half, y) for half, y in _BODY]]
+    strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
+    vertices, faces, count = [], [], 0
+    for strip in strips:
+        x, half, y = np.array(strip).T
+        vertices += [np.stack([x - half, y], axis=1), np.stack([x + half, y], axis=1)]
+        low = count + np.arange(len(strip) - 1)
+        high = low + len(strip)
+        faces += [np.stack([low, low + 1, high + 1], axis=1), np.stack([low, high + 1, high], axis=1)]
+        count += 2 * len(strip)
+    flat = np.concatenate(vertices)
+    return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
+
+
+# half width and height, metres, down the middle of a standing figure; then middle, half width and height of its limbs
+_BODY = [
+    (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
+    (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
+    (0.163, 1.150), (0.153, 1.050), (0.161, 0.960), (0.172, 0.880), (0.174, 0.820), (0.120, 0.790), (0.002, 0.780),
+]  # fmt: skip
+_ARM = [
+    (0.180, 0.012, 1.425), (0.196, 0.034, 1.405), (0.205, 0.042, 1.360), (0.214, 0.040, 1.250), (0.229, 0.036, 1.100),
+    (0.243, 0.031, 0.950), (0.252, 0.025, 0.850), (0.257, 0.030, 0.790), (0.258, 0.027, 0.730), (0.256, 0.010, 0.690),
+]  # fmt: skip
+_LEG = [
+    (0.088, 0.086, 0.860), (0.092, 0.077, 0.700), (0.093, 0.057, 0.500), (0.095, 0.056, 0.400), (0.097, 0.053, 0.300),
+    (0.098, 0.035, 0.140), (0.099, 0.034, 0.060), (0.106, 0.046, 0.020), (0.108, 0.048, 0.0),
+]  # fmt: skip
+
+
+def _nearest(points: Floats, centres: Floats) -> Ints:
+    """(k,) the centre nearest to each point."""
+    return np.asarray(cKDTree(centres).query(points)[1], dtype=np.int64)
+
+
+def _turned(profile: list[tuple[float, float]]) -> Mesh:
+    """A body of revolution about x from (x, radius) pairs; radius 0 at both ends closes it."""
+    turn = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
+    rings = [np.stack([np.full(SIDES, x), r * np.cos(turn), r * np.sin(turn)], axis=1) for x, r in profile]
+    low = np.arange(SIDES)
+    high, faces = np.roll(low, -1), []
+    for i in range(len(profile) - 1):
+        a, b, c, d = i * SIDES + low, i * SIDES + high, (i + 1) * SIDES + high, (i + 1) * SIDES + low
+        if profile[i + 1][1] > 0:
+            faces.append(np.stack([a, c, d], axis=1))
+        if profile[i][1] > 0:
+            faces.append(np.stack([a, b, c], axis=1))
+    return np.concatenate(rings), np.concatenate(faces)
+
+
+def _arrow() -> Mesh:
+    return _turned([(0.0, 0.0), (0.0, 0.014), (0.74, 0.014), (0.74, 0.05), (1.0, 0.0)])
+
+
+def _cone() -> Mesh:
+    return _turned([(0.0, 0.0), (0.0, 0.45), (1.0, 0.0)])
+
+
+def _placed(template: Mesh, start: Floats, along: Floats, long: Floats) -> Mesh:
+    """Copies of a template of length 1 along x, from `start` (k, 3) along unit vectors `along`, `long` (k,) metres."""
+    vertices, faces = template
+    helper = np.eye(3)[np.argmin(np.abs(along), axis=1)]
+    second = np.cross(along, helper)
+    second /= np.linalg.norm(second, axis=1, keepdims=True)
+    frame = np.stack([along, second, np.cross(along, second)], axis=1) * long[:, None, None]
+    copies = np.einsum("vi,kij->kvj", vertices, frame) + start[:, None]
+    shifted = faces[None] + (np.arange(len(start)) * len(vertices))[:, None, None]
+    return copies.reshape(-1, 3), shifted.reshape(-1, 3)

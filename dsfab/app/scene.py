@@ -1,0 +1,172 @@
+"""What is where in a picture, asked from VTK: depth, normal and colour of each pixel, and depth as seen from a lamp.
+
+No lighting of VTK is used, so software rendering and a graphics card give the same picture.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsfab.app.view import View
+from dsfab.arrays import Floats, Ints
+
+Floats32 = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
+
+SPLIT = 35.0
+"""Edges sharper than this, degrees, are shaded as sharp; flatter ones as curved."""
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A mesh to draw: V (n, 3) m, F (m, 3), colour (3,) or (m, 3) in 0..255; casts: whether it throws shadows."""
+
+    V: Floats
+    F: Ints
+    colour: Bytes
+    casts: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Pixels:
+    """What is where in a picture of (h, w) pixels, row 0 on top; lengths in units of `Scene.radius`.
+
+    depth : (h, w) along the view, infinity where nothing is.
+    normal: (h, w, 3) 0..255 for -1..1.      colour: (h, w, 3) 0..255.
+    """
+
+    depth: Floats32
+    normal: Bytes
+    colour: Bytes
+
+
+class Scene:
+    """Bodies on the graphics side, seen from one eye and from many lamps; use as `with Scene(...) as scene`.
+
+    Inside, `centre` is the origin and `radius` (of a ball around all that casts shadows) is the unit of length, so that
+    millimetres and kilometres are drawn alike. It must be made, used and closed in one thread.
+    """
+
+    def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
+        import pyvista as pv
+
+        self.centre, self.radius = centre, radius
+        plotter: Any = pv.Plotter  # its decorated constructor is typed as a method
+        self.plotter = plotter(off_screen=True, window_size=[64, 64], lighting="none")
+        try:
+            self.plotter.set_background("black")
+            self.window: Any = self.plotter.render_window
+            self.window.SetMultiSamples(0)  # mixed normals and depths at edges would be neither
+            self.actors = [self._add(body) for body in bodies]
+            self.casts = [body.casts for body in bodies]
+        except BaseException:
+            self.plotter.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.plotter.close()
+
+    def pixels(self, view: View, width: int, height: int) -> Pixels:
+        """What the eye sees."""
+        near, far = self._look(view)
+        self.window.SetSize(width, height)
+        self._colour_by("normal")
+        z, normal = self._depth(), self._colours()
+        self._colour_by("colour")
+        self.window.Render()
+        depth = np.where(z < 1, near * far / (far - z * (far - near)), np.inf).astype(np.float32)
+        return Pixels(depth, normal, self._colours())
+
+    @contextmanager
+    def lamps(self) -> Iterator[None]:
+        """Inside, `lamp` may be called: only what casts shadows is there."""
+        for actor, casts in zip(self.actors, self.casts, strict=True):
+            actor.SetVisibility(casts)
+        yield
+        for actor in self.actors:
+            actor.SetVisibility(True)
+
+    def lamp(self, frame: Floats, side: int) -> Floats32:
+        """(side, side) height towards a lamp of what it sees first, -9 where that is nothing.
+
+        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
+        """
+        self.window.SetSize(side, side)
+        camera = self.plotter.camera
+        camera.SetParallelProjection(True)
+        camera.SetParallelScale(1.0)
+        camera.SetPosition(*(3 * frame[2]))
+        camera.SetFocalPoint(0, 0, 0)
+        camera.SetViewUp(*frame[1])
+        camera.SetClippingRange(1.9, 4.1)
+        z = self._depth()[::-1]
+        return np.where(z < 1, np.float32(1.1) - np.float32(2.2) * z, np.float32(-9))
+
+    def _look(self, view: View) -> tuple[float, float]:
+        """Point the camera; returns its nearest and farthest depth."""
+        camera = self.plotter.camera
+        eye = (view.eye - self.centre) / self.radius
+        camera.SetParallelProjection(False)
+        camera.SetPosition(*eye)
+        camera.SetFocalPoint(*(eye + view.forward))
+        camera.SetViewUp(*view.up)
+        camera.SetViewAngle(float(np.degrees(2 * np.arctan(view.slope))))
+        ahead = float(-eye @ view.forward)
+        near, far = max(ahead - 2.0, 0.02 * ahead), ahead + 2.0
+        camera.SetClippingRange(near, far)
+        return near, far
+
+    def _depth(self) -> Floats32:
+        import pyvista as pv
+        from vtkmodules.vtkCommonCore import vtkFloatArray
+
+        self.window.Render()
+        width, height = self.window.GetSize()
+        values = vtkFloatArray()
+        self.window.GetZbufferData(0, 0, width - 1, height - 1, values)
+        return np.array(pv.convert_array(values)).reshape(height, width)[::-1]
+
+    def _colours(self) -> Bytes:
+        import pyvista as pv
+        from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+
+        width, height = self.window.GetSize()
+        values = vtkUnsignedCharArray()
+        self.window.GetPixelData(0, 0, width - 1, height - 1, 1, values, 0)
+        return np.array(pv.convert_array(values)).reshape(height, width, 3)[::-1]
+
+    def _colour_by(self, name: str) -> None:
+        for actor in self.actors:
+            mapper = actor.GetMapper()
+            if name == "normal":
+                mapper.SetScalarModeToUsePointFieldData()
+            else:
+                mapper.SetScalarModeToUseCellFieldData()
+            mapper.SelectColorArray(name)
+
+    def _add(self, body: Body) -> Any:
+        """Hand a body to VTK with two colourings, by 'normal' of its corners and by 'colour' of its faces."""
+        import pyvista as pv
+        from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+
+        cells = np.column_stack([np.full(len(body.F), 3), body.F]).ravel()
+        points = ((body.V - self.centre) / self.radius).astype(np.float32)
+        mesh = pv.PolyData(points, cells).compute_normals(
+            cell_normals=False, split_vertices=True, feature_angle=SPLIT, consistent_normals=False
+        )
+        mesh.point_data["normal"] = np.round((np.asarray(mesh.point_data["Normals"]) + 1) * 127.5).astype(np.uint8)
+        mesh.cell_data["colour"] = np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8)
+        mapper, actor = vtkPolyDataMapper(), vtkActor()
+        mapper.SetInputData(mesh)
+        mapper.SetColorModeToDirectScalars()
+        actor.SetMapper(mapper)
+        actor.GetProperty().LightingOff()
+        self.plotter.add_actor(actor, reset_camera=False, render=False)
+        return actor

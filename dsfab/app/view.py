@@ -1,0 +1,143 @@
+"""Where a picture is taken from: which way is up, from which side a structure is seen, and how it fills the page."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.surface import LoadCase, Surface
+
+ANGLE = 24.0
+"""Vertical view angle, degrees: a long lens, so that near members do not look larger than far ones."""
+
+FLAT = 0.03
+"""A structure whose spread across its plane is under this share of its spread along it is drawn as a plate."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A camera: `eye` looks along `forward`; `right` and `up` span the picture; `slope` is tan(half its angle).
+
+    floor : unit vector off what the structure stands on; for a plate seen face on, as on a drawing board (`front`), it
+            is the plate's normal: the floor is the board behind it.
+    """
+
+    eye: Floats
+    right: Floats
+    up: Floats
+    forward: Floats
+    slope: float
+    floor: Floats
+    front: bool
+
+    def seen(self, points: Floats) -> Floats:
+        """(k, 3) points as (x, y, depth): x and y are 1 at the upper edge of a picture as wide as high."""
+        local = (points - self.eye) @ np.stack([self.right, self.up, self.forward], axis=1)
+        local[:, :2] /= self.slope * local[:, 2:]
+        return np.asarray(local)
+
+
+def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
+    """Unit vector that points up: z, unless the loads say that it is y.
+
+    It is y when the whole load presses along -y and the structure stands on supports that are low in y (figures are
+    modelled so), or when the load lies in the plane of a plate that z stands off.
+    """
+    z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
+    if load is None or surface is None:
+        return z
+    net = load.force.sum(axis=0)
+    if not -net[1] > 0.9 * np.linalg.norm(net):
+        return z
+    if _is_plate(V):
+        return y if abs(_normal(V)[1]) < 0.5 else z
+    lowest, highest = V[:, 1].min(), V[:, 1].max()
+    return y if surface.V[load.held, 1].mean() < lowest + 0.3 * (highest - lowest) else z
+
+
+def _spread(V: Floats) -> tuple[Floats, Floats]:
+    """Standard deviations of the points along their principal axes, largest first, and the axes as rows."""
+    values, axes = np.linalg.eigh(np.cov((V - V.mean(axis=0)).T))
+    return np.sqrt(np.maximum(values[::-1], 0.0)), axes.T[::-1]
+
+
+def _is_plate(V: Floats) -> bool:
+    spread, _ = _spread(V)
+    return bool(spread[2] < FLAT * spread[1])
+
+
+def _normal(V: Floats) -> Floats:
+    return np.asarray(_spread(V)[1][2])
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """From where a structure is seen: `towards` the eye, `up`, `floor` and `front` as in `View`."""
+
+    towards: Floats
+    up: Floats
+    floor: Floats
+    front: bool
+
+
+def best_side(V: Floats, up: Floats) -> Side:
+    """Three-quarter view from a little above; standing plates face on."""
+    if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
+        return _face_on(_normal(V), up)
+    front, right = _plan(V, up)
+    depth, width, height = np.ptp(V @ np.stack([front, right, up], axis=1), axis=0)
+    # low things are seen from higher up, towers almost from eye level
+    lift = np.radians(np.interp(height / max(width, depth), [0.0, 0.15, 0.35, 1.0, 2.0], [40.0, 32.0, 24.0, 17.0, 9.0]))
+    turn = np.radians(32.0)
+    level = np.cos(turn) * front + np.sin(turn) * right
+    return Side(np.cos(lift) * level + np.sin(lift) * up, up, up, False)
+
+
+def _face_on(normal: Floats, up: Floats) -> Side:
+    """A little beside and above the normal, so that thickness shows. Plates in xz are seen from -y, others from +."""
+    strongest = int(np.argmax(np.abs(normal)))
+    normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
+    level = normal - (normal @ up) * up
+    level /= np.linalg.norm(level)
+    towards = level - 0.11 * np.cross(level, up) + 0.08 * up
+    return Side(towards / np.linalg.norm(towards), up, normal, True)
+
+
+def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
+    """The side that faces us and the long direction that runs to the right, two level unit vectors.
+
+    Elongated plans are turned to their long side; the rest are seen from -y (from +z when y is up).
+    """
+    vertical = int(np.argmax(np.abs(up)))
+    right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
+    front = np.cross(right, up)
+    plan = V @ np.stack([right, front], axis=1)
+    values, axes = np.linalg.eigh(np.cov((plan - plan.mean(axis=0)).T))
+    if values[1] > 1.5 * values[0]:
+        long = axes[:, 1] * (1.0 if axes[np.argmax(np.abs(axes[:, 1])), 1] > 0 else -1.0)
+        right = long[0] * right + long[1] * front
+        front = np.cross(right, up)
+    return front, right
+
+
+def framed(points: Floats, side: Side, box: tuple[float, float, float, float]) -> View:
+    """The view from one side in which the points fill a box (left, right, bottom, top) in units of `View.seen`."""
+    towards = side.towards
+    right = np.cross(side.up, towards)
+    right /= np.linalg.norm(right)
+    forward, vertical = -towards, np.cross(towards, right)
+    slope = float(np.tan(np.radians(ANGLE / 2)))
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    distance, centre = 2 * reach / slope, middle
+    left, wide, bottom, top = box
+    for _ in range(30):
+        view = View(centre + distance * towards, right, vertical, forward, slope, side.floor, side.front)
+        x, y, _ = view.seen(points).T
+        scale = max(np.ptp(x) / (wide - left), np.ptp(y) / (top - bottom))
+        shift = (x.min() + x.max() - left - wide) / 2 * right + (y.min() + y.max() - bottom - top) / 2 * vertical
+        centre = centre + shift * slope * distance
+        distance *= scale
+        if abs(scale - 1) < 1e-4 and np.linalg.norm(shift) < 1e-4:
+            break
+    return view

@@ -1,0 +1,50 @@
+"""What the supports of vertices mean for the unknowns on edges."""
+
+import numpy as np
+
+from dsfab.arrays import Bools
+from dsfab.errors import StaticsError
+from dsfab.statics.elements import BUBBLES, Elements, edge_frames
+from dsfab.surface.mesh import Surface
+
+MOSTLY = 0.5
+"""A bubble is held when more than this share of its squared direction lies in held directions."""
+
+
+def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
+    """(e, k) which edge unknowns of `elements` do not move.
+
+    fixed   : (n, 3) held directions of the vertices.
+    clamped : (e,) edges that may not turn about themselves: built-in edges, and edges on a plane of symmetry.
+
+    An edge is held along a direction where the sheet beside it is: on the boundary when both ends are, inside when all
+    corners of one of its faces are. The ears of a mesh (faces with two boundary edges) do not count as such faces:
+    their corners are held by the boundary alone. Edges of faces held in all directions do not turn either.
+    """
+    edges = surface.edges
+    faces = fixed[surface.F].all(axis=1) & (edges.boundary[edges.of].sum(axis=1) < 2)[:, None]
+    held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
+    for axis in range(3):
+        held[edges.of[faces[:, axis]], axis] = True
+    still = np.zeros(len(held), dtype=bool)
+    still[edges.of[faces.all(axis=1)]] = True
+    if clamped is not None:
+        still |= clamped
+    bubbles = np.einsum("edx,ex->ed", edge_frames(surface) ** 2, held.astype(float)) > MOSTLY
+    columns = [bubbles[:, BUBBLES.index(name)] if name in BUBBLES else still for name in elements.on_edges]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(held), 0), dtype=bool)
+
+
+def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
+    """Raise StaticsError when edges are clamped that have no rotation; a sheet solved in its plane needs none."""
+    if clamped is None:
+        return
+    if clamped.shape != (len(surface.edges.ends),):
+        raise StaticsError(
+            f"clamped must say yes or no for each of the {len(surface.edges.ends)} edges, not {clamped.shape}"
+        )
+    if elements.bending == "hinge" and clamped.any():
+        raise StaticsError(
+            f"{clamped.sum()} edges are clamped, but `hinge` bending has no rotations of edges; "
+            'choose bending = "midedge" or "hhj"'
+        )

@@ -1,0 +1,225 @@
+"""The command line as people use it and mistype it: files, exit codes, one sentence, nothing left behind."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from dsfab.app import bench as bench_module
+from dsfab.app.cli import main
+from dsfab.preset_file import load_preset
+
+QUICK = ["--set", "surface.edge=0.6", "--format", "stl,ply", "--no-picture"]
+
+
+def run(capsys, *arguments: str) -> tuple[int, str, str]:
+    code = main(arguments)
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def refused(capsys, *arguments: str, code: int = 1) -> str:
+    """The one line of a refusal, after checking that it is one."""
+    got, out, err = run(capsys, *arguments)
+    assert got == code, err
+    last = err.strip().splitlines()[-1]
+    assert last.startswith("dsfab: ")
+    assert "Traceback" not in err + out
+    return last
+
+
+def test_build_writes_every_file_and_says_what_it_did(capsys, tmp_path):
+    folder = tmp_path / "out"
+    code, out, err = run(capsys, "build", "dome", *QUICK, "-o", str(folder))
+    assert code == 0
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "design.json", "dome.ply", "dome.stl", "preset.toml", "sheet.ply",
+    ]  # fmt: skip
+    assert "1 piece" in out
+    assert [line.split()[0] for line in err.splitlines()][:6] == [
+        "surface", "statics", "diffusion", "pattern", "slicing", "thickening",
+    ]  # fmt: skip
+    facts = json.loads((folder / "design.json").read_text())
+    mesh = trimesh.load(folder / "dome.stl")
+    assert mesh.is_volume
+    assert mesh.volume / 1e9 == pytest.approx(facts["solid"]["volume_m3"], rel=1e-3)
+    assert facts["solid"]["mass_kg"] == pytest.approx(facts["solid"]["volume_m3"] * 7850)
+    assert facts["solid"]["pieces"] == len(facts["sheet"]["pieces"]) == 1
+    assert facts["statics"]["compliance_J"] > 0
+    assert sum(facts["statics"]["load_N"]) == pytest.approx(-sum(facts["statics"]["reaction_N"]), rel=1e-6)
+    assert {"dsfab", "numpy", "python"} <= set(facts["versions"])
+    assert {"membrane", "bending", "statics", "modes", "slicing", "thickening", "export"} <= set(facts["seconds"])
+    assert facts["files"] == ["dome.stl", "dome.ply"]
+
+
+def test_the_written_preset_builds_the_same_bytes(capsys, tmp_path):
+    first, second = tmp_path / "a", tmp_path / "b"
+    assert run(capsys, "build", "dome", *QUICK, "-o", str(first))[0] == 0
+    assert run(capsys, "build", str(first / "preset.toml"), "--no-picture", "-o", str(second))[0] == 0
+    for name in ("dome.stl", "dome.ply", "sheet.ply"):
+        assert (first / name).read_bytes() == (second / name).read_bytes()
+
+
+def test_the_same_preset_gives_the_same_bytes_in_another_process(capsys, tmp_path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    assert run(capsys, "build", "dome", *QUICK, "-o", str(here))[0] == 0
+    command = [sys.executable, "-m", "dsfab.app.cli", "build", "dome", *QUICK, "-o", str(there), "--quiet"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == done.stderr == ""
+    assert (here / "dome.stl").read_bytes() == (there / "dome.stl").read_bytes()
+
+
+def test_presets_are_listed_with_a_sentence_each(capsys):
+    code, out, _ = run(capsys, "presets")
+    assert code == 0
+    names = [line.split()[0] for line in out.splitlines()]
+    assert names == sorted(names)
+    assert {"dome", "sphere", "barrel_vault", "cantilever", "tower", "bob"} <= set(names)
+    assert all(len(line.split()) > 5 for line in out.splitlines())
+
+
+def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
+    file = tmp_path / "box.stl"
+    trimesh.creation.box((2000, 1000, 500)).export(file)
+    code, out, _ = run(capsys, "inspect", str(file), "--unit", "mm")
+    assert code == 0
+    for words in ("2 m x 1 m x 500 mm", "closed", "12 triangles", "1 m3", "yes, and oriented"):
+        assert words in out
+
+
+def test_inspect_tells_why_a_mesh_is_not_a_manifold(capsys, tmp_path):
+    file = tmp_path / "fan.obj"
+    file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n")
+    code, out, _ = run(capsys, "inspect", str(file))
+    assert code == 0
+    assert "manifold  no" in " ".join(out.split("\n")).replace("   ", "  ") or "no" in out
+    assert "because" in out
+
+
+def test_bench_prints_the_table_and_json_with_the_agreed_keys(capsys):
+    arguments = ["bench", "dome", "--set", "surface.edge=0.8", "--repeat", "1", "--set", "export.formats=['stl']"]
+    code, out, _ = run(capsys, *arguments)
+    assert code == 0
+    head = out.splitlines()[0].split()
+    assert head[:9] == ["preset", "|V|", "|T|", "Membrane", "Bending", "Statics", "Stress", "Diffusion", "Modes"]
+    assert out.splitlines()[1].split()[0] == "dome"
+    code, out, err = run(capsys, *arguments, "--json")
+    assert (code, err) == (0, "")
+    (row,) = json.loads(out)
+    assert list(row) == ["preset", "vertices", "triangles", *bench_module.ROWS, "peak_mb", "compliance"]
+    assert all(row[key] >= 0 for key in bench_module.ROWS)
+    assert row["total"] >= sum(row[key] for key in ("membrane", "statics", "modes", "slicing"))
+    assert row["peak_mb"] > 50
+
+
+def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
+    code, out, _ = run(capsys, "bench", "cantilever", "--set", "surface.edge=0.1", "--repeat", "1")
+    assert code == 0
+    assert out.splitlines()[1].split()[4] == "n/a"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["build", "nowhere"], "preset 'nowhere' not found"),
+        (["build", "domme"], "did you mean dome?"),
+        (["build", "dome", "--set", "pattern.major.frequncy=3"], "did you mean frequency?"),
+        (["build", "dome", "--set", "pattern.major.frequency"], "is not KEY=VALUE"),
+        (["build", "dome", "--set", "surface.span=nan"], "should be a finite number"),
+        (["build", "dome", "--mesh", "missing.obj"], "missing.obj"),
+        (["build", "bob"], "bob.obj"),
+        (["build", "dome", "--format", "stp"], "did you mean step?"),
+        (["build", "dome", "--format", "dwg"], "export.formats.0 = 'dwg'"),
+        (["build", "dome", "--set", "pattern.major.mode=40", *QUICK], "pattern.major.mode = 40"),
+        (["inspect", "missing.stl"], "missing.stl"),
+        (["bench", "nowhere"], "preset 'nowhere' not found"),
+    ],
+)
+def test_refused_input_ends_with_code_1_and_one_sentence(capsys, tmp_path, monkeypatch, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    assert says in refused(capsys, *arguments)
+    assert list(tmp_path.iterdir()) == [], "nothing is left behind"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["bild", "dome"], ["build"], ["build", "dome", "--colour", "red"], ["bench", "dome", "--repeat", "many"]],
+)
+def test_wrong_usage_ends_with_code_2(capsys, arguments):
+    assert "--help" in refused(capsys, *arguments, code=2)
+
+
+def test_help_and_version(capsys):
+    assert run(capsys, "--help")[0] == 0
+    code, out, _ = run(capsys, "--version")
+    assert (code, out.strip()) == (0, "0.1.0")
+    code, out, _ = run(capsys, "build", "--help")
+    assert code == 0
+    for option in ("--set", "--mesh", "--format", "--quiet", "-o"):
+        assert option in out
+
+
+def test_a_folder_that_cannot_be_written_is_refused(capsys, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    assert "cannot write to" in refused(capsys, "build", "dome", *QUICK, "-o", str(tmp_path / "file"))
+    assert (tmp_path / "file").read_text() == "in the way"
+
+
+def test_a_full_disk_leaves_the_older_files_and_nothing_else(capsys, tmp_path, monkeypatch):
+    folder = tmp_path / "out"
+    assert run(capsys, "build", "dome", *QUICK, "-o", str(folder))[0] == 0
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    assert "No space left on device" in refused(capsys, "build", "dome", *QUICK, "-o", str(folder))
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_full_disk_in_a_new_folder_leaves_no_folder(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    said = refused(capsys, "build", "dome", *QUICK, "-o", str(tmp_path / "a" / "b"))
+    assert "the disk is full; free some space" in said
+    assert "partial" not in said, "the place that the user named, not ours"
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_ctrl_c_stops_with_one_line_and_leaves_nothing(tmp_path):
+    command = [sys.executable, "-m", "dsfab.app.cli", "build", "sphere", "--set", "surface.edge=0.015", "--no-picture"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    time.sleep(2.5)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "stopped; nothing was written" in err
+    assert "Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_unit_is_refused_with_those_that_are_known(capsys, tmp_path):
+    file = tmp_path / "box.stl"
+    trimesh.creation.box((2, 1, 1)).export(file)
+    assert "unit = 'furlong' is not known; use one of mm, cm" in refused(
+        capsys, "inspect", str(file), "--unit", "furlong"
+    )
+    assert "furlong" in refused(capsys, "build", "roof", "--mesh", str(file), "--unit", "furlong", "--no-picture")
+
+
+def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
+    file = tmp_path / "cap.obj"
+    cap = load_preset("dome", {"surface.edge": 0.8}).surface.build()
+    trimesh.Trimesh(cap.V * 1000, cap.F, process=False).export(file)
+    small = ["--set", "pattern.keep=0.3", *QUICK[2:]]
+    code, _, _ = run(capsys, "build", "roof", "--mesh", str(file), "--unit", "mm", *small, "-o", str(tmp_path / "o"))
+    assert code == 0
+    facts = json.loads((tmp_path / "o" / "design.json").read_text())
+    assert facts["surface"]["area_m2"] == pytest.approx(cap.area, rel=1e-5)
