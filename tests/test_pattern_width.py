@@ -174,8 +174,8 @@ def test_stress_that_is_nowhere_cannot_be_followed():
 @given(
     name=st.sampled_from(list(ZOO)),
     rule=st.sampled_from(["plain", "constant", "graded"]),
-    low=st.floats(0, 0.05),
-    span=st.floats(0, 0.2),
+    low=st.floats(0, 0.05).map(lambda share: round(share, 4)),
+    span=st.floats(0, 0.2).map(lambda share: round(share, 4)),
     factors=st.tuples(st.floats(0, 5), st.floats(0, 5)),
 )
 def test_widths_in_metres_stay_within_their_bounds_and_grow_with_the_factor(name, rule, low, span, factors):

@@ -106,7 +106,7 @@ def _band(
     solid, empty = settled(cells, x, levels)
     solid, active = void & solid, void & ~solid & ~empty
     x = snapped_together(x, levels, cells.sides(active), max(snap, SNAP_FLOOR))
-    tip, every = min(snap, TIP), np.ones(len(levels), dtype=bool)
+    tip, every = min(max(snap, LEVEL_GAP), TIP), np.ones(len(levels), dtype=bool)
     one = clean_split(cells, X, x[:, 0], levels, active, tip, size, above=~every)
     X, second = one.extended(X), one.extended(x[:, 1])
     two = clean_split(one.cells, X, second, levels, active[one.source], tip, size, above=every)

@@ -10,7 +10,8 @@ SNAP_FLOOR = 1e-9
 ROUNDING = 8
 """Values within this many units in the last place of the largest value are on a level, however flat the field."""
 TIP = 1e-3
-"""Where both edges of a stripe of varying width come closer than this share of a side, they meet (not at snap = 0)."""
+"""Where both edges of a stripe of varying width come closer than this share of a side, they meet (or than the snap
+fraction, if that is less)."""
 
 
 def nearest(x: Floats, levels: Floats) -> Floats:
