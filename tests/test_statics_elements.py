@@ -1,9 +1,15 @@
 """The element family: rigid motions, patch tests of all orders, flips, odd topologies, supports and loads on edges."""
 
+import importlib.metadata
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import eye_array
+from scipy.spatial.transform import Rotation
 
-from dsfab import load_preset, run
+from dsfab import load_preset, run, sparse
 from dsfab.errors import StaticsError
 from dsfab.statics import (
     PAPER,
@@ -374,6 +380,40 @@ def test_names_of_unknowns_and_their_number():
     assert str(VERDICT) == "quadratic+hhj"
     with pytest.raises(ValueError, match="no bending"):
         bending_stiffness(surface, STEEL, H, VERDICT.in_plane)
+
+
+@pytest.mark.parametrize("elements", [PAPER, Elements("quadratic", "midedge"), VERDICT], ids=str)
+@settings(max_examples=4, deadline=None, derandomize=True)
+@given(axis=st.tuples(*[st.floats(-1, 1)] * 3), size=st.floats(1e-3, 1e3))
+def test_turning_and_enlarging_a_structure_turns_and_enlarges_its_answer(elements, axis, size):
+    """Sheet, thickness and pressure in the same proportion: displacements grow with the size, stresses stay."""
+    surface = lifted(lambda x, y: 16 * x * (1 - x) * y * (1 - y), cells=5)
+    R = Rotation.from_rotvec(np.array(axis) * 3).as_matrix()
+    other = Surface(size * surface.V @ R.T, surface.F)
+    rim = np.zeros(surface.n, dtype=bool)
+    rim[surface.edges.ends[surface.edges.boundary]] = True
+    held = np.repeat(rim[:, None], 3, axis=1)
+    answers = []
+    for sheet, thickness, push in ((surface, 0.02, [1e4, 0, -1e5]), (other, 0.02 * size, R @ [1e4, 0, -1e5])):
+        spread = SpreadLoad.on(sheet, face=push)
+        load = LoadCase(held, spread.vertex_forces(sheet), rim)
+        pair = elements.membrane, elements.bending
+        answers.append(solve_statics(sheet, STEEL, load, thickness, "plane_stress", *pair, spread=spread))
+    here, there = answers
+    assert np.abs(there.u / size - here.u @ R.T).max() <= 1e-8 * here.largest_displacement
+    assert there.compliance == pytest.approx(here.compliance * size**3, rel=1e-8)
+    sigma = R @ stress(surface, STEEL, here.u, bubbles=here.bubbles) @ R.T
+    assert np.abs(stress(other, STEEL, there.u, bubbles=there.bubbles) - sigma).max() <= 1e-8 * np.abs(sigma).max()
+
+
+def test_mkl_is_found_without_a_search_of_the_installation(monkeypatch):
+    pytest.importorskip("pypardiso", reason="the optional solver is not installed")
+    if not any("mkl_rt" in file.name for file in importlib.metadata.files("mkl") or []):
+        pytest.skip("MKL was not installed as a Python package")
+    monkeypatch.delenv("PYPARDISO_MKL_RT", raising=False)
+    monkeypatch.setattr("glob.glob", lambda *_, **__: pytest.fail("searched the whole installation"))
+    solution = sparse.factorise(eye_array(3, format="csr") * 2.0, np.zeros((3, 3)), solver="PARDISO")(np.ones(3))
+    assert solution == pytest.approx([0.5] * 3)
 
 
 @pytest.mark.parametrize("preset", ["cantilever", "dome"])
