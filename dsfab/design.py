@@ -33,11 +33,18 @@ class DiffusionResult:
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: linear fields (n,) by name and values to cut each at; an odd number of them lies below material."""
+    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cut`).
+
+    fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width.
+    half_widths : (n,) each: material is |frequency x + phase - k| < d, k integer, for the families; inf for the others.
+    factor      : what the widths were multiplied with to reach pattern.width.solid_fraction; 1 without it.
+    """
 
     names: tuple[str, ...]
     fields: tuple[Floats, ...]
     levels: tuple[Floats, ...]
+    half_widths: tuple[Floats, ...] = ()
+    factor: float = 1.0
 
 
 class Piece(NamedTuple):

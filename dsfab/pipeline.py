@@ -8,13 +8,22 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, first
+from dsfab.arrays import Ints, first
 from dsfab.design import Design, DiffusionResult, Note, PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
 from dsfab.errors import PatternError, SolidError
-from dsfab.pattern import distance_to_boundary, distance_to_vertices
+from dsfab.pattern import (
+    Family,
+    Layer,
+    Widths,
+    distance_to_boundary,
+    distance_to_vertices,
+    mean_duty_factor,
+    relative_stresses,
+    solved_factor,
+)
 from dsfab.preset import STAGES, Preset
-from dsfab.slicing import Sheet, cut, resolve_pinches
+from dsfab.slicing import Sheet, cut, material_area, resolve_pinches
 from dsfab.statics import bending_stiffness, equilibrium, flat_axis, membrane_stiffness, spread_load, stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
@@ -29,6 +38,12 @@ TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slic
 
 ON_SIMPLEX = 1 - 1e-9
 """A carried 0/1 field of at least this value marks a point that lies between marked vertices only."""
+
+SHARE_TOLERANCE = 4e-4
+"""How closely pattern.width.solid_fraction is reached, as a share of the surface."""
+
+SHARE_SNAP = 0.05
+"""Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
 CELLS_PER_ROOT_R = 3.2
 """Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
@@ -168,22 +183,63 @@ def _pattern(
     """Kept regions come first: a cell that they make material is not cut again by the stripes."""
     ask = preset.pattern
     with log.stage("pattern", "drawing stripes"):
-        cuts: list[tuple[str, Floats, Floats]] = []
-        if ask.keep:
-            kept = statics.load.held | statics.load.loaded
-            cuts.append(("keep", -distance_to_vertices(surface, kept), np.array([-ask.keep])))
-        if ask.rim and surface.edges.boundary.any():
-            cuts.append(("rim", -distance_to_boundary(surface), np.array([-ask.rim])))
-        for name, family, modes in (("major", ask.major, diffusion.major), ("minor", ask.minor, diffusion.minor)):
-            if family.mode > len(modes.lam):
-                raise PatternError(
-                    f"pattern.{name}.mode = {family.mode} but only diffusion.modes = {len(modes.lam)} are computed; "
-                    "raise diffusion.modes or choose a lower mode"
-                )
-            x = modes.mode(family.mode)
-            cuts.append((name, x, family.stripes.levels(x)))
-    names, fields, levels = zip(*cuts, strict=True)
-    return PatternResult(names, fields, levels)
+        kept = _kept_regions(preset, surface, statics.load)
+        widths = ask.width.widths(np.sqrt(surface.area))
+        families = _families(preset, surface, diffusion, widths.radius)
+        factor = mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0
+        if ask.width.solid_fraction:
+
+            def share(relative: float) -> float:
+                layers = [*kept, *(family.layer(widths, factor * relative) for family in families)]
+                fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
+                return material_area(surface, fields, levels, SHARE_SNAP) / surface.area
+
+            factor *= solved_factor(share, ask.width.solid_fraction, SHARE_TOLERANCE)
+            log.note("pattern", _solved(preset, widths, factor))
+        layers = [*kept, *(family.layer(widths, factor) for family in families)]
+    names, fields, levels, half_widths = zip(*layers, strict=True)
+    return PatternResult(names, fields, levels, half_widths, factor)
+
+
+def _kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
+    """What is material whatever the stripes do."""
+    ask, regions = preset.pattern, []
+    if ask.keep:
+        regions.append(("keep", distance_to_vertices(surface, load.held | load.loaded), ask.keep))
+    if ask.rim and surface.edges.boundary.any():
+        regions.append(("rim", distance_to_boundary(surface), ask.rim))
+    every = np.full(surface.n, np.inf)
+    return [Layer(name, -distance, np.array([-reach]), every) for name, distance, reach in regions]
+
+
+def _families(preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float) -> list[Family]:
+    """Both families of stripes; the major one runs along the primary stress, the minor one along the secondary."""
+    ask, families = preset.pattern, []
+    stress = [None, None]
+    if ask.width.rule == "graded":
+        stress = list(relative_stresses(surface, diffusion.tensors.principal).T)
+    pairs = (("major", ask.major, diffusion.major), ("minor", ask.minor, diffusion.minor))
+    for (name, family, modes), along in zip(pairs, stress, strict=True):
+        if family.mode > len(modes.lam):
+            raise PatternError(
+                f"pattern.{name}.mode = {family.mode} but only diffusion.modes = {len(modes.lam)} are computed; "
+                "raise diffusion.modes or choose a lower mode"
+            )
+        families.append(Family.on(surface, name, family.stripes, modes.mode(family.mode), along, radius))
+    return families
+
+
+def _solved(preset: Preset, widths: Widths, factor: float) -> str:
+    """What the widths became for the wanted share of material."""
+    ask = preset.pattern
+    if widths.rule == "constant":
+        became = f"members are {factor * widths.member:.3g} m wide"
+    elif widths.rule == "plain":
+        major, minor = (family.stripes.widened(factor).threshold for family in (ask.major, ask.minor))
+        became = f"the thresholds became {major:.3f} and {minor:.3f}"
+    else:
+        became = f"the graded widths were multiplied by {factor:.3g}"
+    return f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"
 
 
 def _slicing(

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, model_validator
 
 from dsfab.diffusion import Labelling
 from dsfab.diffusion.tensors import ISOTROPY
-from dsfab.pattern import Stripes
+from dsfab.errors import PatternError
+from dsfab.pattern import Rule, Stripes, Widths
 from dsfab.statics import Bending, Elements, Law, Material, Membrane
-from dsfab.surface import SHAPES, Load, Support, Surface, read_surface
+from dsfab.surface import SHAPES, Load, Support, Surface, read_surface, refined
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -32,9 +33,17 @@ class Given(Section):
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
+    refine: Annotated[float, Ge(0)] = 0.0
+    """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
+    smooth: bool = False
+    """Whether refining also rounds the facets (Loop subdivision)."""
 
     def build(self) -> Surface:
         """The surface itself; raises SurfaceError."""
+        return refined(self.given(), self.refine, self.smooth) if self.refine else self.given()
+
+    def given(self) -> Surface:
+        """The surface before it is refined."""
         raise NotImplementedError
 
 
@@ -46,7 +55,7 @@ class FileSurface(Given):
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
 
-    def build(self) -> Surface:
+    def given(self) -> Surface:
         return read_surface(self.file, self.unit)
 
 
@@ -55,9 +64,9 @@ class ShapeSurface(Given):
 
     shape: str
 
-    def build(self) -> Surface:
-        given = set(Given.model_fields) | {"shape"}
-        return SHAPES[self.shape](**{k: v for k, v in self if k not in given})
+    def given(self) -> Surface:
+        others = set(Given.model_fields) | {"shape"}
+        return SHAPES[self.shape](**{k: v for k, v in self if k not in others})
 
 
 def _shape_model(name: str) -> type[ShapeSurface]:
@@ -142,11 +151,45 @@ class Family(Section):
         return Stripes(self.frequency, self.phase, self.threshold)
 
 
+class Width(Section):
+    """[pattern.width]: how wide the stripes of both families are."""
+
+    rule: Rule = "plain"
+    """plain: as the thresholds say (the paper); constant: the same width in metres; graded: as the stress is large."""
+    member: Annotated[float, Ge(0)] = 0.0
+    """constant: width of the members, metres; with solid_fraction it is solved for and may be left out."""
+    q: Annotated[float, Ge(0), Le(4)] = 1.0
+    """graded: the share of material grows with this power of the stress."""
+    min_width: Annotated[float, Ge(0)] = 0.0
+    """Metres; no member is made thinner. 0 sets no limit."""
+    max_width: Annotated[float, Ge(0)] = 0.0
+    """Metres; no member is made wider. 0 sets no limit."""
+    min_gap: Annotated[float, Ge(0)] = 0.0
+    """Metres; narrower gaps between two stripes of a family are filled. 0 fills none."""
+    solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
+    """Share of the surface to keep, with keep and rim: widths are scaled until it is met. 0 leaves them as they are."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> "Width":
+        try:
+            self.widths(1.0)
+        except PatternError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    def widths(self, length: float) -> Widths:
+        """The rule; members whose width is solved for are counted in hundredths of a length, metres."""
+        solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
+        member = length / 100 if solved else self.member
+        return Widths(self.rule, member, self.q, self.min_width, self.max_width, self.min_gap)
+
+
 class Pattern(Section):
     """[pattern]: the two families, and what stays material besides them."""
 
     major: Family = Family()
     minor: Family = Family()
+    width: Width = Width()
     keep: Annotated[float, Ge(0)] = 0.0
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -175,7 +218,7 @@ class Export(Section):
     """[export]: the files."""
 
     formats: tuple[Literal["stl", "3mf", "step", "obj", "ply", "glb"], ...] = ("stl", "3mf", "step")
-    step_faces: Annotated[int, Gt(0)] = 20_000
+    step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
 
 

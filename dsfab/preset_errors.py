@@ -38,6 +38,8 @@ def _sentence(detail: ErrorDetails) -> str:
         return f"{key} is missing"
     if kind.startswith("union_tag"):
         return _unknown_kind(key, detail)
+    if kind == "value_error":  # keys that do not go together
+        return f"{key}: {detail['ctx']['error']}"
     hint = ""
     if kind == "literal_error":
         allowed = str(detail["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")

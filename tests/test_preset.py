@@ -107,7 +107,7 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
             {"surface.shape": "dom"},
             r"surface\.shape = 'dom' is not known; did you mean dome\?; use one of .*sphere.*, or a file",
         ),
-        ({"surface.raduis": 3}, r"unknown key surface\.raduis.*known here: support, load, shape, span, rise"),
+        ({"surface.raduis": 3}, r"unknown key surface\.raduis.*known here: support, load, refine, smooth, shape, span"),
         ({"surface.span": -1}, r"surface\.span = -1: should be greater than 0"),
         ({"statics.law": "plane_stres"}, r"statics\.law = 'plane_stres': should be .*; did you mean plane_stress\?"),
         ({"statics.thickness": "thick"}, r"statics\.thickness = 'thick': should be a valid number"),
@@ -169,6 +169,12 @@ def test_unreadable_preset_files_are_refused(write, says, tmp_path):
 def test_an_unknown_preset_names_the_nearest_one():
     with pytest.raises(PresetError, match="did you mean dome"):
         load_preset("dom")
+
+
+def test_the_face_budget_of_presets_is_that_of_write():
+    from dsfab.export import STEP_FACES
+
+    assert load_preset("dome").export.step_faces == STEP_FACES
 
 
 def test_presets_are_values():

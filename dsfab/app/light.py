@@ -223,7 +223,7 @@ def _edges(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
         one, two = flat[head], flat[tail]
         step = np.abs(one - two)
         # along a slanted face depth changes as well: only what the pixels on either side do not continue is a jump
-        steady = np.zeros_like(flat)
+        steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])
         turned = (TURN - np.einsum("hwi,hwi->hw", units[head], units[tail])) / TURN * (np.minimum(one, two) < 100)

@@ -57,7 +57,7 @@ def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:
             "mesh",
             f"{facts.vertices:,} vertices, {facts.faces:,} triangles, edges of {length(facts.mean_edge)} on average",
         ),
-        ("polygons", f"{facts.polygons:,} with four or more corners, halved" if facts.polygons else ""),
+        ("polygons", f"{facts.polygons:,} in the file, cut into triangles" if facts.polygons < facts.faces else ""),
         ("area", f"{facts.area:.4g} m2"),
         ("volume", "" if facts.volume is None else f"{facts.volume:.4g} m3"),
         ("pieces", f"{facts.pieces:,}"),

@@ -51,7 +51,7 @@ def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
         taken.append(farthest)
         near = np.minimum(near, np.linalg.norm(points - points[farthest], axis=1))
     chosen = np.array(taken)
-    for _ in range(8):
+    for _ in range(20):
         owner = _nearest(points, points[chosen])
         counts = np.maximum(np.bincount(owner, minlength=len(chosen)), 1)
         chosen = np.unique(_nearest(_sums(owner, points, len(chosen)) / counts[:, None], points))

@@ -1,7 +1,23 @@
-"""Stage 4, pattern: stripes of material, and what is kept besides them."""
+"""Stage 4, pattern: stripes of material, how wide they are, and what is kept besides them."""
 
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices
+from dsfab.pattern.layers import Family, Layer, mean_duty_factor
 from dsfab.pattern.stripes import Stripes
 from dsfab.pattern.wave import wave
+from dsfab.pattern.width import Rule, Widths, relative_stresses, slopes, solved_factor, vertex_means
 
-__all__ = ["Stripes", "distance_to_boundary", "distance_to_vertices", "wave"]
+__all__ = [
+    "Family",
+    "Layer",
+    "Rule",
+    "Stripes",
+    "Widths",
+    "distance_to_boundary",
+    "distance_to_vertices",
+    "mean_duty_factor",
+    "relative_stresses",
+    "slopes",
+    "solved_factor",
+    "vertex_means",
+    "wave",
+]

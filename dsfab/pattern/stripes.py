@@ -1,6 +1,6 @@
 """`Stripes`: one family of material stripes on one mode (paper, section 3.5)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +31,31 @@ class Stripes:
             raise PatternError(f"phase = {self.phase} must be a finite number")
         if not -1 <= self.threshold <= 1:
             raise PatternError(f"threshold = {self.threshold} must lie between -1 (all material) and 1 (none)")
+
+    @property
+    def half_width(self) -> float:
+        """d in periods: 0 (nothing is material) to 0.5 (everything is)."""
+        return half_width(self.threshold)
+
+    def widened(self, factor: float) -> "Stripes":
+        """Stripes whose half-width is `factor` times as large, up to 0.5."""
+        if factor == 1:  # to the last bit
+            return self
+        return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
+
+    def phases(self, x: Floats) -> Floats:
+        """z = frequency x + phase: the middles of the stripes are at integers."""
+        return self.frequency * x + self.phase
+
+    def band(self, x: Floats, d: Floats) -> Floats:
+        """(n, 2) z + d and z - d for half-widths d (n,): material has more integers below the first than the second."""
+        z = self.phases(x)
+        return np.stack([z + d, z - d], axis=1)
+
+    def middles(self, x: Floats) -> Floats:
+        """The integers around the range of z, ascending: the levels of `band`."""
+        z = self.phases(x)
+        return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
     def value(self, x: Floats) -> Floats:
         """s(x) = p(frequency x + phase) - threshold: positive in the material."""

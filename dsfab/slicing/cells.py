@@ -113,13 +113,15 @@ class Crossings:
     flat: Bools
 
 
-def split_cells(cells: Cells, x: Floats, levels: Floats, active: Bools) -> Split:
+def split_cells(cells: Cells, x: Floats, levels: Floats, active: Bools, above: Bools | None = None) -> Split:
     """Cut the active polygons along every level of the field x (n,) on their vertices, each along straight chords.
 
     levels : (l,) strictly ascending. Polygons that are not active get the new vertices of the sides that they share
-    with active ones, and stay whole. A side that lies on a level goes with the side before it. A polygon that lies on a
-    level with all its corners is void by rule: it gets the even one of the two strips that meet there.
+             with active ones, and stay whole. A side that lies on a level goes with the side before it.
+    above  : (l,) whether a polygon that lies on a level with all its corners gets the strip above it or the one below;
+             when left out, the even one of the two, which is void.
     """
+    above = np.arange(len(levels)) % 2 == 1 if above is None else above
     crossings = _crossings(cells, x, levels, active)
     new = np.repeat(np.arange(len(crossings.low)), crossings.count)
     first = np.cumsum(crossings.count) - crossings.count
@@ -128,7 +130,7 @@ def split_cells(cells: Cells, x: Floats, levels: Floats, active: Bools) -> Split
     t = (value - x[low]) / (x[high] - x[low])
     sides, strip = _subdivided_sides(cells, crossings, first + len(x))
     strip[~active[sides.owner]] = -1
-    strip = _fill_unknown(sides, strip, x, levels)
+    strip = _fill_unknown(sides, strip, x, levels, above)
     grouped, source, label = _grouped(sides, strip, len(levels))
     return Split(grouped, source, label, low, high, t)
 
@@ -164,7 +166,7 @@ def _subdivided_sides(cells: Cells, crossings: Crossings, first: Ints) -> tuple[
     return Cells(offset[cells.start], corner), strip
 
 
-def _fill_unknown(sides: Cells, strip: Ints, x: Floats, levels: Floats) -> Ints:
+def _fill_unknown(sides: Cells, strip: Ints, x: Floats, levels: Floats, above: Bools) -> Ints:
     """Give every side on a level the strip of the last known side before it, around its polygon."""
     unknown = strip == _UNKNOWN
     if not unknown.any():
@@ -174,7 +176,8 @@ def _fill_unknown(sides: Cells, strip: Ints, x: Floats, levels: Floats) -> Ints:
     source = np.maximum.accumulate(slot)
     source = np.where(source >= sides.start[:-1][sides.owner], source, last_known)
     below = np.searchsorted(levels, x[np.minimum(sides.corner, len(x) - 1)], side="left")
-    return np.where(source >= 0, strip[source], below + below % 2)  # no known side: the polygon lies on levels[below]
+    lone = below + above[np.minimum(below, len(levels) - 1)]
+    return np.where(source >= 0, strip[source], lone)  # no known side: the polygon lies on levels[below]
 
 
 def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:

@@ -5,6 +5,7 @@ number of them per face, without subdividing first. New vertices are made once p
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,14 +15,11 @@ from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells, Split, split_cells
 from dsfab.slicing.sheet import VOID, Sheet
+from dsfab.slicing.snap import SNAP_FLOOR, TIP, nearest, settled, snapped, snapped_together
 from dsfab.slicing.triangulate import triangulate
 from dsfab.surface import Surface
 from dsfab.surface.mesh import ZERO_AREA
 
-SNAP_FLOOR = 1e-9
-"""Least snap fraction, applied also at snap = 0: lines nearer to a vertex go through it."""
-ROUNDING = 8
-"""Values within this many units in the last place of the largest value are on a level, however flat the field."""
 LEVEL_GAP = 1e-6
 """Levels closer than this share of the field's range count as equal: thinner stripes are neither made nor left out."""
 CELL_AREA = 1e3 * ZERO_AREA
@@ -35,9 +33,11 @@ ROUNDS = 12
 def cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
     """All cells of a surface cut along the given levels of several fields, material and void together.
 
-    fields : (n,) each, values on the vertices, linear over each face; any unit.
+    fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
+             varies over a face: two fields z + d and z - d, levels at the middles of the stripes.
     levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, the
              union over the fields is. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
+             Of two fields, material is where the first has more levels below it than the second: |z - level| < d.
     snap   : fraction of a vertex's largest edge range (0 to 0.4). A value closer to a level than that is moved onto it
              first, which moves a line by at most this fraction of an edge and avoids slivers. 0 is for exact areas; a
              floor of `SNAP_FLOOR` always holds, and where a cell would still have no area its corners are moved too.
@@ -47,6 +47,29 @@ def cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[ArrayLike],
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells that have no
     area whatever is moved.
     """
+    done = _divided(surface, fields, levels, snap)
+    cut_surface, cell = filled(done.cells, done.X, done.parent)
+    return Sheet(cut_surface, done.parent[cell], done.family[cell], done.weights)
+
+
+def material_area(surface: Surface, fields: Sequence[Floats], levels: Sequence[ArrayLike], snap: float = 0.05) -> float:
+    """Area of the material of `cut` with the same arguments, square metres, without filling the cells."""
+    done = _divided(surface, fields, levels, snap)
+    return float(done.cells.areas(done.X)[0][done.family != VOID].sum())
+
+
+@dataclass(frozen=True, eq=False)
+class _Divided:
+    """Convex cells on vertices X (n', 3), their faces and families (c',), and the weights of the vertices."""
+
+    cells: Cells
+    X: Floats
+    weights: csr_array
+    parent: Ints
+    family: Ints
+
+
+def _divided(surface: Surface, fields: Sequence[Floats], levels: Sequence[ArrayLike], snap: float) -> _Divided:
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     steps = [_checked_levels(k, f, wanted) for k, (f, wanted) in enumerate(zip(values, levels, strict=True))]
     if not 0 <= snap <= 0.4:
@@ -54,13 +77,41 @@ def cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[ArrayLike],
     cells, X, weights = Cells.triangles(surface.F), surface.V, csr_array(eye_array(surface.n))
     parent, family = np.arange(surface.m), np.full(surface.m, VOID)
     for k, (field, lines) in enumerate(zip(values, steps, strict=True)):
-        x = np.asarray(weights @ field)
-        split = clean_split(cells, X, x, lines, family == VOID, snap, surface.size)
-        cells, X, weights = split.cells, split.extended(X), extended_weights(weights, split)
-        parent, family = parent[split.source], family[split.source]
-        family[(split.strip > 0) & (split.strip % 2 == 1)] = k
-    cut_surface, cell = filled(cells, X, parent)
-    return Sheet(cut_surface, parent[cell], family[cell], weights)
+        x, void = np.asarray(weights @ field), family == VOID
+        if x.ndim == 1:
+            split = clean_split(cells, X, x, lines, void, snap, surface.size)
+            splits, material = [split], (split.strip > 0) & (split.strip % 2 == 1)
+        else:
+            splits, material = _band(cells, X, x, lines, void, snap, surface.size)
+        for split in splits:
+            cells, X, weights = split.cells, split.extended(X), extended_weights(weights, split)
+            parent, family = parent[split.source], family[split.source]
+        family[material] = k
+    return _Divided(cells, X, weights, parent, family)
+
+
+def _band(
+    cells: Cells, X: Floats, x: Floats, levels: Floats, void: Bools, snap: float, size: float
+) -> tuple[list[Split], Bools]:
+    """Two splits of the void cells, by x[:, 0] and by x[:, 1], and which of the resulting cells they make material.
+
+    Where x[:, 0] - x[:, 1] stays over the gap of the levels, or under zero, nothing is cut.
+
+            x[:, 0] = level . ' material
+        . '        ' .                      The two lines of a stripe meet where it ends in a tip: there the second
+          void         x[:, 1] = level      split finds the vertex of the first one on its level.
+    """
+    if not len(levels):
+        return [], np.zeros(len(void), dtype=bool)
+    solid, empty = settled(cells, x, levels)
+    solid, active = void & solid, void & ~solid & ~empty
+    x = snapped_together(x, levels, cells.sides(active), max(snap, SNAP_FLOOR))
+    tip, every = min(snap, TIP), np.ones(len(levels), dtype=bool)
+    one = clean_split(cells, X, x[:, 0], levels, active, tip, size, above=~every)
+    X, second = one.extended(X), one.extended(x[:, 1])
+    two = clean_split(one.cells, X, second, levels, active[one.source], tip, size, above=every)
+    more = one.strip[two.source] > two.strip
+    return [one, two], solid[one.source][two.source] | more
 
 
 def clean_split(
@@ -72,26 +123,27 @@ def clean_split(
     snap: float,
     size: float,
     hold: Ints | None = None,
+    above: Bools | None = None,
 ) -> Split:
     """`split_cells` of field x after snapping; no new cell is without area (see `CELL_AREA`, `FLATNESS`).
 
     hold : vertices whose value is never moved. Values move onto levels only, never across one, so that the cut stays a
-    cut of convex polygons by chords that do not cross.
+    cut of convex polygons by chords that do not cross.    above : see `split_cells`.
     """
     if not len(levels) or not active.any():
         nothing = np.empty(0, dtype=np.int64)
         return Split(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), nothing, nothing, np.empty(0))
     free = np.ones(len(x), dtype=bool)
     free[[] if hold is None else hold] = False
-    x = _snapped(x, levels, cells.sides(active), max(snap, SNAP_FLOOR), free)
+    x = snapped(x, levels, cells.sides(active), max(snap, SNAP_FLOOR), free)
     for _ in range(ROUNDS):
-        split = split_cells(cells, x, levels, active)
+        split = split_cells(cells, x, levels, active, above)
         corners = _collapsed_corners(split, split.extended(X), size)
         corners = corners[corners < len(x)]
-        stray = corners[(x[corners] != _nearest(x[corners], levels)) & free[corners]]
+        stray = corners[(x[corners] != nearest(x[corners], levels)) & free[corners]]
         if not len(stray):
             break
-        x[stray] = _nearest(x[stray], levels)
+        x[stray] = nearest(x[stray], levels)
     return split
 
 
@@ -119,43 +171,29 @@ def filled(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
 
 def _checked_field(surface: Surface, k: int, field: Floats) -> Floats:
     x = np.asarray(field, dtype=np.float64)
-    if x.shape != (surface.n,):
-        raise ValueError(f"field {k} must have shape ({surface.n},), got {x.shape}")
-    bad = np.flatnonzero(~np.isfinite(x))
+    if x.shape not in ((surface.n,), (surface.n, 2)):
+        raise ValueError(f"field {k} must have shape ({surface.n},) or ({surface.n}, 2), got {x.shape}")
+    bad = np.flatnonzero(~np.isfinite(x.reshape(surface.n, -1)).all(axis=1))
     if len(bad):
         raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first(bad)})")
     return x
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """The levels without equal ones: of a group of equal levels one stays if they are odd in number, else none."""
+    """The levels without equal ones: of a group of equal levels one stays if they are odd in number, else none.
+
+    For two fields one of each group stays.
+    """
     wanted = np.asarray(levels, dtype=np.float64)
     if wanted.ndim != 1 or not np.isfinite(wanted).all() or (np.diff(wanted) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
     if not len(wanted):
         return wanted
     begins = np.flatnonzero(np.diff(wanted, prepend=-np.inf) > LEVEL_GAP * np.ptp(field))
+    if field.ndim == 2:
+        return np.asarray(wanted[begins])
     distinct: Floats = wanted[begins[np.diff(begins, append=len(wanted)) % 2 == 1]]
     return distinct
-
-
-def _nearest(x: Floats, levels: Floats) -> Floats:
-    at = np.searchsorted(levels, x)
-    below, above = levels[np.maximum(at - 1, 0)], levels[np.minimum(at, len(levels) - 1)]
-    nearest: Floats = np.where(np.abs(x - below) < np.abs(above - x), below, above)
-    return nearest
-
-
-def _snapped(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fraction: float, free: Bools) -> Floats:
-    """A copy of x with free values within `fraction` of their edges' largest range of a level moved onto it."""
-    reach = np.zeros(len(x))
-    difference = np.abs(x[sides[0]] - x[sides[1]])
-    for end in sides:
-        np.maximum.at(reach, end, difference)
-    nearest = _nearest(x, levels)
-    rounding = ROUNDING * np.spacing(np.abs(x).max())  # a constant field that an earlier cut has interpolated
-    moved: Floats = np.where(free & (np.abs(x - nearest) <= fraction * reach + rounding), nearest, x)
-    return moved
 
 
 def _collapsed_corners(split: Split, X: Floats, size: float) -> Ints:

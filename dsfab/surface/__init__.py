@@ -4,6 +4,7 @@ from dsfab.surface.loads import Force, Load, LoadCase, Pressure, SelfWeight, Sup
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
 from dsfab.surface.reader import MeshFacts, describe, read_surface
+from dsfab.surface.refine import refined
 from dsfab.surface.shapes import SHAPES
 
 __all__ = [
@@ -27,4 +28,5 @@ __all__ = [
     "Vertices",
     "describe",
     "read_surface",
+    "refined",
 ]

@@ -1,0 +1,52 @@
+"""Whole files or none: written under a temporary name beside the target, which it replaces at the end."""
+
+import errno
+import os
+import secrets
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from dsfab.errors import ExportError
+
+_ADVICE = {
+    errno.ENOSPC: "the disk is full; free some space or choose another folder",
+    errno.EDQUOT: "the disk quota is used up; free some space or choose another folder",
+    errno.EFBIG: "the file is too large for this disk; choose another folder",
+    errno.ENOENT: "the folder does not exist; make it first",
+    errno.ENOTDIR: "the folder does not exist, a file has its name; choose another folder",
+    errno.EACCES: "there is no permission to write there; choose another folder",
+    errno.EPERM: "there is no permission to write there; choose another folder",
+    errno.EROFS: "the disk is read-only; choose another folder",
+    errno.EISDIR: "a folder has that name; choose another name",
+    errno.ENAMETOOLONG: "the name is too long; choose a shorter one",
+}
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary name in the folder of `path`, with its suffix; what is written there replaces `path` at the end.
+
+    On any failure, an interrupt included, the temporary file is removed and an older `path` stays as it was.
+    Raises ExportError in place of OSError.
+    """
+    target = Path(os.path.realpath(path))  # a link stays a link: the file it points to is replaced
+    temporary = target.with_name(f".{secrets.token_hex(6)}.partial{target.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    except OSError as error:
+        reason = _ADVICE.get(error.errno or 0, f"{error.strerror or error}; choose another folder or name")
+        raise ExportError(f"{path} could not be written: {reason}") from error
+    finally:
+        with suppress(OSError):  # nothing was written, or nothing can be done
+            temporary.unlink()
+
+
+def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
+    """Write a new file from pieces of bytes, down to the disk, so that a full disk is noticed here."""
+    with open(path, "xb") as file:
+        for chunk in chunks:
+            file.write(chunk)
+        file.flush()
+        os.fsync(file.fileno())

@@ -1,0 +1,79 @@
+"""The formats, one line each, and `write`: the one way a solid or a sheet becomes a file."""
+
+import difflib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from dsfab.errors import ExportError
+from dsfab.export import gltf, obj, ply, step, stl, threemf
+from dsfab.export.atomic import replacing, write_chunks
+from dsfab.export.part import Part, part_of
+from dsfab.surface.mesh import Surface
+from dsfab.thickening.solid import Solid
+
+STEP_FACES = 30_000
+"""Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
+
+
+@dataclass(frozen=True)
+class Format:
+    """prepare: the part as the file will hold it. encode: its bytes. check: read back; ExportError if different."""
+
+    prepare: Callable[[Part], Part]
+    encode: Callable[[Part], Iterator[bytes]]
+    check: Callable[[Part, Path], None]
+    sheets: bool
+    """Whether the format can hold an open sheet."""
+
+
+FORMATS: dict[str, Format] = {
+    ".stl": Format(stl.prepare, stl.encode, stl.check, sheets=True),
+    ".3mf": Format(threemf.prepare, threemf.encode, threemf.check, sheets=False),
+    ".step": Format(step.prepare, step.encode, step.check, sheets=False),
+    ".stp": Format(step.prepare, step.encode, step.check, sheets=False),
+    ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
+    ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
+    ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
+}
+"""The suffixes that `write` knows."""
+
+
+def write(thing: Solid | Surface, path: str | Path, *, step_faces: int = STEP_FACES, name: str | None = None) -> Path:
+    """Write a solid, or a sheet, in the format that the suffix of `path` names, and read it back; returns the path.
+
+    thing      : metres. Files are in millimetres (.glb in metres, its standard says so) and tell the unit if they can.
+    step_faces : largest number of planar faces of a STEP file, counted after coplanar triangles were joined.
+    name       : what the part is called inside the file; the file's own name without suffix if not given.
+
+    The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
+    same volume (area of a sheet) to 0.1 %; only then does the file take its name, in one step. After a failure there is
+    no new file, and an older one of that name is as it was.
+    Raises ExportError: unknown suffix, a sheet where the format needs a solid, a shape that the format cannot hold, too
+    many faces for STEP, no permission or space, and a file that reads back different.
+    """
+    path = Path(path)
+    form = format_of(path)
+    part = part_of(thing, path.stem if name is None else name, step_faces)
+    if not (part.is_solid or form.sheets):
+        open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if f.sheets)
+        raise ExportError(
+            f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
+            f"thicken it first, or write {open_formats}"
+        )
+    part = form.prepare(part)
+    with replacing(path) as temporary:
+        write_chunks(temporary, form.encode(part))
+        form.check(part, temporary)
+    return path
+
+
+def format_of(path: Path) -> Format:
+    """The format that a suffix names, in capitals or not; raises ExportError with the nearest one that exists."""
+    suffix = path.suffix.lower()
+    if suffix in FORMATS:
+        return FORMATS[suffix]
+    near = difflib.get_close_matches(suffix, FORMATS, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]}? " if near else ""
+    said = f"the suffix {path.suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
+    raise ExportError(f"{said}; {hint}use one of {', '.join(FORMATS)}")

@@ -1,0 +1,132 @@
+"""`Part`: what goes into a file, in millimetres, and how it survives the rounding of a file format."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dsfab.arrays import Floats, Ints, first, lock
+from dsfab.errors import ExportError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import half_edges
+from dsfab.thickening.solid import Solid
+from dsfab.units import MM_PER_M
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A triangle mesh on its way to a file.
+
+    V          : (n, 3) vertices, millimetres.
+    F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
+    name       : what a format with names calls it.
+    is_solid   : closed, with a volume; otherwise a sheet.
+    step_faces : largest number of faces of a STEP file.
+    """
+
+    V: Floats
+    F: Ints
+    name: str
+    is_solid: bool
+    step_faces: int = 0
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+
+    @cached_property
+    def box(self) -> Floats:
+        """(2, 3) lowest and highest corner of what the faces use, millimetres."""
+        return box(self.V, self.F)
+
+    @cached_property
+    def volume(self) -> float:
+        """Enclosed volume, cubic millimetres."""
+        return volume(self.V, self.F)
+
+    @cached_property
+    def area(self) -> float:
+        """Area, square millimetres."""
+        return area(self.V, self.F)
+
+
+def part_of(thing: Solid | Surface, name: str, step_faces: int) -> Part:
+    """The solid or sheet in millimetres.
+
+    Raises ExportError for a solid that is open or has no volume, and for a mesh without faces or with numbers that are
+    not finite: no format can hold them.
+    """
+    part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
+    if not len(part.F):
+        raise ExportError(f"{name!r} has no faces, so there is nothing to write")
+    bad = np.flatnonzero(~np.isfinite(part.V).all(axis=1))
+    if len(bad):
+        raise ExportError(f"{len(bad)} vertices of {name!r} are not finite numbers (first: {first(bad)})")
+    if part.is_solid:
+        faults = open_edges(part.F)
+        if faults:
+            raise ExportError(f"the solid {name!r} is open at {faults} edges, so it has no inside; close it first")
+        if not part.volume > 0:
+            raise ExportError(f"the solid {name!r} has no inside, its volume is {part.volume:.3g} mm3; turn its faces")
+    return part
+
+
+def settled(part: Part, V: Floats, holding: str) -> Part:
+    """The part on the rounded vertices V (n, 3): edges that lost their length are contracted, with their triangles.
+
+    Reading programs merge equal points themselves and are left with triangles that have collapsed; some call that a
+    defect and STEP cannot hold it. `holding` says what rounds, for the message.
+    Raises ExportError when the contraction opens the solid, moves its volume by over 0.1 %, or leaves nothing.
+    """
+    a, b = half_edges(part.F)
+    lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
+    if not len(lost):
+        return replace(part, V=V)
+    links = coo_array((np.ones(len(lost), dtype=np.int8), (a[lost], b[lost])), shape=(len(V),) * 2)
+    of = connected_components(links, directed=False)[1].astype(np.int64)
+    F = of[part.F]
+    F = F[(np.roll(F, -1, axis=1) != F).all(axis=1)]
+    merged = np.empty((int(of.max()) + 1, 3))
+    merged[of] = V
+    small = replace(part, V=merged, F=F)
+    if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > 1e-3 * part.volume)):
+        close = np.unique([a[lost], b[lost]])
+        raise ExportError(
+            f"{len(close)} vertices of {part.name!r} are too close together for {holding} "
+            f"(first: {first(close)}) and the shape does not survive their merging; "
+            "coarsen the mesh there, or move it to the origin"
+        )
+    return small
+
+
+def in_single_precision(part: Part) -> Part:
+    """The part as formats, or their readers, with 32-bit numbers hold it; raises ExportError like `settled`."""
+    return settled(part, part.V.astype(np.float32).astype(np.float64), "numbers of single precision")
+
+
+def open_edges(F: Ints) -> int:
+    """Number of edges that are not run through equally often in both directions; 0 for a closed, oriented mesh."""
+    a, b = half_edges(F)
+    keys, edge = np.unique(np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b), return_inverse=True)
+    balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))
+    return int(np.count_nonzero(balance))
+
+
+def box(V: Floats, F: Ints) -> Floats:
+    """(2, 3) lowest and highest corner of the vertices that faces use."""
+    used = V[F.ravel()]
+    return np.stack([used.min(axis=0), used.max(axis=0)])
+
+
+def volume(V: Floats, F: Ints) -> float:
+    """Enclosed volume: signed tetrahedra from the middle of the box, so that no digits are lost far from the origin."""
+    a, b, c = (V[F[:, i]] - box(V, F).mean(axis=0) for i in range(3))
+    return float(np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
+
+
+def area(V: Floats, F: Ints) -> float:
+    """Area of all faces."""
+    a, b, c = (V[F[:, i]] for i in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

@@ -1,0 +1,59 @@
+"""Whether a file says what was written: judged on the mesh that a reader which is not the writer finds in it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import ExportError
+from dsfab.export.part import Part, area, box, open_edges, volume
+
+TOLERANCE = 1e-3
+"""Largest accepted change of volume, area or, as a share of the size, of the bounding box."""
+
+
+def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
+    """Vertices (n, 3) and faces (m, 3) as they are in the file, nothing merged or dropped."""
+    import trimesh
+
+    mesh = trimesh.load_mesh(path, process=False)
+    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
+
+
+def check_mesh(part: Part, V: Floats, F: Ints) -> None:
+    """Raise ExportError unless mesh V, F (millimetres) has the part's triangles, box and volume, and is closed."""
+    if len(F) != len(part.F):
+        raise differs(part, "triangles", len(part.F), len(F))
+    used, kept = len(np.unique(F)), len(np.unique(part.F))
+    if used != kept:
+        raise differs(part, "vertices", kept, used)
+    size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
+    moved = float(np.abs(box(V, F) - part.box).max())
+    if not moved <= TOLERANCE * size:
+        raise ExportError(
+            f"{part.name!r} reads back with its bounding box moved by {moved:.3g} mm; write another format"
+        )
+    if part.is_solid and open_edges(F):
+        raise ExportError(f"{part.name!r} reads back open at {open_edges(F)} edges; write another format")
+    check_measure(part, volume(V, F) if part.is_solid else area(V, F))
+
+
+def check_measure(part: Part, found: float) -> None:
+    """Raise ExportError unless `found` is the volume (mm3) of a solid or the area (mm2) of a sheet, to 0.1 %."""
+    what, unit, expected = ("volume", "mm3", part.volume) if part.is_solid else ("area", "mm2", part.area)
+    if not abs(found - expected) <= TOLERANCE * abs(expected):
+        raise ExportError(
+            f"{part.name!r} reads back with {what} {found:.6g} {unit} instead of {expected:.6g} {unit}; "
+            "write another format"
+        )
+
+
+def differs(part: Part, what: str, expected: int, found: int) -> ExportError:
+    """The error for a count that came back different."""
+    return ExportError(f"{part.name!r} reads back with {found} {what} instead of {expected}; write another format")
+
+
+def merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
+    """The mesh with vertices at exactly equal positions made one."""
+    points, of = np.unique(V, axis=0, return_inverse=True)
+    return points, of.reshape(-1)[F]

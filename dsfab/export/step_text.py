@@ -1,0 +1,144 @@
+"""The entities of a STEP file: five to a planar face, four to an edge, written without building any CAD model.
+
+ADVANCED_FACE -> FACE_OUTER_BOUND -> EDGE_LOOP -> ORIENTED_EDGE -> EDGE_CURVE -> LINE, two VERTEX_POINT
+              -> PLANE -> AXIS2_PLACEMENT_3D
+"""
+
+import re
+from collections.abc import Iterator
+from itertools import accumulate, pairwise
+from typing import Any
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.arrays import Floats, Ints
+from dsfab.export.coplanar import FLATNESS
+from dsfab.export.planar import Polyhedron
+from dsfab.export.text import one_line, rows
+
+DIGITS = 6
+"""Decimals of coordinates: 1e-6 mm."""
+
+_DIRECTION_DIGITS = 11
+"""Decimals of directions: under 1e-6 mm at the end of an edge of 100 m."""
+
+_POINT = f"CARTESIAN_POINT('',(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f))"
+_DIRECTION = f"DIRECTION('',(%.{_DIRECTION_DIGITS}f,%.{_DIRECTION_DIGITS}f,%.{_DIRECTION_DIGITS}f))"
+
+_TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
+
+_HEADER = """ISO-10303-21;
+HEADER;
+FILE_DESCRIPTION(('solid with planar faces, unit: millimetre'),'2;1');
+FILE_NAME('{name}','1970-01-01T00:00:00',(''),(''),'dsfab {version}','dsfab {version}','');
+FILE_SCHEMA(('AUTOMOTIVE_DESIGN {{ 1 0 10303 214 1 1 1 1 }}'));
+ENDSEC;
+DATA;
+#1=APPLICATION_CONTEXT('core data for automotive mechanical design processes');
+#2=APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000,#1);
+#3=PRODUCT_CONTEXT('',#1,'mechanical');
+#4=PRODUCT('{name}','{name}','',(#3));
+#5=PRODUCT_DEFINITION_FORMATION('','',#4);
+#6=PRODUCT_DEFINITION_CONTEXT('part definition',#1,'design');
+#7=PRODUCT_DEFINITION('design','',#5,#6);
+#8=PRODUCT_DEFINITION_SHAPE('','',#7);
+#9=PRODUCT_RELATED_PRODUCT_CATEGORY('part',$,(#4));
+#10=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.));
+#11=(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.));
+#12=(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT());
+#13=UNCERTAINTY_MEASURE_WITH_UNIT(LENGTH_MEASURE({tolerance}),#10,'distance_accuracy_value','');
+#14=(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT((#13))\
+GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
+#15=CARTESIAN_POINT('',(0.,0.,0.));
+#16=DIRECTION('',(0.,0.,1.));
+#17=DIRECTION('',(1.,0.,0.));
+#18=AXIS2_PLACEMENT_3D('',#15,#16,#17);
+"""
+_FIRST = 19
+"""The first free entity number after the header."""
+
+
+def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
+    """The text of the file. solids: the shells of each, the outer one first, then its voids (which face outwards).
+
+    The header's time is fixed, since the same solid gives the same file; ISO 10303-21 does not allow to leave it out.
+    """
+    yield _HEADER.format(name=quoted(one_line(name)), version=__version__, tolerance=f"{FLATNESS:.1E}")
+    along = shape.points[shape.edges[:, 1]] - shape.points[shape.edges[:, 0]]
+    directions, direction = _distinct(along / np.linalg.norm(along, axis=1, keepdims=True))
+    normals, normal = _distinct(shape.normals)
+    v, d, e, f = (len(x) for x in (shape.points, directions, shape.edges, shape.normals))
+    s, o, n = len(shape.steps), len(shape.loops) - 1, len(normals)
+    points, vertices, dirs, vectors, lines, edges, *rest = _blocks([v, v, d, d, e, e, s, o, o, n, f, f, f])
+    steps, loops, bounds, axes, placements, planes, faces, free = rest
+    p, q = shape.edges.T
+    outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
+    way, kind = np.where(shape.forward, "T", "F"), np.where(outer, "FACE_OUTER_BOUND", "FACE_BOUND")
+    yield from _table(points, _POINT, *shape.points.T)
+    yield from _table(vertices, "VERTEX_POINT('',#%d)", points)
+    yield from _table(dirs, _DIRECTION, *directions.T)
+    yield from _table(vectors, "VECTOR('',#%d,1.)", dirs)
+    yield from _table(lines, "LINE('',#%d,#%d)", points[p], vectors[direction])
+    yield from _table(edges, "EDGE_CURVE('',#%d,#%d,#%d,.T.)", vertices[p], vertices[q], lines)
+    yield from _table(steps, "ORIENTED_EDGE('',*,*,#%d,.%s.)", edges[shape.steps], way)
+    yield from _table(loops, "EDGE_LOOP('',(%s))", _lists(steps, shape.loops))
+    yield from _table(bounds, "%s('',#%d,.T.)", kind, loops)
+    yield from _table(axes, _DIRECTION, *normals.T)
+    yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", points[shape.origin], axes[normal])
+    yield from _table(planes, "PLANE('',#%d)", placements)
+    yield from _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _lists(bounds, shape.faces), planes)
+    yield from _solids(shape.shell, solids, faces, int(free[0]))
+
+
+def _blocks(counts: list[int]) -> list[Ints]:
+    """Entity numbers for tables of so many rows, one after the other, and at the end the first free number."""
+    start = list(accumulate(counts, initial=_FIRST))
+    return [np.arange(a, b) for a, b in pairwise([*start, start[-1] + 1])]
+
+
+def _table(numbers: Ints, template: str, *columns: Any) -> Iterator[str]:
+    """One entity per row; numbers lose the zeros at their end, a quarter of the file."""
+    return (_TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
+
+
+def _solids(shell: Ints, solids: list[list[int]], faces: Ints, free: int) -> Iterator[str]:
+    """Shells, solids and the end of the file, in numbers from `free` on."""
+    items = []
+    for outer, *voids in solids:
+        shells = []
+        for i in [outer, *voids]:
+            listed = ",".join(f"#{k}" for k in faces[shell == i].tolist())
+            yield f"#{free}=CLOSED_SHELL('',({listed}));\n"
+            shells.append(free)
+            free += 1
+        for i in range(1, len(shells)):
+            yield f"#{free}=ORIENTED_CLOSED_SHELL('',*,#{shells[i]},.F.);\n"
+            shells[i] = free
+            free += 1
+        inner = ",".join(f"#{k}" for k in shells[1:])
+        brep = f"BREP_WITH_VOIDS('',#{shells[0]},({inner}))" if inner else f"MANIFOLD_SOLID_BREP('',#{shells[0]})"
+        yield f"#{free}={brep};\n"
+        items.append(free)
+        free += 1
+    listed = ",".join(f"#{k}" for k in [18, *items])
+    yield f"#{free}=ADVANCED_BREP_SHAPE_REPRESENTATION('',({listed}),#14);\n"
+    yield f"#{free + 1}=SHAPE_DEFINITION_REPRESENTATION(#8,#{free});\nENDSEC;\nEND-ISO-10303-21;\n"
+
+
+def _distinct(directions: Floats) -> tuple[Floats, Ints]:
+    """The different ones among unit vectors (k, 3), to the digits of the file, and the one of each."""
+    units, which = np.unique(np.round(directions, _DIRECTION_DIGITS) + 0.0, axis=0, return_inverse=True)
+    return units, which.reshape(-1)
+
+
+def _lists(numbers: Ints, start: Ints) -> list[str]:
+    """'#7,#8,#9' for each run numbers[start[i] : start[i + 1]]."""
+    named = [f"#{k}" for k in numbers.tolist()]
+    return [",".join(named[a:b]) for a, b in pairwise(start.tolist())]
+
+
+def quoted(name: str) -> str:
+    """The inside of a STEP string: quotes doubled, and what is not ASCII in hexadecimal (ISO 10303-21, 6.4.3)."""
+    name = name.replace("\\", "\\\\").replace("'", "''")
+    return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)

@@ -1,0 +1,172 @@
+"""How wide stripes are: as their threshold says, equally wide in metres, or as wide as the stress is large.
+
+With z = frequency x + phase material is |z - k| < d for integers k. Here d becomes a value at each vertex, linear over
+the faces like z, so that the edges z + d = k and z - d = k are still cut exactly.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Floats
+from dsfab.errors import PatternError
+from dsfab.surface.hats import hat_gradients
+from dsfab.surface.mesh import Surface
+
+Rule = Literal["plain", "constant", "graded"]
+
+SOLID = 0.5
+"""The half-width, in periods, at which neighbouring stripes touch."""
+LARGEST_FACTOR = 1e9
+"""What stripes cannot reach when they are made so many times wider, they cannot reach."""
+ROUNDS = (2, 60)
+"""Fewest and most rounds in which slopes are averaged."""
+STEPS = 30
+"""Several times what the search needs on a share without jumps."""
+
+
+@dataclass(frozen=True)
+class Widths:
+    """The rule for the half-width d of stripes at every vertex.
+
+    rule      : "plain"     d = (1 - threshold) / 4, the paper;
+                "constant"  d = |grad z| member / 2: the same width in metres also where a mode flattens;
+                "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family.
+    member    : metres, for "constant".    q : 0 to 4, for "graded".
+    min_width, max_width : metres, bounds on the width at every vertex under any rule; 0 sets none.
+    min_gap   : metres; where the gap to the next stripe is narrower, it is filled. 0 fills none.
+
+    Raises PatternError for other values, and for "constant" without `member`.
+    """
+
+    rule: Rule = "plain"
+    member: float = 0.0
+    q: float = 1.0
+    min_width: float = 0.0
+    max_width: float = 0.0
+    min_gap: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.rule not in ("plain", "constant", "graded"):
+            raise PatternError(f"the width rule {self.rule!r} must be plain, constant or graded")
+        for name in ("member", "min_width", "max_width", "min_gap"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise PatternError(f"{name} = {getattr(self, name)} must be a length in metres, or 0 for none")
+        if not 0 <= self.q <= 4:
+            raise PatternError(f"q = {self.q} must lie between 0 (no grading) and 4")
+        if self.rule == "constant" and not self.member:
+            raise PatternError("the width rule constant needs member, the width of the members in metres")
+        if 0 < self.max_width < self.min_width:
+            raise PatternError(f"min_width = {self.min_width} m is more than max_width = {self.max_width} m")
+
+    @property
+    def radius(self) -> float:
+        """Metres over which slopes are averaged: half the width of a member, where it is known."""
+        return self.member / 2 if self.rule == "constant" else 0.0
+
+    @property
+    def vary(self) -> bool:
+        """Whether the half-width differs from vertex to vertex."""
+        return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
+
+    def half_widths(self, plain: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
+        """(n,) d in periods, 0 (no material) to 0.5 (no gap), never less for a larger `factor`.
+
+        plain  : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
+        stress : (n,) size of the stress along the stripes, for "graded" only; any unit.
+        factor : what the rule is multiplied with, before the bounds.
+        """
+        if self.rule == "constant":
+            d = slope * (factor * self.member / 2)
+        else:
+            grading = stress**self.q if self.rule == "graded" else np.ones_like(slope)
+            d = factor * plain * grading
+        if self.max_width:
+            d = np.minimum(d, slope * (self.max_width / 2))
+        d = np.maximum(d, slope * (self.min_width / 2))
+        return np.asarray(np.where(d + slope * (self.min_gap / 2) > SOLID, SOLID, d))
+
+
+def vertex_means(surface: Surface, x: Floats) -> Floats:
+    """(n, ...) area-weighted means of values x (m, ...) over the faces around each vertex; 0 where there is none."""
+    return np.asarray(_averaging(surface) @ x)
+
+
+def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
+    """(n,) mean of |grad z| around each vertex: periods per metre for a phase z (n,).
+
+    The mean of the lengths, not the length of the mean: that vanishes on the ridges of z, where it would open a slit
+    along the middle of a member. Half the range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2
+    on it, which is what the mean of |grad z| over the disc gives too: so means are taken over `radius`, metres, half
+    the width of a member, and at least over two rings of faces, or the borders of members would fray on ridges.
+    """
+    average = _averaging(surface)
+    gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
+    slope = average @ np.linalg.norm(gradient, axis=1)
+    # a round spreads by a variance of h^2 / 3 on a regular mesh of width h; a disc has R^2 / 4
+    for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
+        slope = average @ slope[surface.F].mean(axis=1)
+    return np.asarray(slope)
+
+
+def _averaging(surface: Surface) -> csr_array:
+    """(n, m) area-weighted means over the faces around each vertex."""
+    area = np.maximum(surface.vertex_areas, np.finfo(float).tiny)
+    weights = np.repeat(surface.areas / 3, 3) / area[surface.F.ravel()]
+    faces = np.repeat(np.arange(surface.m), 3)
+    return csr_array((weights, (surface.F.ravel(), faces)), shape=(surface.n, surface.m))
+
+
+def relative_stresses(surface: Surface, principal: Floats) -> Floats:
+    """(n, 2) sizes of the two principal stresses (m, 2) at the vertices, over their common mean over the area.
+
+    Raises PatternError when there is no stress.
+    """
+    size = vertex_means(surface, np.abs(principal))
+    mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
+    if not mean > 0:
+        raise PatternError("nothing is stressed, so the width rule graded has nothing to follow; use another rule")
+    return np.asarray(size / mean)
+
+
+def solved_factor(share: Callable[[float], float], wanted: float, tolerance: float) -> float:
+    """The factor at which share(factor), which never falls, is `wanted` to `tolerance`.
+
+    The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
+    [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share.
+    """
+    low, high = (0.0, share(0.0) - wanted), (1.0, share(1.0) - wanted)
+    if low[1] > tolerance:
+        raise _unreachable(wanted, f"at least {low[1] + wanted:.1%}")
+    if high[1] < -tolerance and (most := share(LARGEST_FACTOR)) < wanted - tolerance:
+        raise _unreachable(wanted, f"at most {most:.1%}")
+    while high[1] < -tolerance:
+        low, high = high, (4 * high[0], share(4 * high[0]) - wanted)
+    best, kept = min(low, high, key=_miss), 0
+    for _ in range(STEPS):
+        if _miss(best) <= tolerance:
+            return best[0]
+        x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
+        new = (x, share(x) - wanted)
+        best = min(best, new, key=_miss)
+        if new[1] < 0:
+            low, high, kept = new, (high[0], high[1] / (2 if kept == 1 else 1)), 1
+        else:
+            low, high, kept = (low[0], low[1] / (2 if kept == -1 else 1)), new, -1
+    raise PatternError(
+        f"the kept share jumps past {wanted:.1%} of the surface (nearest: {best[1] + wanted:.2%}); "
+        "change the phase or the frequency a little"
+    )
+
+
+def _miss(end: tuple[float, float]) -> float:
+    return abs(end[1])
+
+
+def _unreachable(wanted: float, reach: str) -> PatternError:
+    return PatternError(
+        f"the pattern cannot keep {wanted:.1%} of the surface: {reach} with these widths, thresholds and kept regions"
+    )

@@ -1,0 +1,73 @@
+"""Values moved onto levels before a cut: onto levels only, never across one, so that no chords cross."""
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.slicing.cells import Cells
+
+SNAP_FLOOR = 1e-9
+"""Least snap fraction, applied also at snap = 0: lines nearer to a vertex go through it."""
+ROUNDING = 8
+"""Values within this many units in the last place of the largest value are on a level, however flat the field."""
+TIP = 1e-3
+"""Where both edges of a stripe of varying width come closer than this share of a side, they meet (not at snap = 0)."""
+
+
+def nearest(x: Floats, levels: Floats) -> Floats:
+    """The level nearest to each value."""
+    at = np.searchsorted(levels, x)
+    below, above = levels[np.maximum(at - 1, 0)], levels[np.minimum(at, len(levels) - 1)]
+    closest: Floats = np.where(np.abs(x - below) < np.abs(above - x), below, above)
+    return closest
+
+
+def snapped(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fraction: float, free: Bools) -> Floats:
+    """A copy of x with free values within `fraction` of their edges' largest range of a level moved onto it."""
+    level = nearest(x, levels)
+    near = np.abs(x - level) <= fraction * _reach(x, sides) + _rounding(x)
+    moved: Floats = np.where(free & near, level, x)
+    return moved
+
+
+def snapped_together(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fraction: float) -> Floats:
+    """A copy of x (n, 2), two fields on the same levels: the value relatively nearer to a level moves onto it.
+
+    The other moves by as much, so that a stripe keeps its width, but not across a level of its own. Fields at a
+    constant distance move as a single field with the levels of both would.
+    """
+    level = np.stack([nearest(x[:, i], levels) for i in (0, 1)], axis=1)
+    reach = np.stack([_reach(x[:, i], sides) for i in (0, 1)], axis=1)
+    gap, limit = np.abs(x - level), fraction * reach + _rounding(x)
+    first = gap[:, 0] * limit[:, 1] <= gap[:, 1] * limit[:, 0]
+    chosen = np.stack([first, ~first], axis=1)
+    step = np.where(chosen, level - x, 0).sum(axis=1)
+    near = np.any(chosen & (gap <= limit), axis=1)
+    bounded = np.concatenate([[-np.inf], levels, [np.inf]])
+    low = bounded[np.searchsorted(levels, x, side="right")]
+    high = bounded[np.searchsorted(levels, x, side="left") + 1]
+    other = np.clip(x + step[:, None], low, high)
+    moved: Floats = np.where(near[:, None], np.where(chosen, level, other), x)
+    return moved
+
+
+def settled(cells: Cells, x: Floats, levels: Floats) -> tuple[Bools, Bools]:
+    """(c,) polygons that are material, and (c,) void, wherever the levels of the fields x (n, 2) run."""
+    width, begins = (x[:, 0] - x[:, 1])[cells.corner], cells.start[:-1]
+    gap = np.diff(levels).max(initial=0.0)
+    within = (x[:, 0] >= levels[0]) & (x[:, 1] < levels[-1])
+    wide = (width >= gap - _rounding(x)) & within[cells.corner]
+    return np.logical_and.reduceat(wide, begins), np.maximum.reduceat(width, begins) <= _rounding(x)
+
+
+def _reach(x: Floats, sides: tuple[Ints, Ints]) -> Floats:
+    """(n,) the largest range of x over the sides at each vertex."""
+    reach = np.zeros(len(x))
+    difference = np.abs(x[sides[0]] - x[sides[1]])
+    for end in sides:
+        np.maximum.at(reach, end, difference)
+    return reach
+
+
+def _rounding(x: Floats) -> float:
+    """What a constant field may be off by, once an earlier cut has interpolated it."""
+    return float(ROUNDING * np.spacing(np.abs(x).max()))

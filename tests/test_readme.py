@@ -1,0 +1,88 @@
+"""The README is true: its commands run, its Python runs, its preset loads, its pictures exist."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import trimesh
+
+import dsfab
+from dsfab.app.cli import main
+from tests.zoo import ZOO
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    """The code blocks of a language."""
+    return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
+
+
+COMMANDS = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("dsfab ")]
+SETUP = [line for block in blocks("sh") for line in block.splitlines() if ".venv/bin/" in line]
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """A folder with a roof of one's own in it, in millimetres."""
+    dome = ZOO["dome"]()
+    trimesh.Trimesh(dome.V * 8000, dome.F, process=False).export(tmp_path / "my_roof.obj")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", COMMANDS)
+def test_every_command_runs_as_written(line, desk, capsys):
+    words = shlex.split(line, comments=True)
+    assert main(words[1:]) == 0, capsys.readouterr().err
+    if "build" in words:
+        folder = Path(words[words.index("-o") + 1]) if "-o" in words else Path("outputs") / words[2]
+        made = {path.suffix for path in folder.iterdir()}
+        assert {".stl", ".3mf", ".step", ".png", ".toml", ".json", ".ply"} <= made
+
+
+def test_there_are_five_commands():
+    assert len(COMMANDS) == 5
+
+
+def test_the_two_set_up_commands_differ_in_what_they_install_and_run_only():
+    """They themselves are run by `.ci/run`, in a fresh clone; here their parts are checked."""
+    build, test = SETUP
+    assert build.split(" && ")[0] == test.split(" && ")[0] == "python3 -m venv .venv"
+    assert build.endswith(".venv/bin/dsfab build presets/dome.toml")
+    assert test.endswith(".venv/bin/pytest")
+    assert (ROOT / "presets" / "dome.toml").is_file()
+
+
+def test_ci_finds_the_commands_it_runs():
+    for marker in ("system-packages", "build", "test"):
+        after = README.partition(f"<!-- {marker} -->\n```sh\n")[2]
+        assert after.splitlines()[0], marker
+
+
+@pytest.mark.slow
+def test_the_python_example_runs(desk):
+    (code,) = blocks("python")
+    names: dict[str, object] = {}
+    exec(code, names)
+    assert names["finer"].surface is names["design"].surface
+    assert (desk / "dome.stl").stat().st_size > 1000
+
+
+def test_the_preset_of_the_readme_builds(tmp_path):
+    (text,) = blocks("toml")
+    (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
+    design = dsfab.run(dsfab.load_preset(tmp_path / "canopy.toml"))
+    assert len(design.slicing.pieces) == 1
+    assert design.preset.name == "canopy"
+
+
+def test_pictures_and_files_that_it_names_exist():
+    for target in re.findall(r"!\[.*?\]\((.*?)\)", README):
+        assert (ROOT / target).stat().st_size > 10_000, target
+    for name in ("CHANGELOG.md", "LICENSE", "presets/", "tests/test_architecture.py"):
+        assert f"`{name}`" in README
+        assert (ROOT / name).exists()
