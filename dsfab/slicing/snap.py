@@ -37,10 +37,13 @@ def snapped_together(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fracti
     """
     level = np.stack([nearest(x[:, i], levels) for i in (0, 1)], axis=1)
     reach = np.stack([_reach(x[:, i], sides) for i in (0, 1)], axis=1)
-    gap, limit = np.abs(x - level), fraction * reach + _rounding(x)
-    first = gap[:, 0] * limit[:, 1] <= gap[:, 1] * limit[:, 0]
+    steps, limit = level - x, fraction * reach + _rounding(x)
+    gap = np.abs(steps)
+    share = gap * limit[:, ::-1]
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # upwards, as `nearest` does
+    first = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([first, ~first], axis=1)
-    step = np.where(chosen, level - x, 0).sum(axis=1)
+    step = np.where(chosen, steps, 0).sum(axis=1)
     near = np.any(chosen & (gap <= limit), axis=1)
     bounded = np.concatenate([[-np.inf], levels, [np.inf]])
     low = bounded[np.searchsorted(levels, x, side="right")]
