@@ -19,6 +19,7 @@ _HOME = {
     "Sheet": "dsfab.slicing",
     "Solid": "dsfab.thickening",
     "Surface": "dsfab.surface",
+    "compare": "dsfab.study",
     "load_preset": "dsfab.preset_file",
     "read_surface": "dsfab.surface",
     "revise": "dsfab.pipeline",
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from dsfab.preset import Preset as Preset
     from dsfab.preset_file import load_preset as load_preset
     from dsfab.slicing import Sheet as Sheet
+    from dsfab.study import compare as compare
     from dsfab.study import sweep as sweep
     from dsfab.surface import LoadCase as LoadCase
     from dsfab.surface import Surface as Surface

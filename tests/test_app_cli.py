@@ -124,6 +124,17 @@ def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
     assert out.splitlines()[1].split()[4] == "n/a"
 
 
+def test_compare_prints_the_competitors_and_the_gain(capsys):
+    arguments = ["compare", "cantilever", "--set", "surface.edge=0.08"]
+    code, out, _ = run(capsys, *arguments)
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()[:4]] == ["structure", "full", "design", "thinner"]
+    assert "x as stiff as the best isotropic structure" in out
+    code, out, err = run(capsys, *arguments, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["design"]["compliance"] > json.loads(out)["full"]["compliance"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -25,6 +25,7 @@ app.command("dsfab.app.build:build", name="build")
 app.command("dsfab.app.listing:presets", name="presets")
 app.command("dsfab.app.listing:inspect", name="inspect")
 app.command("dsfab.app.bench:bench", name="bench")
+app.command("dsfab.app.compare:compare", name="compare")
 app.command("dsfab.app.verify:verify", name="verify")
 
 

@@ -27,7 +27,8 @@ class Row:
 
     ratio   : value over reference; None (like `value`) where the elements cannot hold what the test holds.
     rate    : observed order of convergence of the value, from this mesh and the two before, without the reference;
-              None on the first two and where the value does not change any more.
+              None on the first two and where the value does not change any more. Jittered meshes are not nested and
+              make it rough; so does a value that swings about its limit.
     verdict : `ok` within the test's tolerance; `coarse` not, but a finer mesh of the series is; `off` not, and the
               finest is not either; `not run`: the test clamps edges and hinges have no rotations.
     """

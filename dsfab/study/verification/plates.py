@@ -1,6 +1,7 @@
 """Flat sheets: bent plates, cantilevers, Cook's membrane, patches of constant stress."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -104,7 +105,7 @@ def cook(cells: int, mesh: Mesh) -> Problem:
     V = np.stack([48 * uv[:, 0], low + (high - low) * uv[:, 1], 0 * low], axis=1)
     middle = at(uv[:, 0], 1.0) & at(uv[:, 1], 0.5)
     panel = tip_loaded(uv, F, V, Material(1.0, 1 / 3), 1.0, (0.0, 1.0, 0.0))
-    return Problem(**{**vars(panel), "value": mean_move(middle, (0.0, 1.0, 0.0))})
+    return replace(panel, value=mean_move(middle, (0.0, 1.0, 0.0)))
 
 
 def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:

@@ -1,0 +1,91 @@
+"""Comparison: loads handed to the cut sheet with their resultant, competitors of the same mass under the same loads."""
+
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab.errors import StaticsError
+from dsfab.slicing import cut
+from dsfab.statics import solve_statics
+from dsfab.study.handover import sheet_load
+from dsfab.surface import LoadCase
+from tests.zoo import grid
+
+CHANGES = {"surface.edge": 0.06}
+
+
+@pytest.fixture(scope="module")
+def cantilever():
+    return dsfab.run(dsfab.load_preset("cantilever", CHANGES))
+
+
+@pytest.fixture(scope="module")
+def compared(cantilever):
+    return dsfab.compare(cantilever, pairs=((1, 1), (1, 2), (2, 1)))
+
+
+def test_handed_over_loads_keep_their_resultant_and_supports_hold_what_is_left(cantilever):
+    load = sheet_load(cantilever.surface, cantilever.sheet, cantilever.load)
+    assert load.force.sum(axis=0) == pytest.approx(cantilever.load.force.sum(axis=0), rel=1e-12)
+    held = cantilever.sheet.surface.V[load.held]
+    assert len(held) > 3
+    assert held[:, 0] == pytest.approx(-1.0)
+    everywhere = LoadCase(cantilever.load.fixed, np.ones((cantilever.surface.n, 3)), cantilever.load.loaded)
+    spread = sheet_load(cantilever.surface, cantilever.sheet, everywhere)
+    assert spread.force.sum(axis=0) == pytest.approx([cantilever.surface.n] * 3, rel=1e-12)
+
+
+def test_a_load_far_from_all_material_is_refused_and_so_is_a_sheet_without_supports():
+    plate = grid(10, 10, 1.0, 1.0)
+    x = plate.V[:, 0]
+    fixed = np.repeat((x < 0.01)[:, None], 3, axis=1)
+    force = np.zeros((plate.n, 3))
+    force[x > 0.99, 1] = 1.0
+    left = cut(plate, [x], [[-1.0, 0.55]]).kept()
+    with pytest.raises(StaticsError, match=r"finds no material within 0\.45"):
+        sheet_load(plate, left, LoadCase(fixed, force, x > 0.99))
+    right = cut(plate, [x], [[0.55]]).kept()
+    with pytest.raises(StaticsError, match="no supported vertex is left"):
+        sheet_load(plate, right, LoadCase(fixed, force, x > 0.99))
+
+
+def test_a_complete_sheet_cut_into_cells_is_as_stiff_as_the_uncut_one(cantilever):
+    """Slivers of the cut cost conditioning, not accuracy."""
+    surface, statics = cantilever.surface, cantilever.preset.statics
+    cells = cut(surface, cantilever.pattern.fields, cantilever.pattern.levels, 0.05)
+    whole = cells.kept(np.ones(cells.surface.m, dtype=bool))
+    values = [
+        solve_statics(s, statics.material, load, statics.thickness, membrane="quadratic", bending="midedge").compliance
+        for s, load in ((surface, cantilever.load), (whole.surface, sheet_load(surface, whole, cantilever.load)))
+    ]
+    assert values[1] == pytest.approx(values[0], rel=0.01)
+
+
+def test_competitors_have_the_same_mass_and_full_is_the_stiffest(cantilever, compared):
+    design = compared.design
+    assert design.mass == pytest.approx(cantilever.mass, rel=0.01)
+    assert compared.thinner.mass == pytest.approx(design.mass)
+    for rival in compared.carried:
+        assert rival.mass == pytest.approx(design.mass, rel=0.01)
+    assert compared.full.mass > design.mass
+    assert compared.full.compliance < min(design.compliance, *(c.compliance for c in compared.carried))
+    assert len(compared.isotropic) == 3
+
+
+def test_in_the_plane_a_thinner_sheet_is_softer_by_its_share_of_the_thickness(compared):
+    share = compared.thinner.mass / compared.full.mass
+    assert compared.thinner.compliance * share == pytest.approx(compared.full.compliance, rel=1e-6)
+
+
+def test_the_cantilever_is_stiffer_than_structures_that_do_not_know_the_stress(compared):
+    assert compared.gain > 1.2
+    assert compared.median_gain >= compared.gain
+
+
+def test_competitors_that_fall_apart_are_told_and_do_not_count():
+    sphere = dsfab.run(dsfab.load_preset("sphere", {"surface.edge": 0.12}))
+    compared = dsfab.compare(sphere, pairs=((1, 1), (1, 2), (2, 2)))
+    broken = [rival for rival in compared.isotropic if rival.error]
+    assert broken
+    assert all("reach no support" in rival.error or "no material" in rival.error for rival in broken)
+    assert not set(broken) & set(compared.carried)
