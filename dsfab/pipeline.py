@@ -170,7 +170,8 @@ def _diffusion(preset: Preset, surface: Surface, statics: StaticsResult, log: _L
     if surface.mean_edge > edge:
         log.note(
             "diffusion",
-            f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m",
+            f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
+            "(surface.refine)",
         )
     if (share := tensors.isotropic @ surface.areas / surface.area) > 0.5:
         log.note("diffusion", f"{share:.0%} of the surface has no clear stress direction; raise gamma or the loads")
