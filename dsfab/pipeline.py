@@ -11,7 +11,7 @@ import numpy as np
 from dsfab.arrays import Ints, first
 from dsfab.design import Design, DiffusionResult, Note, PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
-from dsfab.errors import PatternError, SolidError
+from dsfab.errors import PatternError, SolidError, SurfaceError
 from dsfab.pattern import (
     Family,
     Layer,
@@ -44,6 +44,12 @@ SHARE_TOLERANCE = 4e-4
 
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
+
+PLAUSIBLE = (3.0, 1e5)
+"""A surface's size over its thickness must lie between these."""
+
+USUAL = (10.0, 5e3)
+"""Outside of these the user is told."""
 
 CELLS_PER_ROOT_R = 3.2
 """Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
@@ -131,8 +137,24 @@ def _surface(preset: Preset, log: _Log) -> Surface:
     return surface
 
 
+def _check_scale(preset: Preset, surface: Surface, log: _Log) -> None:
+    """Swapped units show in the ratio of size and thickness: refuse what no sheet has, and mention what few have."""
+    thickness = preset.statics.thickness
+    slenderness = surface.size / thickness
+    told = f"the surface is {surface.size:.3g} m large and the sheet {thickness:.3g} m thick"
+    if not PLAUSIBLE[0] < slenderness < PLAUSIBLE[1]:
+        raise SurfaceError(
+            f"{told}: that is no sheet; check surface.unit (mm, m, in ...) and statics.thickness (metres)"
+        )
+    if not USUAL[0] < slenderness < USUAL[1]:
+        log.note(
+            "statics", f"{told}: thin-sheet statics hold for ratios of about 20 to 2000; check units and thickness"
+        )
+
+
 def _statics(preset: Preset, surface: Surface, log: _Log) -> StaticsResult:
     given, sheet = preset.surface, preset.statics
+    _check_scale(preset, surface, log)
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
     weight = sheet.density * sheet.thickness * GRAVITY

@@ -20,6 +20,14 @@ SMALL = {
 """The shipped shapes on coarse meshes, for tests of laws rather than of numbers."""
 
 
+TORUS = {
+    "shape": "torus",
+    "edge": 0.8,
+    "support": [{"at": {"pick": "side", "axis": "z", "end": "min", "depth": 0.2}}],
+    "load": [{"kind": "self_weight"}],
+}
+
+
 @pytest.fixture(scope="module")
 def small():
     return {name: dsfab.run(dsfab.load_preset(name, changes)) for name, changes in SMALL.items()}
@@ -172,7 +180,9 @@ def test_a_load_on_removed_material_is_told():
         ({"surface.load": []}, "no load"),
         ({"surface.support.0.at": {"pick": "ball", "center": [0, 0, 90], "radius": 1}}, "picks no vertex"),
         ({"statics.density": 0.0}, "self_weight"),
-        ({"statics.thickness": 30.0, "thickening.thinnest": 0.99}, "bends so sharply"),
+        ({"surface": TORUS, "statics.thickness": 2.0, "thickening.thinnest": 0.9}, "bends so sharply"),
+        ({"statics.thickness": 60.0}, r"17\.. m large and the sheet 60 m thick: that is no sheet"),
+        ({"statics.thickness": 6e-5}, "that is no sheet; check surface.unit"),
         ({"surface.edge": 1e-4}, "edge"),
     ],
 )
@@ -187,6 +197,11 @@ def test_a_coarse_mesh_is_told_with_a_better_size(small):
     assert any("coarse for r = 100" in note.text for note in small["dome"].notes)
     fine = dsfab.run(dsfab.load_preset("dome", {**SMALL["dome"], "diffusion.r": 2.0}))
     assert not any("coarse" in note.text for note in fine.notes)
+
+
+def test_an_unusual_thickness_is_told():
+    thick = dsfab.run(dsfab.load_preset("dome", {**SMALL["dome"], "statics.thickness": 2.0}))
+    assert any("thin-sheet statics hold for ratios" in note.text for note in thick.notes)
 
 
 def test_a_load_too_large_for_the_sheet_is_told():

@@ -208,7 +208,7 @@ def facts(design: "Design", seconds: dict[str, float], files: list[str], refused
         },
         "files": files,
         "refused": refused,
-        "notes": [f"{note.stage}: {note.text}" for note in design.notes],
+        "warnings": [f"{note.stage}: {note.text}" for note in design.notes],
         "seconds": {row: round(value, 4) for row, value in seconds.items()},
         "versions": versions(),
     }

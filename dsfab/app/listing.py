@@ -52,7 +52,7 @@ def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:
     counted = f"{len(loops)} {'loop' if len(loops) == 1 else 'loops'}: {', '.join(length(x) for x in loops[:6])}"
     return [
         ("size", " x ".join(length(side) for side in facts.box) + f" (read as {facts.unit})"),
-        ("unit", facts.unit_guess),
+        ("likely unit", facts.unit_guess),
         (
             "mesh",
             f"{facts.vertices:,} vertices, {facts.faces:,} triangles, edges of {length(facts.mean_edge)} on average",

@@ -1,0 +1,137 @@
+"""Bad input of every kind, typed as a user would type it: one sentence, exit code 1, no traceback, nothing left behind.
+
+The list below is the place to look for what dsfab refuses; each entry is a file or an option and words of its sentence.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dsfab.app.cli import main
+from dsfab.surface import Surface
+from tests.zoo import grid, sphere
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def obj(surface: Surface, scale: float = 1.0) -> str:
+    """A surface as the text of an OBJ file."""
+    vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in (surface.V * scale).tolist())
+    return vertices + "".join(f"f {a} {b} {c}\n" for a, b, c in (surface.F + 1).tolist())
+
+
+def moebius() -> str:
+    """A strip of 24 squares whose ends meet turned over."""
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    rows = [(1 + s * np.cos(turn / 2)) for s in (-0.3, 0.3)]
+    heights = [s * np.sin(turn / 2) for s in (-0.3, 0.3)]
+    V = np.concatenate([np.c_[r * np.cos(turn), r * np.sin(turn), h] for r, h in zip(rows, heights, strict=True)])
+    faces = []
+    for i in range(24):
+        j, wraps = (i + 1) % 24, i == 23
+        a, b = i, i + 24
+        c, d = (j + 24, j) if wraps else (j, j + 24)
+        faces += [(a, c, d), (a, d, b)]
+    return obj(Surface(V, np.array(faces)))
+
+
+def plate_and_ball() -> str:
+    """A plate and a closed ball beside it, which has no boundary to stand on."""
+    plate, ball = grid(6, 6, 1.0, 1.0), sphere(1)
+    return obj(Surface(np.concatenate([plate.V, ball.V + [3, 0, 0]]), np.concatenate([plate.F, ball.F + plate.n])))
+
+
+def truncated_stl(path: Path) -> None:
+    trimesh.creation.box().export(path)
+    path.write_bytes(path.read_bytes()[:200])
+
+
+MESHES: dict[str, tuple[str, str | Callable[[Path], None], str]] = {
+    "missing file": ("gone.obj", lambda path: None, "gone.obj"),
+    "a folder": ("folder.obj", lambda path: path.mkdir(), "folder"),
+    "unknown suffix": ("model.dwg", "not a mesh", "dwg"),
+    "empty file": ("empty.obj", "", "empty.obj"),
+    "rubbish": ("rubbish.ply", "once upon a time", "rubbish.ply"),
+    "cut off": ("half.stl", truncated_stl, "half.stl"),
+    "vertices only": ("points.obj", OBJ, "face"),
+    "not a number": ("nan.obj", OBJ.replace("v 1 1 0", "v nan 1 0") + "f 1 2 3 4\n", "finite"),
+    "index out of range": ("range.obj", OBJ + "f 1 2 9\n", "range.obj"),
+    "collapsed faces": ("flat.obj", OBJ + "f 1 2 3\nf 1 1 2\n", "area"),
+    "all in one point": ("point.obj", "v 0 0 0\n" * 3 + "f 1 2 3\n", "area"),
+    "three faces on an edge": ("fan.obj", OBJ + "v 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 2 5\n", "edge"),
+    "the same face twice": ("twice.obj", OBJ + "f 1 2 3\nf 1 2 3\nf 1 3 4\n", "face"),
+    "one-sided (Moebius)": ("moebius.obj", moebius(), "one side only"),
+    "two pieces, one unsupported": ("pieces.obj", plate_and_ball(), "1 of 2 pieces of the surface touch no support"),
+    "closed, so no boundary to stand on": ("ball.obj", obj(sphere(2)), "boundary"),
+    "too few vertices": ("few.obj", OBJ + "v .5 .5 0\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n", "refine the mesh"),
+    "swapped units, too large": ("mm.obj", obj(grid(8, 8, 1.0, 1.0), 1e5), "check surface.unit"),
+    "swapped units, too small": ("metres.obj", obj(grid(8, 8, 1.0, 1.0), 1e-2), "check surface.unit"),
+    "a flat sheet held all around, nothing to carry": ("plate.obj", obj(grid(1, 9, 1.0, 9.0)), "nothing is left"),
+}
+"""What is wrong -> file name, its content or how it is made, and words of the sentence."""
+
+OPTIONS: dict[str, tuple[list[str], str]] = {
+    "no such preset": (["build", "cathedral"], "cathedral"),
+    "misspelt key": (["--set", "pattern.majr.frequency=3"], "did you mean major?"),
+    "misspelt value": (["--set", "pattern.width.rule=gradde"], "did you mean graded?"),
+    "negative thickness": (["--set", "statics.thickness=-0.1"], "greater than 0"),
+    "infinite frequency": (["--set", "pattern.major.frequency=inf"], "pattern.major.frequency"),
+    "no material at all": (
+        ["--set", "pattern.width={}", "--set", "pattern.keep=0", "--set", "pattern.major.threshold=1"]
+        + ["--set", "pattern.minor.threshold=1"],
+        "leaves no material",
+    ),
+    "more material than there is": (["--set", "pattern.width.solid_fraction=1.5"], "solid_fraction"),
+    "a mode that was not computed": (["--set", "pattern.minor.mode=9"], "pattern.minor.mode = 9"),
+    "a support that picks nothing": (
+        ["--set", "surface.support.0.at={pick='box', min=[9,9,9], max=[10,10,10]}"],
+        "box",
+    ),
+    "supports that let it slide": (["--set", "surface.support.0.hold=z"], "move along"),
+    "a mesh of a billion triangles": (["--set", "surface.edge=0.0001"], "edge"),
+    "an unknown format": (["--format", "skp"], "skp"),
+    "STEP over its budget": (["--format", "step", "--set", "export.step_faces=10"], "more than step_faces = 10"),
+}
+"""What is wrong -> options after `dsfab build dome`, and words of the sentence."""
+
+
+def sentence(capsys) -> str:
+    """The refusal, after checking that it is a single line without a traceback."""
+    err = capsys.readouterr().err
+    assert "Traceback" not in err
+    last = err.strip().splitlines()[-1]
+    assert last.startswith("dsfab: ")
+    assert len(last) < 500
+    return last
+
+
+@pytest.mark.parametrize("what", MESHES)
+def test_bad_meshes_are_refused(what, tmp_path, monkeypatch, capsys):
+    name, content, says = MESHES[what]
+    monkeypatch.chdir(tmp_path)
+    if callable(content):
+        content(Path(name))
+    else:
+        Path(name).write_text(content)
+    before = sorted(tmp_path.rglob("*"))
+    assert main(["build", "roof", "--mesh", name, "--no-picture", "--format", "stl"]) == 1
+    assert says in sentence(capsys)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("what", OPTIONS)
+def test_bad_options_are_refused(what, tmp_path, monkeypatch, capsys):
+    options, says = OPTIONS[what]
+    monkeypatch.chdir(tmp_path)
+    command = options if options[0] == "build" else ["build", "dome", "--set", "surface.edge=0.8", *options]
+    assert main([*command, "--no-picture"]) == 1
+    assert says in sentence(capsys)
+    if "STEP" not in what:  # there the other files are whole, and are kept
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_there_are_more_than_twenty_kinds():
+    assert len(MESHES) + len(OPTIONS) > 30
