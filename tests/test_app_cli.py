@@ -167,7 +167,11 @@ def test_wrong_usage_ends_with_code_2(capsys, arguments):
 
 
 def test_help_and_version(capsys):
-    assert run(capsys, "--help")[0] == 0
+    code, out, _ = run(capsys, "--help")
+    assert code == 0
+    for name in ("bench", "build", "compare", "inspect", "presets", "verify"):
+        (line,) = [line for line in out.splitlines() if f"│ {name} " in line]
+        assert len(line.strip("│ ").split()) > 4, "each command says what it does"
     code, out, _ = run(capsys, "--version")
     assert (code, out.strip()) == (0, "0.1.0")
     code, out, _ = run(capsys, "build", "--help")

@@ -21,12 +21,16 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 # named by text: a command's module is imported when the command is used
-app.command("dsfab.app.build:build", name="build")
-app.command("dsfab.app.listing:presets", name="presets")
-app.command("dsfab.app.listing:inspect", name="inspect")
-app.command("dsfab.app.bench:bench", name="bench")
-app.command("dsfab.app.compare:compare", name="compare")
-app.command("dsfab.app.verify:verify", name="verify")
+app.command(
+    "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
+)
+app.command("dsfab.app.listing:presets", name="presets", help="List the presets that come with dsfab.")
+app.command("dsfab.app.listing:inspect", name="inspect", help="Say what a mesh file is, and whether it is sound.")
+app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by stage, as the paper's Table 2 does.")
+app.command("dsfab.app.compare:compare", name="compare", help="Compare a design with others of the same mass.")
+app.command(
+    "dsfab.app.verify:verify", name="verify", help="Solve structures with known answers: can the statics be trusted?"
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
