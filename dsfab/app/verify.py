@@ -42,7 +42,8 @@ def verify(
     pairs = [Elements.named(name) for name in elements] or verification.PAIRS
     reporter = Reporter(quiet=json_)
     try:
-        rows = list(verification.verify(chosen, pairs, reporter))
+        told = lambda test, cells: reporter("verify", f"{test}, {cells}")  # noqa: E731
+        rows = list(verification.verify(chosen, pairs, told))
     finally:
         reporter.stop()
     reporter.done()
