@@ -24,9 +24,9 @@ from dsfab.slicing import cut
 from tests.zoo import ZOO, grid, jittered, zoo
 
 COARSE = {
-    "dome": {"surface.edge": 0.5},
-    "cantilever": {"surface.edge": 0.05},
-    "sphere": {"surface.edge": 0.1},
+    "dome": {"surface.edge": 0.5, "pattern.width": {}},
+    "cantilever": {"surface.edge": 0.05, "pattern.width": {}},
+    "sphere": {"surface.edge": 0.1, "pattern.width": {}},
 }
 
 
@@ -36,8 +36,7 @@ def coarse():
 
 
 def with_width(design, name, **width):
-    changes = {f"pattern.width.{key}": value for key, value in width.items()}
-    return dsfab.revise(design, dsfab.load_preset(name, {**COARSE[name], **changes}))
+    return dsfab.revise(design, dsfab.load_preset(name, {**COARSE[name], "pattern.width": width}))
 
 
 def kept_share(design) -> float:
@@ -382,4 +381,4 @@ def test_widths_restart_at_the_pattern_and_give_the_fresh_design(coarse):
 )
 def test_impossible_presets_are_refused_with_their_key(changes, says):
     with pytest.raises(PresetError, match=says):
-        dsfab.load_preset("dome", {f"pattern.width.{key}": value for key, value in changes.items()})
+        dsfab.load_preset("dome", {"pattern.width": changes})
