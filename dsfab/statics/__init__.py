@@ -5,6 +5,7 @@ from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
+from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
 from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
@@ -15,15 +16,19 @@ __all__ = [
     "PAPER",
     "VERDICT",
     "Bending",
+    "Buckling",
     "Elements",
     "Equilibrium",
     "Law",
     "Material",
     "Membrane",
     "SpreadLoad",
+    "Vibration",
     "bending_stiffness",
+    "buckling",
     "equilibrium",
     "flat_axis",
+    "frequencies",
     "membrane_stiffness",
     "solve_statics",
     "spread_load",

@@ -1,6 +1,6 @@
 """One linear solve: displacements, reactions, compliance, and the proof that they balance."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, lock, locked
+from dsfab.arrays import Bools, Floats, Ints, lock, locked
 from dsfab.errors import StaticsError
 from dsfab.sparse import NotPositiveDefinite, factorise
 from dsfab.statics.elements import PAPER, Elements, edge_frames
@@ -135,12 +135,27 @@ def _require_solved(imbalance: float, residual: float) -> None:
         )
 
 
-def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[Floats, float]:
-    """All unknowns and the relative residual; unknowns without stiffness (vertices of no face) stay where they are."""
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A factorised stiffness.
+
+    free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
+    inner : (N, N) the stiffness of the free unknowns with a unit diagonal.
+    solve : the function b -> inner^-1 b.
+    """
+
+    free: Ints
+    scale: Floats
+    inner: csr_array
+    solve: Callable[[Floats], Floats]
+
+
+def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
+    """K without held unknowns and without those that have no stiffness (vertices of no face).
+
+    Raises StaticsError when it is not positive definite.
+    """
     free = np.flatnonzero(~held & (K.diagonal() > 0))
-    u = np.zeros(len(f))
-    if not len(free):
-        return u, 0.0
     inner = csr_array(K[free][:, free])
     # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
     scale = 1 / np.sqrt(inner.diagonal())
@@ -148,19 +163,27 @@ def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[F
     points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
     node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
     try:
-        solve = factorise(inner, points, node)
+        return Factor(free, scale, inner, factorise(inner, points, node))
     except NotPositiveDefinite as error:
         raise StaticsError(
             "the sheet is a mechanism: parts of it meet in single points or are not held; "
             "check the mesh with `dsfab inspect` and hold more directions"
         ) from error
-    b = scale * f[free]
-    x = solve(b)
-    x += solve(b - inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
-    u[free] = scale * x
-    r = b - inner @ x
+
+
+def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[Floats, float]:
+    """All unknowns and the relative residual; unknowns without stiffness stay where they are."""
+    u = np.zeros(len(f))
+    if not (~held & (K.diagonal() > 0)).any():
+        return u, 0.0
+    factor = factored(surface, K, held)
+    b = factor.scale * f[factor.free]
+    x = factor.solve(b)
+    x += factor.solve(b - factor.inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
+    u[factor.free] = factor.scale * x
+    r = b - factor.inner @ x
     energy = b @ x
-    return u, float(np.sqrt(abs(r @ solve(r)) / energy)) if energy > 0 else 0.0
+    return u, float(np.sqrt(abs(r @ factor.solve(r)) / energy)) if energy > 0 else 0.0
 
 
 def _moment(surface: Surface, elements: Elements, on_edges: Floats) -> Floats:
