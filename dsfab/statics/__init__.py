@@ -1,6 +1,7 @@
 """Stage 2, statics: how the surface carries the load."""
 
 from dsfab.arrays import Bools
+from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
 from dsfab.statics.material import Law, Material
@@ -22,6 +23,7 @@ __all__ = [
     "Law",
     "Material",
     "Membrane",
+    "Resultant",
     "SpreadLoad",
     "Vibration",
     "bending_stiffness",
@@ -30,9 +32,11 @@ __all__ = [
     "flat_axis",
     "frequencies",
     "membrane_stiffness",
+    "resultant",
     "solve_statics",
     "spread_load",
     "stress",
+    "support_reactions",
     "von_mises",
 ]
 

@@ -43,6 +43,8 @@ class Equilibrium:
                  that the arithmetic left in u, in that norm, and a bound on that of the compliance.
     on_edges   : by name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and `normal`
                  bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
+    torque     : (e,) moments of the supports on edges that cannot turn, about the edges' directions, newton metres;
+                 empty for elements without rotations.
     """
 
     u: Floats
@@ -51,10 +53,12 @@ class Equilibrium:
     imbalance: float
     residual: float = 0.0
     on_edges: Mapping[str, Floats] = field(default_factory=dict)
+    torque: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         lock(self, "u", np.float64, (None, 3))
         lock(self, "reaction", np.float64, (len(self.u), 3))
+        lock(self, "torque", np.float64, (None,))
         edges = {name: locked(values, np.float64, (None,)) for name, values in self.on_edges.items()}
         object.__setattr__(self, "on_edges", MappingProxyType(edges))
 
@@ -113,12 +117,13 @@ def equilibrium(
         held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
     x, residual = _solution(surface, K, f, held)
     corners, edges = np.split(x, [3 * surface.n])
-    forces, torques = np.split(K @ x - f, [3 * surface.n])
+    forces, on_edges = np.split(K @ x - f, [3 * surface.n])
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0)
-    imbalance = _imbalance(surface, load.force, reaction, _moment(surface, elements, torques))
+    imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
+    torque = _torque(elements, np.where(held[3 * surface.n :], on_edges, 0.0))
     _require_solved(imbalance, residual)
     named = zip(elements.on_edges, edges.reshape(len(elements.on_edges), -1), strict=True) if len(edges) else ()
-    return Equilibrium(corners.reshape(-1, 3), reaction, float(f @ x), imbalance, residual, dict(named))
+    return Equilibrium(corners.reshape(-1, 3), reaction, float(f @ x), imbalance, residual, dict(named), torque)
 
 
 def _require_solved(imbalance: float, residual: float) -> None:
@@ -186,18 +191,19 @@ def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[F
     return u, float(np.sqrt(abs(r @ factor.solve(r)) / energy)) if energy > 0 else 0.0
 
 
-def _moment(surface: Surface, elements: Elements, on_edges: Floats) -> Floats:
-    """(3,) sum of the moments that held edges exert on the sheet, N m; bubbles do not move with a rigid sheet."""
+def _torque(elements: Elements, on_edges: Floats) -> Floats:
+    """(e,) moments that held edges exert on the sheet, N m; the other unknowns do not move with a rigid sheet."""
     if "rotation" not in elements.on_edges:
-        return np.zeros(3)
-    about = on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")]
-    return np.asarray(about @ edge_frames(surface)[:, 0])
+        return np.zeros(0)
+    return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])
 
 
-def _imbalance(surface: Surface, force: Floats, reaction: Floats, moment: Floats) -> float:
+def _imbalance(surface: Surface, force: Floats, reaction: Floats, torque: Floats) -> float:
     total = force + reaction
     arm = (surface.V - surface.V.mean(axis=0)) / surface.size
-    turning = np.cross(arm, total).sum(axis=0) + moment / surface.size
+    turning = np.cross(arm, total).sum(axis=0)
+    if len(torque):
+        turning = turning + torque @ edge_frames(surface)[:, 0] / surface.size
     largest = max(np.abs(total.sum(axis=0)).max(), np.abs(turning).max())
     reference = np.linalg.norm(force, axis=1).sum()
     return float(largest / reference) if reference else 0.0
