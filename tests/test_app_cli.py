@@ -118,6 +118,17 @@ def test_bench_prints_the_table_and_json_with_the_agreed_keys(capsys):
     assert row["peak_mb"] > 50
 
 
+def test_bench_scaling_runs_one_preset_at_several_sizes(capsys, monkeypatch):
+    monkeypatch.setattr(bench_module, "SCALING", (300, 900))
+    code, out, _ = run(capsys, "bench", "dome", "--scaling", "--repeat", "1", "--json", "--set", "export.formats=[]")
+    assert code == 0
+    rows = json.loads(out)
+    assert [row["vertices"] for row in rows] == pytest.approx([300, 900], rel=0.1)
+    code, _, err = run(capsys, "bench", "bob", "--scaling")
+    assert code == 1
+    assert "surface.edge, which bob does not have" in err
+
+
 def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
     code, out, _ = run(capsys, "bench", "cantilever", "--set", "surface.edge=0.1", "--repeat", "1")
     assert code == 0

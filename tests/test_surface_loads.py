@@ -258,7 +258,7 @@ def test_supports_and_loads_come_from_toml():
         (Support, {"at": {"pick": "all"}, "hold": "zyx"}, "'xyz'"),
         (Support, {"at": {"pick": "all"}, "fix": "xyz"}, "fix"),
         (Load, {"kind": "force", "at": {"pick": "all"}}, "force"),
-        (Load, {"kind": "wind"}, "'pressure'"),
+        (Load, {"kind": "gale"}, "'pressure'"),
         (Load, {"kind": "pressure", "pressure": float("inf")}, "finite number"),
         (Load, {"kind": "self_weight", "factor": 2}, "factor"),
     ],

@@ -19,6 +19,9 @@ from dsfab.errors import DsfabError
 ROWS = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening", "export", "total")
 """Columns of the table, seconds: those of the paper's Table 2, then the stages beyond it."""
 
+SCALING = (10_000, 40_000, 100_000)
+"""Vertices of the surfaces that `--scaling` runs."""
+
 
 def bench(
     *presets: str,
@@ -26,6 +29,10 @@ def bench(
     mesh: Mesh = None,
     unit: Unit = None,
     repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
+    scaling: Annotated[
+        bool,
+        Parameter(negative=(), help="Run each preset with 10, 40 and 100 thousand vertices, by changing surface.edge."),
+    ] = False,
     step: Annotated[bool, Parameter(negative=(), help="Include STEP in the export column.")] = False,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
 ) -> int:
@@ -35,10 +42,12 @@ def bench(
     """
     reporter = Reporter(quiet=json_)
     results = []
-    for name in presets or ("sphere",):
-        reporter("bench", f"{name}, {repeat} {'run' if repeat == 1 else 'runs'}")
+    named = presets or ("sphere",)
+    work = [(name, more) for name in named for more in (_sizes(name, set_, mesh, unit) if scaling else [()])]
+    for name, more in work:
+        reporter("bench", f"{' '.join((name, *more))}, {repeat} {'run' if repeat == 1 else 'runs'}")
         try:
-            runs = [_in_own_process(name, set_, mesh, unit, step) for _ in range(max(1, repeat))]
+            runs = [_in_own_process(name, (*set_, *more), mesh, unit, step) for _ in range(max(1, repeat))]
         finally:
             reporter.stop()
         results.append(_median(runs))
@@ -48,6 +57,16 @@ def bench(
     else:
         out(_table(results))
     return 0
+
+
+def _sizes(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> list[tuple[str, ...]]:
+    """The overrides that give a shape about the numbers of vertices of `SCALING`: they grow with 1 / edge^2."""
+    surface = read_preset(name, changes, mesh, unit).surface
+    edge = getattr(surface, "edge", None)
+    if edge is None:
+        raise DsfabError(f"--scaling changes surface.edge, which {name} does not have; choose a preset with a shape")
+    now = surface.build().n
+    return [(f"surface.edge={edge * (now / wanted) ** 0.5:.6g}",) for wanted in SCALING]
 
 
 def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool) -> dict[str, Any]:

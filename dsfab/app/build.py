@@ -185,8 +185,7 @@ def facts(design: "Design", seconds: dict[str, float], files: list[str], refused
             "compliance_J": design.statics.equilibrium.compliance,
             "largest_displacement_m": design.statics.equilibrium.largest_displacement,
             "imbalance": design.statics.equilibrium.imbalance,
-            "load_N": design.load.force.sum(axis=0).tolist(),
-            "reaction_N": design.statics.equilibrium.reaction.sum(axis=0).tolist(),
+            **_balance(design),
         },
         "modes": {"major": design.diffusion.major.lam.tolist(), "minor": design.diffusion.minor.lam.tolist()},
         "sheet": {
@@ -214,6 +213,37 @@ def facts(design: "Design", seconds: dict[str, float], files: list[str], refused
     }
 
 
+def _balance(design: "Design") -> dict[str, Any]:
+    """Sums of loads and reactions, moments about the origin, in all and support by support."""
+    from dsfab.statics import resultant, support_reactions
+
+    surface, answer = design.surface, design.statics.equilibrium
+    load, reaction = resultant(surface, design.load.force), resultant(surface, answer.reaction, answer.torque)
+    supports = design.preset.surface.support
+    carried = zip(supports, support_reactions(surface, supports, answer), strict=True)
+    return {
+        "load_N": load.force.tolist(),
+        "load_moment_Nm": load.moment.tolist(),
+        "reaction_N": reaction.force.tolist(),
+        "reaction_moment_Nm": reaction.moment.tolist(),
+        "supports": [
+            {"hold": support.hold, "reaction_N": part.force.tolist(), "moment_Nm": part.moment.tolist()}
+            for support, part in carried
+        ],
+    }
+
+
+def _balance_line(design: "Design") -> str:
+    """The loads' sum and what each support carries of it, in one line."""
+    balance = _balance(design)
+
+    def told(force: list[float]) -> str:
+        return f"{sum(x * x for x in force) ** 0.5:.4g} N"
+
+    parts = ", ".join(told(part["reaction_N"]) for part in balance["supports"])
+    return f"loads sum to {told(balance['load_N'])}; supports carry {parts}"
+
+
 def versions() -> dict[str, str]:
     """dsfab, Python and the libraries that a result depends on."""
     from dsfab.sparse import solver_name
@@ -232,6 +262,7 @@ def _summary(design: "Design", folder: Path) -> None:
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     out(f"uncut sheet: compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most")
+    out(_balance_line(design))
     for note in design.notes:
         out(f"note ({note.stage}): {note.text}")
     for path in sorted(folder.iterdir()):

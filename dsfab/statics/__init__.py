@@ -1,10 +1,12 @@
 """Stage 2, statics: how the surface carries the load."""
 
 from dsfab.arrays import Bools
+from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
+from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
 from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
@@ -15,19 +17,26 @@ __all__ = [
     "PAPER",
     "VERDICT",
     "Bending",
+    "Buckling",
     "Elements",
     "Equilibrium",
     "Law",
     "Material",
     "Membrane",
+    "Resultant",
     "SpreadLoad",
+    "Vibration",
     "bending_stiffness",
+    "buckling",
     "equilibrium",
     "flat_axis",
+    "frequencies",
     "membrane_stiffness",
+    "resultant",
     "solve_statics",
     "spread_load",
     "stress",
+    "support_reactions",
     "von_mises",
 ]
 

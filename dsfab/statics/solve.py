@@ -1,6 +1,6 @@
 """One linear solve: displacements, reactions, compliance, and the proof that they balance."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, lock, locked
+from dsfab.arrays import Bools, Floats, Ints, lock, locked
 from dsfab.errors import StaticsError
 from dsfab.sparse import NotPositiveDefinite, factorise
 from dsfab.statics.elements import PAPER, Elements, edge_frames
@@ -43,6 +43,8 @@ class Equilibrium:
                  that the arithmetic left in u, in that norm, and a bound on that of the compliance.
     on_edges   : by name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and `normal`
                  bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
+    torque     : (e,) moments of the supports on edges that cannot turn, about the edges' directions, newton metres;
+                 empty for elements without rotations.
     """
 
     u: Floats
@@ -51,10 +53,12 @@ class Equilibrium:
     imbalance: float
     residual: float = 0.0
     on_edges: Mapping[str, Floats] = field(default_factory=dict)
+    torque: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         lock(self, "u", np.float64, (None, 3))
         lock(self, "reaction", np.float64, (len(self.u), 3))
+        lock(self, "torque", np.float64, (None,))
         edges = {name: locked(values, np.float64, (None,)) for name, values in self.on_edges.items()}
         object.__setattr__(self, "on_edges", MappingProxyType(edges))
 
@@ -113,12 +117,13 @@ def equilibrium(
         held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
     x, residual = _solution(surface, K, f, held)
     corners, edges = np.split(x, [3 * surface.n])
-    forces, torques = np.split(K @ x - f, [3 * surface.n])
+    forces, on_edges = np.split(K @ x - f, [3 * surface.n])
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0)
-    imbalance = _imbalance(surface, load.force, reaction, _moment(surface, elements, torques))
+    imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
+    torque = _torque(elements, np.where(held[3 * surface.n :], on_edges, 0.0))
     _require_solved(imbalance, residual)
     named = zip(elements.on_edges, edges.reshape(len(elements.on_edges), -1), strict=True) if len(edges) else ()
-    return Equilibrium(corners.reshape(-1, 3), reaction, float(f @ x), imbalance, residual, dict(named))
+    return Equilibrium(corners.reshape(-1, 3), reaction, float(f @ x), imbalance, residual, dict(named), torque)
 
 
 def _require_solved(imbalance: float, residual: float) -> None:
@@ -135,12 +140,27 @@ def _require_solved(imbalance: float, residual: float) -> None:
         )
 
 
-def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[Floats, float]:
-    """All unknowns and the relative residual; unknowns without stiffness (vertices of no face) stay where they are."""
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A factorised stiffness.
+
+    free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
+    inner : (N, N) the stiffness of the free unknowns with a unit diagonal.
+    solve : the function b -> inner^-1 b.
+    """
+
+    free: Ints
+    scale: Floats
+    inner: csr_array
+    solve: Callable[[Floats], Floats]
+
+
+def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
+    """K without held unknowns and without those that have no stiffness (vertices of no face).
+
+    Raises StaticsError when it is not positive definite.
+    """
     free = np.flatnonzero(~held & (K.diagonal() > 0))
-    u = np.zeros(len(f))
-    if not len(free):
-        return u, 0.0
     inner = csr_array(K[free][:, free])
     # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
     scale = 1 / np.sqrt(inner.diagonal())
@@ -148,33 +168,42 @@ def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[F
     points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
     node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
     try:
-        solve = factorise(inner, points, node)
+        return Factor(free, scale, inner, factorise(inner, points, node))
     except NotPositiveDefinite as error:
         raise StaticsError(
             "the sheet is a mechanism: parts of it meet in single points or are not held; "
             "check the mesh with `dsfab inspect` and hold more directions"
         ) from error
-    b = scale * f[free]
-    x = solve(b)
-    x += solve(b - inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
-    u[free] = scale * x
-    r = b - inner @ x
+
+
+def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[Floats, float]:
+    """All unknowns and the relative residual; unknowns without stiffness stay where they are."""
+    u = np.zeros(len(f))
+    if not (~held & (K.diagonal() > 0)).any():
+        return u, 0.0
+    factor = factored(surface, K, held)
+    b = factor.scale * f[factor.free]
+    x = factor.solve(b)
+    x += factor.solve(b - factor.inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
+    u[factor.free] = factor.scale * x
+    r = b - factor.inner @ x
     energy = b @ x
-    return u, float(np.sqrt(abs(r @ solve(r)) / energy)) if energy > 0 else 0.0
+    return u, float(np.sqrt(abs(r @ factor.solve(r)) / energy)) if energy > 0 else 0.0
 
 
-def _moment(surface: Surface, elements: Elements, on_edges: Floats) -> Floats:
-    """(3,) sum of the moments that held edges exert on the sheet, N m; bubbles do not move with a rigid sheet."""
+def _torque(elements: Elements, on_edges: Floats) -> Floats:
+    """(e,) moments that held edges exert on the sheet, N m; the other unknowns do not move with a rigid sheet."""
     if "rotation" not in elements.on_edges:
-        return np.zeros(3)
-    about = on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")]
-    return np.asarray(about @ edge_frames(surface)[:, 0])
+        return np.zeros(0)
+    return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])
 
 
-def _imbalance(surface: Surface, force: Floats, reaction: Floats, moment: Floats) -> float:
+def _imbalance(surface: Surface, force: Floats, reaction: Floats, torque: Floats) -> float:
     total = force + reaction
     arm = (surface.V - surface.V.mean(axis=0)) / surface.size
-    turning = np.cross(arm, total).sum(axis=0) + moment / surface.size
+    turning = np.cross(arm, total).sum(axis=0)
+    if len(torque):
+        turning = turning + torque @ edge_frames(surface)[:, 0] / surface.size
     largest = max(np.abs(total.sum(axis=0)).max(), np.abs(turning).max())
     reference = np.linalg.norm(force, axis=1).sum()
     return float(largest / reference) if reference else 0.0

@@ -8,7 +8,8 @@ import numpy as np
 
 from dsfab.arrays import Floats, lock
 from dsfab.statics.elements import BUBBLES, Elements, edge_frames
-from dsfab.surface.loads import Load, Pressure, SelfWeight
+from dsfab.surface.climate import Snow, Wind
+from dsfab.surface.loads import Line, Load, Pressure, SelfWeight
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import unit_vector
 
@@ -57,17 +58,21 @@ class SpreadLoad:
 
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
-    """The pressures and self-weights among `loads`; forces on picked vertices stay on the vertices.
+    """What among `loads` is spread over faces and along lines; forces on picked vertices stay on the vertices.
 
     weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
     """
-    face = np.zeros((surface.m, 3))
+    face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
         if isinstance(load, Pressure):
             face -= (load.pressure * surface.faces_of(load.at.vertices(surface)))[:, None] * surface.normals
         elif isinstance(load, SelfWeight):
             face += weight * unit_vector(load.direction, "a load of kind 'self_weight'")
-    return SpreadLoad.on(surface, face)
+        elif isinstance(load, Snow | Wind):
+            face += load.traction(surface)
+        elif isinstance(load, Line):
+            edge += load.on_edges(surface)
+    return SpreadLoad.on(surface, face, edge)
 
 
 def _lengths(surface: Surface) -> Floats:

@@ -1,6 +1,7 @@
 """Stage 1, what is given: the mesh, its supports and its loads."""
 
-from dsfab.surface.loads import Force, Load, LoadCase, Pressure, SelfWeight, Support
+from dsfab.surface.climate import Snow, Wind
+from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
 from dsfab.surface.reader import MeshFacts, describe, read_surface
@@ -15,6 +16,7 @@ __all__ = [
     "Box",
     "Facing",
     "Force",
+    "Line",
     "Load",
     "LoadCase",
     "MeshFacts",
@@ -23,9 +25,11 @@ __all__ = [
     "Pressure",
     "SelfWeight",
     "Side",
+    "Snow",
     "Support",
     "Surface",
     "Vertices",
+    "Wind",
     "describe",
     "read_surface",
     "refined",

@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 
 from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import SurfaceError
+from dsfab.surface.climate import Snow, Wind, picked_faces, to_corners
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, All, Picker, Real, Vector, unit_vector
 
@@ -67,13 +68,9 @@ class Pressure:
         """(n, 3) newtons; they sum to -pressure times the vector area of the faces."""
         if self.pressure == 0:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
-        faces = surface.faces_of(self.at.vertices(surface))
-        if not faces.any():
-            raise SurfaceError(
-                "a load of kind 'pressure' is on no face: no triangle has all three corners picked; pick a wider region"
-            )
+        faces = picked_faces(surface, self.at, "pressure")
         on_face = (-self.pressure * faces * surface.areas)[:, None] * surface.normals
-        return _to_corners(surface, on_face)
+        return to_corners(surface, on_face)
 
 
 @dataclass(frozen=True)
@@ -94,14 +91,45 @@ class SelfWeight:
         return weight * surface.vertex_areas[:, None] * unit_vector(self.direction, "a load of kind 'self_weight'")
 
 
-Load = Annotated[Force | Pressure | SelfWeight, Field(discriminator="kind")]
+@dataclass(frozen=True)
+class Line:
+    """A load in newtons per metre along edges: each edge gives half of its share to both of its ends.
+
+    edges : `boundary`, the free edges whose ends are both picked; `all`, every edge whose ends are both picked, for a
+            path through the sheet (pick a line of vertices, not a region).
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    at: Picker
+    per_metre: Vector
+    edges: Literal["boundary", "all"] = "boundary"
+    kind: Literal["line"] = "line"
+
+    def on_edges(self, surface: Surface) -> Floats:
+        """(e, 3) newtons per metre; times the lengths it sums to `per_metre` times the length of the line."""
+        if not any(self.per_metre):
+            raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
+        line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))
+        if self.edges == "boundary":
+            line &= surface.edges.boundary
+        if not line.any():
+            which = "free edge" if self.edges == "boundary" else "edge"
+            raise SurfaceError(
+                f"a load of kind 'line' is on no {which}: none has both ends picked; pick two neighbours at least"
+                + (", or set edges = 'all' for edges within the sheet" if self.edges == "boundary" else "")
+            )
+        return np.asarray(line[:, None] * np.array(self.per_metre))
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons."""
+        ends = surface.edges.ends
+        length = np.linalg.norm(surface.V[ends[:, 1]] - surface.V[ends[:, 0]], axis=1)
+        force = np.zeros((surface.n, 3))
+        np.add.at(force, ends.ravel(), np.repeat(self.on_edges(surface) * length[:, None] / 2, 2, axis=0))
+        return force
 
 
-def _to_corners(surface: Surface, on_face: Floats) -> Floats:
-    """(n, 3) a third of each face's force (m, 3) at each of its corners."""
-    corners = np.repeat(on_face / 3, 3, axis=0)
-    at = surface.F.ravel()
-    return np.stack([np.bincount(at, corners[:, i], minlength=surface.n) for i in range(3)], axis=1)
+Load = Annotated[Force | Pressure | SelfWeight | Line | Snow | Wind, Field(discriminator="kind")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +138,7 @@ class LoadCase:
 
     fixed  : (n, 3) True where a vertex may not move along x, y, z.
     force  : (n, 3) force on each vertex, newtons.
-    loaded : (n,) True at the vertices under a concentrated load (a force; not a pressure or self-weight),
+    loaded : (n,) True at the vertices under a concentrated load (a force or a line; not what is spread over faces),
              which the pattern may protect with `keep`.
     """
 
@@ -149,6 +177,8 @@ class LoadCase:
         for load in loads:
             if isinstance(load, Force):
                 loaded |= load.at.vertices(surface)
+            elif isinstance(load, Line):
+                loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         return cls(fixed, force, loaded)
 
     @property

@@ -1,0 +1,225 @@
+"""What a sheet does by itself: natural frequencies, and the load factor at which it buckles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+from dsfab.arrays import Bools, Floats, lock
+from dsfab.errors import StaticsError
+from dsfab.statics.bending import bending_stiffness
+from dsfab.statics.elements import BUBBLES, VERDICT, Elements, assembled, edge_frames
+from dsfab.statics.material import Law, Material
+from dsfab.statics.mechanisms import require_held
+from dsfab.statics.membrane import membrane_stiffness
+from dsfab.statics.solve import Equilibrium, factored
+from dsfab.statics.stress import stress
+from dsfab.statics.supports import held_on_edges, require_clampable
+from dsfab.surface.hats import hat_gradients, tangents
+from dsfab.surface.loads import LoadCase
+from dsfab.surface.mesh import Surface
+
+HATS = (np.eye(3) + 1) / 12
+"""Integrals of products of two hats over a triangle of area 1."""
+
+BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45
+"""The same of two edge bubbles 4 phi_j phi_k."""
+
+HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
+"""The same of hat i (row) and the bubble of half-edge c (column), which runs from corner c to the next."""
+
+TENSION = 1e-9
+"""A sheet whose smallest principal stress is above minus this share of the largest stress has no compression."""
+
+NOTHING = 1e-10
+"""Modes whose 1 / factor is below this share of the largest are no modes: nothing presses or moves them."""
+
+RESTARTS = 500
+"""Lanczos gives up after so many restarts; sheets that are clearly compressed take a few."""
+
+RESIDUAL = 1e-6
+"""Largest accepted relative residual of a mode, in the norm of the stiffness."""
+
+
+@dataclass(frozen=True, eq=False)
+class Vibration:
+    """Free vibrations.
+
+    hertz  : (k,) natural frequencies, ascending.
+    shapes : (k, n, 3) displacements, the largest of each 1.
+    """
+
+    hertz: Floats
+    shapes: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "hertz", np.float64, (None,))
+        lock(self, "shapes", np.float64, (len(self.hertz), None, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Buckling:
+    """Linear buckling.
+
+    factor : (k,) what the load is multiplied with to buckle the sheet, ascending; fewer than asked for, or none, where
+             so few parts of the sheet are compressed.
+
+    shapes : (k, n, 3) displacements, the largest of each 1.
+    """
+
+    factor: Floats
+    shapes: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "factor", np.float64, (None,))
+        lock(self, "shapes", np.float64, (len(self.factor), None, 3))
+
+
+def frequencies(
+    surface: Surface,
+    material: Material,
+    fixed: Bools,
+    thickness: float,
+    count: int = 3,
+    law: Law = "plane_stress",
+    elements: Elements = VERDICT,
+    clamped: Bools | None = None,
+) -> Vibration:
+    """The lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary inertia.
+
+    fixed     : (n, 3) held directions.       thickness : metres; the mass is density x thickness per area.
+    clamped   : (e,) edges that do not turn about themselves.
+
+    Raises StaticsError for a material without density, for mechanisms, and for more modes than there are unknowns.
+    """
+    if not material.density > 0:
+        raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
+    M = mass(surface, material.density * thickness, elements)
+    K = _stiffness(surface, material, thickness, law, elements)
+    inverse, shapes = _largest(surface, M, K, fixed, elements, clamped, count)
+    return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
+
+
+def buckling(
+    surface: Surface,
+    material: Material,
+    load: LoadCase,
+    answer: Equilibrium,
+    thickness: float,
+    count: int = 3,
+    law: Law = "plane_stress",
+    elements: Elements = VERDICT,
+    clamped: Bools | None = None,
+) -> Buckling:
+    """The lowest positive load factors of linear buckling: K x = factor (-K_g) x.
+
+    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet. Loads keep their
+             direction (a pressure that turns with the sheet is not modelled), and displacements before buckling do not
+             count: thin shells buckle well below, at a fifth to a half for cylinders under axial load
+             [Koiter 1945; NASA SP-8007].
+
+    Raises StaticsError for mechanisms, and when the modes cannot be found.
+    """
+    resultant = thickness * stress(surface, material, answer.u, law, answer.bubbles)
+    smallest = np.linalg.eigvalsh(resultant)[:, 0].min()
+    if smallest >= -TENSION * np.abs(resultant).max():  # then no mode exists, and looking for it would not end
+        return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
+    minus_Kg = -geometric_stiffness(surface, resultant, elements)
+    K = _stiffness(surface, material, thickness, law, elements)
+    inverse, shapes = _largest(surface, minus_Kg, K, load.fixed, elements, clamped, count)
+    return Buckling(1 / inverse, shapes)
+
+
+def mass(surface: Surface, per_area: float, elements: Elements) -> csr_array:
+    """M, kg, over the unknowns of `elements`: hats on the corners and bubbles on the edges; rotations weigh nothing.
+
+    per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet.
+    """
+    scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
+    shapes = np.broadcast_to(per_area * scalar, (surface.m, 6, 6)) * surface.areas[:, None, None]
+    return _on_unknowns(surface, shapes, elements)
+
+
+def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements) -> csr_array:
+    """K_g, N/m, over the unknowns of `elements`: the second variation of the work of a membrane stress,
+
+        x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
+
+    resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face.
+    """
+    t = tangents(surface)
+    planar = np.einsum("mai,mij,mbj->mab", t, resultant, t)
+    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
+    shapes = np.zeros((surface.m, 6, 6))
+    for opposite in range(3):  # the middles of the edges: exact for the linear gradients of bubbles
+        at = np.where(np.arange(3) == opposite, 0.0, 0.5)
+        bubble = 4 * (at[:, None] * np.roll(slope, -1, axis=1) + np.roll(at, -1)[:, None] * slope)
+        gradient = np.concatenate([slope, bubble], axis=1)
+        shapes += gradient @ planar @ gradient.transpose(0, 2, 1)
+    return _on_unknowns(surface, shapes * (surface.areas / 3)[:, None, None], elements)
+
+
+def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_array:
+    """The quadratic form sum over x, y, z of `shapes` (m, 6, 6) on three hats and three bubbles, over all unknowns."""
+    names = [name for name in BUBBLES if name in elements.on_edges]
+    frames = edge_frames(surface)[surface.edges.of]
+    axes = np.broadcast_to(np.tile(np.eye(3), (3, 1)), (surface.m, 9, 3))
+    direction = np.concatenate([axes, *(frames[:, :, BUBBLES.index(name)] for name in names)], axis=1)
+    function = np.concatenate([np.repeat(np.arange(3), 3), *(np.arange(3, 6) for _ in names)])
+    blocks = shapes[:, function][:, :, function] * (direction @ direction.transpose(0, 2, 1))
+    return assembled(blocks, elements.columns(surface, *names), elements.unknowns(surface))
+
+
+def _stiffness(surface: Surface, material: Material, thickness: float, law: Law, elements: Elements) -> csr_array:
+    K = membrane_stiffness(surface, material, thickness, law, elements)
+    return K + bending_stiffness(surface, material, thickness, elements) if elements.bending else K
+
+
+def _largest(
+    surface: Surface,
+    A: csr_array,
+    K: csr_array,
+    fixed: Bools,
+    elements: Elements,
+    clamped: Bools | None,
+    count: int,
+) -> tuple[Floats, Floats]:
+    """The largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
+
+    Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive where it is held, whatever A is,
+    and its factor is the only one. As in `equilibrium`, unknowns are scaled by the diagonal of K.
+    """
+    require_clampable(surface, elements, clamped)
+    turning = clamped if "rotation" in elements.on_edges else None
+    require_held(surface, LoadCase(fixed, np.zeros((surface.n, 3)), np.zeros(surface.n, bool)), fixed, turning)
+    held = np.concatenate([fixed.ravel(), held_on_edges(surface, elements, fixed, turning).T.ravel()])
+    factor = factored(surface, K, held)
+    N = len(factor.free)
+    if not 1 <= count < N:
+        raise StaticsError(f"{count} modes are asked for, but the sheet has {N} unknowns; ask for 1 to {N - 1}")
+    inner = csr_array(A[factor.free][:, factor.free])
+    inner = csr_array(inner.multiply(factor.scale[:, None]).multiply(factor.scale[None, :]))
+    solve = LinearOperator((N, N), matvec=factor.solve, dtype=np.float64)
+    start = np.random.default_rng(0).standard_normal(N)  # the same preset gives the same numbers
+    try:
+        mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=RESTARTS, tol=1e-10)
+    except ArpackNoConvergence as error:
+        raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
+    off = inner @ x - mu * (factor.inner @ x)
+    residual = np.sqrt(np.einsum("nk,nk->k", off, np.stack([factor.solve(c) for c in off.T], axis=1)).clip(0))
+    good = mu > NOTHING * np.abs(mu).max()
+    if not (residual[good] <= RESIDUAL * mu[good]).all():
+        raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
+    order = np.argsort(-mu[good])
+    full = np.zeros((good.sum(), K.shape[0]))
+    full[:, factor.free] = (factor.scale[:, None] * x[:, good][:, order]).T
+    return mu[good][order], _normalised(full[:, : 3 * surface.n].reshape(-1, surface.n, 3))
+
+
+def _normalised(shapes: Floats) -> Floats:
+    """Each shape with its longest vector 1 and the largest component positive."""
+    flat = shapes.reshape(len(shapes), -1)
+    sign = np.sign(flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)])
+    longest = np.linalg.norm(shapes, axis=2).max(axis=1)
+    return np.asarray(shapes * (sign / longest)[:, None, None])
