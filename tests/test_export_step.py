@@ -310,7 +310,7 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, sai
 
     monkeypatch.setattr(step, "entities", spoilt)
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / "box.step")
+        write(box(), tmp_path / "box.step", step="faceted")
     assert said in str(caught.value)
     assert not any(tmp_path.iterdir())
 
