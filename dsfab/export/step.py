@@ -134,6 +134,10 @@ def check(part: Part, path: Path) -> None:
             f"build123d finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
             "write STL or 3MF instead"
         )
+    if not found["tessellates"]:
+        raise ExportError(
+            f"build123d makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
+        )
     check_measure(part, found["volume"])
 
 
