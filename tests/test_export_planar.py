@@ -1,6 +1,7 @@
 """Planar STEP: flat sheets as lines and splines, within the tolerance, with their corners, or faceted with a reason."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -158,6 +159,56 @@ def test_outline_corners_are_where_stripes_cross_and_where_they_end():
     ]
     expected = np.array(sorted(crossings + ends))
     assert np.array(sorted(map(tuple, np.round(found[:, :2], 12)))) == pytest.approx(expected, abs=1e-9)
+
+
+def entities_in(text: str) -> dict[int, tuple[str, str]]:
+    """Kind and arguments of the numbered entities of a file."""
+    found = re.finditer(r"^#(\d+)=([A-Z0-9_]+)\('',?(.*)\);$", text, re.M)
+    return {int(m[1]): (m[2], m[3]) for m in found}
+
+
+def references(arguments: str) -> list[int]:
+    return [int(k) for k in re.findall(r"#(\d+)", arguments)]
+
+
+def faces_in(text: str) -> list[tuple[Floats, Floats]]:
+    """Per face of a file: the vertices of its outer loop, in order, and the normal of its surface at the first."""
+    of, faces = entities_in(text), []
+
+    def numbers(k: int) -> Floats:
+        return np.array([float(x) for x in of[k][1].strip("()").split(",")])
+
+    for kind, arguments in list(of.values()):
+        if kind != "ADVANCED_FACE":
+            continue
+        bound, *_, surface = references(arguments)
+        steps = [of[k][1] for k in references(of[references(of[bound][1])[0]][1])]
+        ends = [references(of[references(s)[0]][1])[:2][:: 1 if ".T." in s else -1] for s in steps]
+        assert all(a[1] == b[0] for a, b in zip(ends, [*ends[1:], ends[0]], strict=True))
+        loop = np.array([numbers(references(of[v][1])[0]) for v, _ in ends])
+        if of[surface][0] == "PLANE":
+            normal = numbers(references(of[references(of[surface][1])[0]][1])[1])
+        else:
+            curve, vector = references(of[surface][1])
+            start, after = (numbers(k) for k in references(of[curve][1])[:2])
+            normal = np.cross(after - start, numbers(references(of[vector][1])[0]))
+        faces.append((loop, normal))
+    return faces
+
+
+@pytest.mark.parametrize("across", [1.0, -1.0])
+def test_surfaces_face_outwards_and_loops_run_around_them(tmp_path, here, across):
+    """OCCT would turn wrong ones round without a word; other readers may not. A quarter of a disc is convex."""
+    turn = np.linspace(0, np.pi / 2, 40)
+    quarter = fan(0.2 * np.r_[np.c_[np.cos(turn), np.sin(turn)], [[0, 0]]] - 0.08)
+    solid = thickened(moved(Surface(quarter.V * [1, across, 1], quarter.F[:, :: int(across)])))
+    faces = faces_in(write(solid, tmp_path / "a.step", step="planar").read_text("ascii"))
+    assert sorted(len(loop) for loop, _ in faces) == [3, 3, 4, 4, 4]
+    middle = np.mean([loop.mean(axis=0) for loop, _ in faces], axis=0)
+    for loop, normal in faces:
+        assert (loop.mean(axis=0) - middle) @ normal > 0
+        around = np.cross(loop - middle, np.roll(loop, -1, axis=0) - middle).sum(axis=0)
+        assert around @ normal > 0
 
 
 def test_the_same_solid_gives_the_same_bytes(tmp_path, here):
