@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 from dsfab.app.build import build
 from dsfab.arrays import Floats
@@ -260,15 +261,36 @@ def test_a_refused_file_is_made_again_closer_and_then_faceted(tmp_path, monkeypa
     assert [p.name for p in tmp_path.iterdir()] == ["a.step"]
 
 
-def test_a_narrow_bridge_between_holes_survives_a_coarse_tolerance(tmp_path, here):
-    """Curves 5 mm off would swallow a member of 2 mm: the file is refused and made again, or the loops held closer."""
-    sheet = grid(60, 30, 0.6, 0.3)
-    centres = np.array([[0.2, 0.15], [0.402, 0.15]])
-    distance = (np.linalg.norm(sheet.V[:, None, :2] - centres, axis=2) - 0.1).min(axis=1)
-    solid = thickened(cut(sheet, [distance], [np.array([0.0])]).kept().surface)
-    write(solid, tmp_path / "a.step", step_tolerance=5e-3)
-    assert (here["solids"], here["valid"]) == (1, True)
-    assert here["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-3)
+def wavy_slits(gap: float) -> Surface:
+    """A plate with two long wavy slits of different length, `gap` apart."""
+    x = np.linspace(0, 0.6, 121)
+    y = np.array([0, 0.1, 0.14, 0.14 + gap, 0.18 + gap, 0.3])
+    sheet = grid(120, 5, 1.0, 1.0)
+    i, j = np.round(sheet.V[:, :2] * [120, 5]).astype(int).T
+    c = sheet.V[sheet.F].mean(axis=1) * [120, 5, 1]
+    below = (c[:, 1] > 1) & (c[:, 1] < 2) & (c[:, 0] > 10) & (c[:, 0] < 104)
+    above = (c[:, 1] > 3) & (c[:, 1] < 4) & (c[:, 0] > 23) & (c[:, 0] < 91)
+    return used(Surface(np.c_[x[i], y[j] + 0.02 * np.sin(14 * x[i]), np.zeros(sheet.n)], sheet.F), ~(below | above))
+
+
+def test_curves_do_not_cross_a_member_narrower_than_the_tolerance():
+    """Each side may move by a quarter of the member, so that half of it is left."""
+    gap, tolerance = 0.4, 3.0
+    outlines = outlines_of(part_of(thickened(wavy_slits(gap / 1000)), "a", 99))
+    shape = plate(outlines, np.zeros((0, 3)), tolerance)
+    _, below, above = ([c.at(np.linspace(c.knots[0], c.knots[-1], 4000)) for c in loop] for loop in shape.pieces[0])
+    near = cKDTree(np.concatenate(below)).query(np.concatenate(above))[0].min()
+    assert near >= 0.5 * gap * 0.9
+    loose = [curves_through(loop, np.zeros(len(loop), dtype=bool), tolerance) for loop in outlines.pieces[0]]
+    assert max(c.deviation for chain in loose for c in chain) > gap
+
+
+def test_a_plate_with_a_narrow_member_stays_valid(tmp_path, here):
+    solid = thickened(wavy_slits(4e-4))
+    said: list[str] = []
+    write(solid, tmp_path / "a.step", step_tolerance=3e-3, note=said.append)
+    assert said == ["STEP is planar, its outline within 3 mm of the mesh"]
+    assert (here["solids"], here["valid"], here["faces"]) == (1, True, 14)
 
 
 def test_an_unknown_way_is_refused(tmp_path):

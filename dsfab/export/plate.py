@@ -24,6 +24,10 @@ SLIMMEST = 0.1
 """A loop is followed at least as closely as this share of its area over its length: slits and dots keep their shape."""
 
 
+SHARE_OF_GAP = 0.25
+"""A loop is followed at least as closely as this share of its distance to the next: curves never cross a member."""
+
+
 @dataclass(frozen=True, eq=False)
 class Outlines:
     """The polylines of a flat sheet.
@@ -117,18 +121,53 @@ def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
     """
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     found = []
+    gaps = iter(_gaps([loop for loops in outlines.pieces for loop in loops], tolerance))
     for loops in outlines.pieces:
         chains = []
         for loop in loops:
             marked = np.zeros(len(loop), bool) if tree is None else np.asarray(tree.query(loop)[0]) <= SAME_PLACE
             length = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
-            close = min(tolerance, SLIMMEST * abs(enclosed(loop)) / length)
+            close = min(tolerance, SLIMMEST * abs(enclosed(loop)) / length, SHARE_OF_GAP * next(gaps))
             chain = curves_through(loop, marked, close)
             if chain is None:
                 raise ExportError(f"no spline follows an outline of {len(loop)} points within {close:.3g} mm")
             chains.append(tuple(chain))
         found.append(tuple(chains))
     return Plate(outlines, tuple(found))
+
+
+def _gaps(loops: list[Floats], tolerance: float) -> list[float]:
+    """A length per loop that is not above its distance to any other loop; inf where a curve could not get so far.
+
+    Points every s along two loops are at most s farther apart than the loops are. Where s is not small against what
+    is found, it is made smaller.
+    """
+    gaps, far = [np.inf] * len(loops), tolerance / SHARE_OF_GAP
+    spacing, left = tolerance, list(range(len(loops)))
+    while left and len(loops) > 1:
+        if spacing < SAME_PLACE:
+            raise ExportError(f"{len(left)} outlines touch another one")
+        trees = [cKDTree(_every(loop, spacing)) for loop in loops]
+        boxes = np.array([[loop.min(axis=0), loop.max(axis=0)] for loop in loops])
+        again = []
+        for i in left:
+            apart = np.maximum(boxes[:, 0] - boxes[i, 1], boxes[i, 0] - boxes[:, 1]).max(axis=1)
+            others = np.flatnonzero((apart < far) & (np.arange(len(loops)) != i))
+            found = min((float(np.min(trees[j].query(trees[i].data)[0])) for j in others), default=np.inf)
+            gaps[i] = found - spacing
+            if gaps[i] < far and found < 2 * spacing:
+                again.append(i)
+        left, spacing = again, spacing / 8
+    return gaps
+
+
+def _every(loop: Floats, spacing: float) -> Floats:
+    """Points along a closed polyline (k, 2), its vertices among them, at most `spacing` apart."""
+    along = np.roll(loop, -1, axis=0) - loop
+    count = np.ceil(np.linalg.norm(along, axis=1) / spacing).astype(np.int64).clip(1)
+    edge = np.repeat(np.arange(len(loop)), count)
+    share = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)) / count[edge]
+    return np.asarray(loop[edge] + share[:, None] * along[edge])
 
 
 def enclosed(loop: Floats) -> float:
