@@ -220,6 +220,10 @@ class Export(Section):
     formats: tuple[Literal["stl", "3mf", "step", "obj", "ply", "glb"], ...] = ("stl", "3mf", "step")
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
+    step: Literal["auto", "planar", "faceted"] = "auto"
+    """STEP of flat sheets: planar (lines and splines) or faceted; auto takes planar where it can."""
+    step_tolerance: Annotated[float, Ge(0)] = 0.0
+    """Metres that the curves of planar STEP may be off the mesh; 0: a fortieth of the thickness."""
 
 
 class Preset(Section):

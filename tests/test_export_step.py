@@ -310,17 +310,22 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, sai
 
     monkeypatch.setattr(step, "entities", spoilt)
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / "box.step")
+        write(box(), tmp_path / "box.step", step="faceted")
     assert said in str(caught.value)
     assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
     ("finding", "said"),
-    [({"valid": False}, "build123d finds the STEP solid of 'box' invalid"), ({"solids": 2}, "2 solids instead of 1")],
+    [
+        ({"valid": False}, "build123d finds the STEP solid of 'box' invalid"),
+        ({"solids": 2}, "2 solids instead of 1"),
+        ({"faces": 7}, "7 faces instead of 6"),
+        ({"tessellates": False}, "no triangles of a face of the STEP solid of 'box'"),
+    ],
 )
 def test_what_the_checker_says_is_believed(tmp_path, monkeypatch, finding, said):
-    said_of_a_box = {"solids": 1, "faces": 6, "valid": True, "volume": 3e6}
+    said_of_a_box = {"solids": 1, "faces": 6, "valid": True, "tessellates": True, "volume": 3e6}
     monkeypatch.setattr(step, "inspection", lambda part, path: said_of_a_box)
     write(box(), tmp_path / "box.step").unlink()
     monkeypatch.setattr(step, "inspection", lambda part, path: said_of_a_box | finding)

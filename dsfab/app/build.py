@@ -5,7 +5,7 @@ import os
 import platform
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -51,6 +51,9 @@ def build(
     format_: Annotated[
         str | None, Parameter(name=["--format", "-f"], help="Comma list of stl, 3mf, step, obj, ply, glb.")
     ] = None,
+    step: Annotated[
+        str | None, Parameter(help="How STEP is made: auto, planar (flat sheets, as curves) or faceted.")
+    ] = None,
     picture: Annotated[bool, Parameter(help="Also make preview.png.")] = True,
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")] = False,
 ) -> int:
@@ -66,6 +69,8 @@ def build(
     if format_ is not None:
         formats = [word.strip().lower() for word in format_.split(",") if word.strip()]
         set_ = (*set_, f"export.formats={json.dumps(formats)}")
+    if step is not None:
+        set_ = (*set_, f"export.step={json.dumps(step)}")
     given = read_preset(preset, set_, mesh, unit)
     reporter = Reporter(quiet)
     picture = picture and _can_draw(reporter)
@@ -130,18 +135,31 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
 
     from dsfab.export import write
     from dsfab.preset_file import preset_toml
+    from dsfab.slicing.corners import outline_corners
 
-    preset = design.preset
-    seconds, files, refused = dict(design.seconds), [], []
+    preset, ask = design.preset, design.preset.export
+    corners = outline_corners(design.sheet, design.surface)
+    seconds, files, refused, told = dict(design.seconds), list[Path](), list[str](), list[str]()
     start = time.perf_counter()
-    for suffix in preset.export.formats:
+    for suffix in ask.formats:
         reporter("export", f"writing and reading back {preset.name}.{suffix}")
         try:
-            files.append(write(design.solid, folder / f"{preset.name}.{suffix}", step_faces=preset.export.step_faces))
+            path = write(
+                design.solid,
+                folder / f"{preset.name}.{suffix}",
+                step_faces=ask.step_faces,
+                step=ask.step,
+                step_tolerance=ask.step_tolerance,
+                corners=corners,
+                note=told.append,
+            )
+            files.append(path)
         except ExportError as error:
             if suffix != "step":
                 raise
             refused.append(str(error))
+    for text in told:
+        reporter.say(f"export      {text}")
     write(design.sheet.surface, folder / "sheet.ply")
     seconds["export"] = time.perf_counter() - start
     if picture:
@@ -150,7 +168,7 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
     (folder / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
     names = [path.name for path in files]
     (folder / "design.json").write_text(
-        json.dumps(facts(design, seconds, names, refused), indent=2) + "\n", encoding="utf-8"
+        json.dumps(facts(design, seconds, names, refused, told), indent=2) + "\n", encoding="utf-8"
     )
     return "; ".join(refused)
 
@@ -173,7 +191,9 @@ def caption(design: "Design") -> str:
     )
 
 
-def facts(design: "Design", seconds: dict[str, float], files: list[str], refused: list[str]) -> dict[str, Any]:
+def facts(
+    design: "Design", seconds: dict[str, float], files: list[str], refused: list[str], told: Sequence[str] = ()
+) -> dict[str, Any]:
     """What `design.json` holds: sizes and results in SI units, seconds per stage, notes, versions."""
     solid, sheet, uncut = design.solid, design.sheet.surface, design.surface
     box = solid.V.min(axis=0).tolist(), solid.V.max(axis=0).tolist()
@@ -207,7 +227,7 @@ def facts(design: "Design", seconds: dict[str, float], files: list[str], refused
         },
         "files": files,
         "refused": refused,
-        "warnings": [f"{note.stage}: {note.text}" for note in design.notes],
+        "warnings": [*(f"{note.stage}: {note.text}" for note in design.notes), *(f"export: {text}" for text in told)],
         "seconds": {row: round(value, 4) for row, value in seconds.items()},
         "versions": versions(),
     }

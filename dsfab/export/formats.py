@@ -2,18 +2,28 @@
 
 import difflib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
+import numpy as np
+
+from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import gltf, obj, ply, step, stl, threemf
+from dsfab.export import gltf, obj, ply, stl, threemf
+from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.part import Part, part_of
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
+from dsfab.units import MM_PER_M
 
 STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
+
+
+Route = Literal["auto", "planar", "faceted"]
+"""How a STEP file is made."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +35,40 @@ class Format:
     check: Callable[[Part, Path], None]
     sheets: bool
     """Whether the format can hold an open sheet."""
+    attempts: Callable[[Part], tuple[Part, ...]] = lambda part: (part,)
+    """The part in the ways to write it, the best first: the next is tried when one is refused."""
+    told: Callable[[Part, str], str] = lambda part, refused: ""
+    """A line about the way taken, given why the one before it was refused ("" if it was not)."""
 
+
+_STEP = Format(
+    step_format.prepare,
+    step_format.encode,
+    step_format.check,
+    sheets=False,
+    attempts=step_format.attempts,
+    told=step_format.told,
+)
 
 FORMATS: dict[str, Format] = {
     ".stl": Format(stl.prepare, stl.encode, stl.check, sheets=True),
     ".3mf": Format(threemf.prepare, threemf.encode, threemf.check, sheets=False),
-    ".step": Format(step.prepare, step.encode, step.check, sheets=False),
-    ".stp": Format(step.prepare, step.encode, step.check, sheets=False),
+    ".step": Format(
+        step_format.prepare,
+        step_format.encode,
+        step_format.check,
+        sheets=False,
+        attempts=step_format.attempts,
+        told=step_format.told,
+    ),
+    ".stp": Format(
+        step_format.prepare,
+        step_format.encode,
+        step_format.check,
+        sheets=False,
+        attempts=step_format.attempts,
+        told=step_format.told,
+    ),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
     ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
@@ -39,12 +76,27 @@ FORMATS: dict[str, Format] = {
 """The suffixes that `write` knows."""
 
 
-def write(thing: Solid | Surface, path: str | Path, *, step_faces: int = STEP_FACES, name: str | None = None) -> Path:
+def write(
+    thing: Solid | Surface,
+    path: str | Path,
+    *,
+    step_faces: int = STEP_FACES,
+    name: str | None = None,
+    step: Route = "auto",
+    step_tolerance: float = 0.0,
+    corners: Floats | None = None,
+    note: Callable[[str], None] | None = None,
+) -> Path:
     """Write a solid, or a sheet, in the format that the suffix of `path` names, and read it back; returns the path.
 
     thing      : metres. Files are in millimetres (.glb in metres, its standard says so) and tell the unit if they can.
     step_faces : largest number of planar faces of a STEP file, counted after coplanar triangles were joined.
     name       : what the part is called inside the file; the file's own name without suffix if not given.
+    step       : STEP of a flat solid: planar, lines and splines through its outline; faceted, planar faces only; auto
+                 takes planar where the solid is flat and the file stands the check, else faceted.
+    step_tolerance : metres that curves may be off the outline; a fortieth of the thickness if 0.
+    corners    : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
+    note       : called with a line that says how the STEP file was made, and why not otherwise.
 
     The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
     same volume (area of a sheet) to 0.1 %; only then does the file take its name, in one step. After a failure there is
@@ -61,11 +113,37 @@ def write(thing: Solid | Surface, path: str | Path, *, step_faces: int = STEP_FA
             f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
+    marked = np.zeros((0, 3)) if corners is None else np.asarray(corners, dtype=np.float64)
+    if step not in step_format.ROUTES:
+        raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(step_format.ROUTES)}")
+    part = replace(part, step=step, tolerance=step_tolerance * MM_PER_M, corners=marked * MM_PER_M)
     part = form.prepare(part)
     with replacing(path) as temporary:
-        write_chunks(temporary, form.encode(part))
-        form.check(part, temporary)
+        taken, refused = _put(form, part, temporary)
+    if note and (how := form.told(taken, refused)):
+        note(how)
     return path
+
+
+def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, str]:
+    """Write the first way that reads back as it should; returns it, and why the ways before it were refused."""
+    *earlier, last = form.attempts(part)
+    refused = ""
+    for attempt in earlier:
+        try:
+            _written(form, attempt, temporary)
+        except ExportError as error:
+            refused = str(error)
+            temporary.unlink(missing_ok=True)
+        else:
+            return attempt, refused
+    _written(form, last, temporary)
+    return last, refused
+
+
+def _written(form: Format, part: Part, temporary: Path) -> None:
+    write_chunks(temporary, form.encode(part))
+    form.check(part, temporary)
 
 
 def format_of(path: Path) -> Format:

@@ -1,6 +1,6 @@
 """`Part`: what goes into a file, in millimetres, and how it survives the rounding of a file format."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,9 @@ class Part:
     name       : what a format with names calls it.
     is_solid   : closed, with a volume; otherwise a sheet.
     step_faces : largest number of faces of a STEP file.
+    step       : how a STEP file is made: `auto`, `planar` or `faceted` (see `dsfab.export.step`).
+    tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
+    corners    : (k, 3) points of the outline that those curves must not round, millimetres.
     """
 
     V: Floats
@@ -31,8 +34,12 @@ class Part:
     name: str
     is_solid: bool
     step_faces: int = 0
+    step: str = "faceted"
+    tolerance: float = 0.0
+    corners: Floats = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
+        lock(self, "corners", np.float64, (None, 3))
         lock(self, "V", np.float64, (None, 3))
         lock(self, "F", np.int64, (None, 3))
 

@@ -1,8 +1,13 @@
-"""STEP (ISO 10303-21, AP214): solids with planar faces and shared edges, in millimetres.
+"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of two ways.
 
-The text is written directly and read back through build123d. Building the same topology in OCCT first gives larger
-files (with a curve on the surface for each edge) and is 30 to 300 times slower to write. Reading back, in a process
-of its own, is nearly all of the time; measured with OCCT 8 on a busy machine of two cores:
+planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
+          wall per curve (`dsfab.export.plate`).
+faceted : any solid, as planar faces that coplanar triangles were joined to.
+
+`auto` takes planar where the solid is flat and the file stands the check, else faceted. The text is written directly
+and read back through build123d. Building the same topology in OCCT first gives larger files (with a curve on the
+surface for each edge) and is 30 to 300 times slower to write. Reading back, in a process of its own, is nearly all of
+the time; measured for `faceted` with OCCT 8 on a busy machine of two cores:
 
     faces                                               write s    read back s    MB
     4 096, thickened sphere: nothing to join              0.1            8         2.8
@@ -18,6 +23,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +33,8 @@ from dsfab.errors import ExportError
 from dsfab.export import step_check
 from dsfab.export.part import Part, settled
 from dsfab.export.planar import polyhedron
+from dsfab.export.plate import outlines_of, plate
+from dsfab.export.plate_text import plate_entities
 from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_text import DIGITS, entities
@@ -35,6 +43,15 @@ from dsfab.surface.topology import edge_table
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
 """Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
+
+
+ROUTES = ("auto", "planar", "faceted")
+
+SHARE_OF_THICKNESS = 1 / 40
+"""Tolerance of planar outlines unless asked otherwise, as a share of the thickness."""
+
+TIGHTER = 1 / 4
+"""A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
 
 
 def prepare(part: Part) -> Part:
@@ -49,39 +66,84 @@ def prepare(part: Part) -> Part:
     return part
 
 
+def attempts(part: Part) -> tuple[Part, ...]:
+    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted."""
+    if part.step == "faceted":
+        return (part,)
+    planar = replace(part, step="planar", tolerance=part.tolerance or _default_tolerance(part))
+    ways = [planar, replace(planar, tolerance=TIGHTER * planar.tolerance)] if planar.tolerance else [planar]
+    return tuple(ways if part.step == "planar" else [*ways, replace(part, step="faceted")])
+
+
+def _default_tolerance(part: Part) -> float:
+    """Millimetres; 0 for a solid that is not flat, which will be told why when it is encoded."""
+    try:
+        return SHARE_OF_THICKNESS * outlines_of(part).thickness
+    except ExportError:
+        return 0.0
+
+
+def told(part: Part, refused: str) -> str:
+    """How the file was made, and why not otherwise."""
+    if part.step == "planar":
+        again = f" (a larger tolerance was refused: {refused})" if refused else ""
+        return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
+    return "STEP is faceted" + (f": {refused}" if refused else "")
+
+
 def encode(part: Part) -> Iterator[bytes]:
-    """The file, entity by entity; raises ExportError, before the first byte, when it would have too many faces."""
+    """The file, entity by entity; raises ExportError, before the first byte, when it would have too many faces, or the
+    solid is not flat and has to be."""
+    if part.step == "planar":
+        shape = plate(outlines_of(part), part.corners, part.tolerance)
+        _within_budget(part, shape.faces)
+        texts = plate_entities(shape, part.name)
+    else:
+        texts = _faceted(part)
+    return (text.encode("ascii") for text in texts)
+
+
+def _faceted(part: Part) -> Iterator[str]:
     shell, solids = solids_of(part)
     voids = [i for _, *inner in solids for i in inner]
     inward = np.isin(shell, voids)
     F = np.where(inward[:, None], part.F[:, ::-1], part.F)  # a STEP void is a shell that faces outwards, reversed
     shape = polyhedron(part.V, F, shell)
-    count = len(shape.normals)
+    _within_budget(part, len(shape.normals))
+    return entities(shape, solids, part.name)
+
+
+def _within_budget(part: Part, count: int) -> None:
     if count > part.step_faces:
         raise ExportError(
             f"the STEP file of {part.name!r} would have {count} planar faces, more than "
             f"step_faces = {part.step_faces}; write STL or 3MF instead, coarsen the mesh, or raise step_faces"
         )
-    return (text.encode("ascii") for text in entities(shape, solids, part.name))
 
 
 def check(part: Part, path: Path) -> None:
-    """Read back with build123d: as many solids, all valid, with the part's volume."""
+    """Read back with build123d: as many solids and faces, all valid, with the part's volume."""
     found = inspection(part, path)
-    solids = len(solids_of(part)[1])
+    solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
     if found["solids"] != solids:
         raise differs(part, "solids", solids, found["solids"])
+    if found["faces"] != faces:
+        raise differs(part, "faces", faces, found["faces"])
     if not found["valid"]:
         raise ExportError(
             f"build123d finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
             "write STL or 3MF instead"
+        )
+    if not found["tessellates"]:
+        raise ExportError(
+            f"build123d makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
         )
     check_measure(part, found["volume"])
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
     """What `step_check` says about the file, in a process with a time limit; raises ExportError if it says nothing."""
-    limit = CHECK_SECONDS + CHECK_SECONDS_PER_FACE * part.step_faces
+    limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step == "faceted" else 0)
     command = [sys.executable, "-P", step_check.__file__, str(path)]
     try:
         run = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)

@@ -20,17 +20,17 @@ from dsfab.export.text import one_line, rows
 DIGITS = 6
 """Decimals of coordinates: 1e-6 mm."""
 
-_DIRECTION_DIGITS = 11
+DIRECTION_DIGITS = 11
 """Decimals of directions: under 1e-6 mm at the end of an edge of 100 m."""
 
 _POINT = f"CARTESIAN_POINT('',(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f))"
-_DIRECTION = f"DIRECTION('',(%.{_DIRECTION_DIGITS}f,%.{_DIRECTION_DIGITS}f,%.{_DIRECTION_DIGITS}f))"
+_DIRECTION = f"DIRECTION('',(%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f))"
 
-_TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
+TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
 
 _HEADER = """ISO-10303-21;
 HEADER;
-FILE_DESCRIPTION(('solid with planar faces, unit: millimetre'),'2;1');
+FILE_DESCRIPTION(('{description}, unit: millimetre'),'2;1');
 FILE_NAME('{name}','1970-01-01T00:00:00',(''),(''),'dsfab {version}','dsfab {version}','');
 FILE_SCHEMA(('AUTOMOTIVE_DESIGN {{ 1 0 10303 214 1 1 1 1 }}'));
 ENDSEC;
@@ -55,16 +55,13 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 #17=DIRECTION('',(1.,0.,0.));
 #18=AXIS2_PLACEMENT_3D('',#15,#16,#17);
 """
-_FIRST = 19
+FIRST = 19
 """The first free entity number after the header."""
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """The text of the file. solids: the shells of each, the outer one first, then its voids (which face outwards).
-
-    The header's time is fixed, since the same solid gives the same file; ISO 10303-21 does not allow to leave it out.
-    """
-    yield _HEADER.format(name=quoted(one_line(name)), version=__version__, tolerance=f"{FLATNESS:.1E}")
+    """The text of the file. solids: the shells of each, the outer one first, then its voids (which face outwards)."""
+    yield header(name, "solid with planar faces")
     along = shape.points[shape.edges[:, 1]] - shape.points[shape.edges[:, 0]]
     directions, direction = _distinct(along / np.linalg.norm(along, axis=1, keepdims=True))
     normals, normal = _distinct(shape.normals)
@@ -88,21 +85,30 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
     yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", points[shape.origin], axes[normal])
     yield from _table(planes, "PLANE('',#%d)", placements)
     yield from _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _lists(bounds, shape.faces), planes)
-    yield from _solids(shape.shell, solids, faces, int(free[0]))
+    yield from closing(shape.shell, solids, faces, int(free[0]))
+
+
+def header(name: str, description: str) -> str:
+    """The beginning of the file: entities 1 to 18.
+
+    Its time is fixed, since the same solid gives the same file; ISO 10303-21 does not allow to leave it out.
+    """
+    title = quoted(one_line(name))
+    return _HEADER.format(name=title, version=__version__, tolerance=f"{FLATNESS:.1E}", description=description)
 
 
 def _blocks(counts: list[int]) -> list[Ints]:
     """Entity numbers for tables of so many rows, one after the other, and at the end the first free number."""
-    start = list(accumulate(counts, initial=_FIRST))
+    start = list(accumulate(counts, initial=FIRST))
     return [np.arange(a, b) for a, b in pairwise([*start, start[-1] + 1])]
 
 
 def _table(numbers: Ints, template: str, *columns: Any) -> Iterator[str]:
     """One entity per row; numbers lose the zeros at their end, a quarter of the file."""
-    return (_TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
+    return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
-def _solids(shell: Ints, solids: list[list[int]], faces: Ints, free: int) -> Iterator[str]:
+def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int) -> Iterator[str]:
     """Shells, solids and the end of the file, in numbers from `free` on."""
     items = []
     for outer, *voids in solids:
@@ -128,7 +134,7 @@ def _solids(shell: Ints, solids: list[list[int]], faces: Ints, free: int) -> Ite
 
 def _distinct(directions: Floats) -> tuple[Floats, Ints]:
     """The different ones among unit vectors (k, 3), to the digits of the file, and the one of each."""
-    units, which = np.unique(np.round(directions, _DIRECTION_DIGITS) + 0.0, axis=0, return_inverse=True)
+    units, which = np.unique(np.round(directions, DIRECTION_DIGITS) + 0.0, axis=0, return_inverse=True)
     return units, which.reshape(-1)
 
 

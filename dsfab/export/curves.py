@@ -1,0 +1,171 @@
+"""Plane curves through polylines: lines where they are straight, cubic splines elsewhere, within a tolerance.
+
+A spline is fitted in the least-squares sense at points spread evenly along the polyline, with its ends fixed; spans
+where the largest distance exceeds the tolerance are halved until none does. Raw vertices would not do: they are
+uneven, and fits through them overshoot between.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.sparse import csr_array, hstack
+from scipy.sparse.linalg import splu
+
+from dsfab.arrays import Bools, Floats, Ints, lock
+
+SHARP = np.deg2rad(30.0)
+"""An outline that turns by more than this at a vertex has a corner there."""
+
+SAMPLES_PER_SPAN = 6
+"""Fewest samples of the polyline for each span of a spline; with fewer, splines swing between them."""
+
+MOST_SAMPLES = 50_000
+"""Samples of one polyline; a tolerance that would need more is not met by a spline."""
+
+KNOT_DIGITS = 4
+"""Decimals of knots, which are millimetres along the polyline."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A clamped B-spline in the plane, from its first pole to its last; a line has degree 1 and two poles.
+
+    knots     : (p + degree + 1,) ascending, millimetres.
+    poles     : (p, 2) millimetres.
+    degree    : 1 or 3.
+    deviation : largest distance between points of the curve and of the polyline at the same share of the length.
+    """
+
+    knots: Floats
+    poles: Floats
+    degree: int
+    deviation: float
+
+    def __post_init__(self) -> None:
+        lock(self, "knots", np.float64, (None,))
+        lock(self, "poles", np.float64, (None, 2))
+
+    @property
+    def straight(self) -> bool:
+        return self.degree == 1
+
+    def at(self, x: Floats) -> Floats:
+        """(k, 2) points of the curve at parameters x (k,)."""
+        return np.asarray(BSpline(self.knots, self.poles, self.degree)(x))
+
+
+def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
+    """The closed polyline `loop` (k, 2) as a chain of at least two curves, or None where a spline misses the tolerance.
+
+    corner : (k,) vertices where one curve ends and the next begins; sharp turns are added to them. A loop with one
+             corner or none has a curve that is cut in two, smoothly: it closes where the loop starts.
+    """
+    at = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
+    if len(at) > 1:
+        ends = [*at.tolist(), int(at[0]) + len(loop)]
+        chain = [fitted(loop[np.arange(a, b + 1) % len(loop)], tolerance) for a, b in pairwise(ends)]
+        found = [curve for curve in chain if curve is not None]
+        return found if len(found) == len(chain) else None
+    start = int(at[0]) if len(at) else 0
+    whole = fitted(loop[(start + np.arange(len(loop) + 1)) % len(loop)], tolerance, smooth=not len(at))
+    return None if whole is None else halves(whole)
+
+
+def turning(loop: Floats) -> Floats:
+    """(k,) angle by which a closed polyline (k, 2) turns at its vertices, counter-clockwise positive."""
+    before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
+    across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
+
+
+def fitted(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
+    """One curve along the polyline (k, 2), or None. smooth: a closed polyline's curve leaves as it arrives."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    total = float(np.round(length[-1], KNOT_DIGITS))
+    if not total > 0:
+        return None
+    if not smooth:
+        share = length / length[-1]
+        off = float(np.linalg.norm(line - line[0] - share[:, None] * (line[-1] - line[0]), axis=1).max())
+        if off <= tolerance:  # between vertices the difference is linear, so this is the largest
+            return Curve(np.array([0, 0, total, total]), line[[0, -1]], 1, off)
+    count = max(8 * len(line), 16 * SAMPLES_PER_SPAN)
+    while count <= MOST_SAMPLES:
+        curve = _refined(line, length, total, count, tolerance, smooth)
+        if curve is not None:
+            return curve
+        count *= 4
+    return None
+
+
+def _refined(line: Floats, length: Floats, total: float, count: int, tolerance: float, smooth: bool) -> Curve | None:
+    """The spline from so many samples, its spans halved until it is near enough; None if that takes more samples."""
+    even = np.arange(count + 1) / count
+    samples = _on(line, length, even)
+    share = np.union1d(np.arange(4 * count + 1) / (4 * count), length / length[-1])
+    points = _on(line, length, share)
+    breaks = np.array([0.0, total / 2, total]) if smooth else np.array([0.0, total])
+    while True:
+        breaks = np.round(breaks, KNOT_DIGITS)
+        knots = np.concatenate([[0.0] * 3, breaks, [total] * 3])
+        poles = _least_squares(even * total, samples, knots, smooth)
+        off = np.linalg.norm(BSpline(knots, poles, 3)(share * total) - points, axis=1)
+        if off.max() <= tolerance:
+            return Curve(knots, poles, 3, float(off.max()))
+        span = np.clip(np.searchsorted(breaks, share * total, side="right") - 1, 0, len(breaks) - 2)
+        bad = np.unique(span[off > tolerance])
+        if (np.diff(breaks)[bad] < 2 * SAMPLES_PER_SPAN * total / count).any():
+            return None
+        breaks = np.sort(np.concatenate([breaks, (breaks[bad] + breaks[bad + 1]) / 2]))
+
+
+def halves(curve: Curve) -> list[Curve]:
+    """A spline cut near the middle of its parameters: the same points, in two curves."""
+    middle = float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS))
+    spline = BSpline(curve.knots, curve.poles, curve.degree)
+    for _ in range(curve.degree - int(np.count_nonzero(curve.knots == middle))):
+        spline = spline.insert_knot(middle)
+    first = int(np.searchsorted(spline.t, middle))
+    end = first + curve.degree
+    before = np.concatenate([spline.t[:end], [middle]])
+    after = np.concatenate([[middle], spline.t[first:]])
+    poles = spline.c[: len(spline.t) - curve.degree - 1]
+    return [
+        Curve(before, poles[:first], curve.degree, curve.deviation),
+        Curve(after, poles[first - 1 :], curve.degree, curve.deviation),
+    ]
+
+
+def _on(line: Floats, length: Floats, share: Floats) -> Floats:
+    """Points of the polyline at shares of its length."""
+    return np.stack([np.interp(share * length[-1], length, column) for column in line.T], axis=1)
+
+
+def _least_squares(x: Floats, points: Floats, knots: Floats, smooth: bool) -> Floats:
+    """Poles (p, 2) of the cubic spline nearest to `points` at x, whose ends are the first and the last of them.
+
+    smooth : the derivatives at both ends are one unknown vector d: pole 1 is pole 0 + a d, the last but one is
+             the last - b d, with a and b a third of the first and the last span.
+    """
+    count = len(knots) - 4
+    basis = csr_array(BSpline.design_matrix(x, knots, 3))
+    ends: Ints = np.array([0, count - 1])
+    poles = np.zeros((count, 2))
+    poles[ends] = points[[0, -1]]
+    inner = basis[:, 1:-1]
+    if smooth:
+        a, b = (knots[4] - knots[3]) / 3, (knots[-4] - knots[-5]) / 3
+        poles[[1, -2]] = points[[0, -1]]
+        tangent = a * basis[:, [1]] - b * basis[:, [count - 2]]
+        inner = hstack([tangent, basis[:, 2:-2]], format="csr")
+    rest = points - basis @ poles
+    solved = splu((inner.T @ inner).tocsc()).solve(np.asarray(inner.T @ rest))
+    if not smooth:
+        poles[1:-1] = solved
+        return poles
+    poles[1] += a * solved[0]
+    poles[-2] -= b * solved[0]
+    poles[2:-2] += solved[1:]
+    return poles
