@@ -1,4 +1,4 @@
-"""The command line: `dsfab build`, `presets`, `inspect`, `bench`, `verify`. The only place that prints and exits.
+"""The command line: `dsfab build`, `preview`, `explore`, `presets` and more. The only place that prints and exits.
 
 Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 130 stopped by Ctrl-C.
 """
@@ -22,6 +22,8 @@ app = App(
 )
 # named by text: a command's module is imported when the command is used
 app.command("dsfab.app.build:build", name="build")
+app.command("dsfab.app.explore:preview", name="preview")
+app.command("dsfab.app.explore:explore", name="explore")
 app.command("dsfab.app.listing:presets", name="presets")
 app.command("dsfab.app.listing:inspect", name="inspect")
 app.command("dsfab.app.bench:bench", name="bench")
