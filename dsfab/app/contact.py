@@ -1,5 +1,6 @@
 """A contact sheet: many pictures side by side with their labels, as one PNG and as a page that opens offline."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -19,6 +20,8 @@ GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
 
 WIDEST = 8
 """Most tiles in a row."""
+
+PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +130,13 @@ def page(tiles: Sequence[Tile], title: str, line: str, across: int, palette: Pal
     """The same as HTML with relative links to the tiles' files: each picture, its parameters, its command."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     paper, text = (f"rgb{colour}" for colour in (palette.paper, palette.text))
-    style = _STYLE.replace("PAPER", paper).replace("TEXT", text).replace("ACROSS", str(min(across, 4)))
+    style = _STYLE.replace("PAPER", paper).replace("TEXT", text).replace("ACROSS", str(_on_page(across)))
     return _PAGE.format(title=escape(title), line=escape(line), style=style, figures=figures)
+
+
+def _on_page(across: int) -> int:
+    """Columns of the page: rows of the sheet stay together where they can be divided."""
+    return across if across <= 4 else next((k for k in (4, 3) if across % k == 0), 4)
 
 
 def _figure(tile: Tile) -> str:
@@ -146,6 +154,14 @@ def _figure(tile: Tile) -> str:
         f'<figure id="v{tile.number:03}">{shown}<figcaption><span class="number">{tile.number:03}</span>'
         f"<dl>{terms}</dl><code>{escape(tile.command)}</code></figcaption></figure>"
     )
+
+
+def pictures_of(folder: Path) -> set[str]:
+    """Names of the pictures that the page in a folder shows; of an earlier page, for none of them to be left behind."""
+    try:
+        return set(re.findall(r'src="(\d{3,}\.png)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError):
+        return set()
 
 
 def save(tiles: Sequence[Tile], folder: Path) -> None:

@@ -116,6 +116,7 @@ def explore(
     preset
         Name of a shipped preset (see `dsfab presets`) or a TOML file.
     """
+    from dsfab.app.contact import PAGE_NAME, SHEET_NAME, pictures_of
     from dsfab.app.gl import require_rendering
     from dsfab.app.palette import PAPER
 
@@ -131,13 +132,16 @@ def explore(
         with whole_or_nothing(folder) as partial:
             drawn = _Drawing(given, values, base, view, show, pixels).tiles(reporter, yes)
             _write(drawn, given, values, partial, pixels, PAPER)
+            stale = pictures_of(folder) - pictures_of(partial)
+        for name in stale:
+            (folder / name).unlink(missing_ok=True)
         reporter.done()
     finally:
         reporter.stop()
     if not quiet:
         failed = sum(tile.picture is None for tile in drawn)
         out(f"{len(drawn)} variants" + (f", {failed} of them impossible" if failed else ""))
-        out(f"  {folder / 'index.html'}\n  {folder / 'sheet.png'}")
+        out(f"  {folder / PAGE_NAME}\n  {folder / SHEET_NAME}")
     return 0
 
 
@@ -256,11 +260,11 @@ def _base_command(preset: str, changes: tuple[str, ...], mesh: Path | None, unit
 def _write(
     tiles: "list[Tile]", preset: "Preset", values: Values, folder: Path, pixels: tuple[int, int], palette: Any
 ) -> None:
-    from dsfab.app.contact import columns, contact_sheet, page, save
+    from dsfab.app.contact import PAGE_NAME, SHEET_NAME, columns, contact_sheet, page, save
 
     across = columns(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
     title = f"{preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"
     line = "   ·   ".join(f"{key} = {', '.join(map(spelled, listed))}" for key, listed in values.items())
-    contact_sheet(tiles, title, line, across, SHOWN_WIDE, pixels[0] / pixels[1], palette).save(folder / "sheet.png")
-    (folder / "index.html").write_text(page(tiles, title, line, across, palette), encoding="utf-8")
+    contact_sheet(tiles, title, line, across, SHOWN_WIDE, pixels[0] / pixels[1], palette).save(folder / SHEET_NAME)
+    (folder / PAGE_NAME).write_text(page(tiles, title, line, across, palette), encoding="utf-8")
     save(tiles, folder)

@@ -16,7 +16,7 @@ from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
 from dsfab.app.preview import legend, on_page, rendered, staged
 from dsfab.app.scene import Body, Bytes, Scene
-from dsfab.app.shader import BY_VERTEX, NOTHING, WHOLE, Settings, StripeShader
+from dsfab.app.shader import BY_VERTEX, NO_REACH, NOTHING, WHOLE, Settings, StripeShader
 from dsfab.app.view import named_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design, Draft
@@ -31,9 +31,6 @@ NOMINAL = (1600, 1200)
 
 TRIAL = (96, 72)
 """Pixels of the pictures that try the shader."""
-
-UNIFORM = ("frequency", "phase", "threshold")
-"""Keys of a family that are numbers on the graphics side, as long as widths are plain."""
 
 
 class Previewer:
@@ -196,7 +193,7 @@ class Previewer:
             (pair[0].frequency, pair[1].frequency),
             (pair[0].phase % 1, pair[1].phase % 1),
             (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
-            (ask.keep, ask.rim),
+            (ask.keep or NO_REACH, ask.rim or NO_REACH),
             drawn,
         )
         self._shader.set(WHOLE if self._show == "loads" else settings)

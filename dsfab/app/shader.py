@@ -17,6 +17,9 @@ from dsfab.pattern.wave import GLSL
 FAR = 1e30
 """Distance from what is not there: infinity times a weight of zero would be no number."""
 
+NO_REACH = -FAR
+"""A reach that keeps nothing; with 0, values interpolated to just below 0 at the silhouette would be kept."""
+
 BY_VERTEX = -1.0
 """A half-width of this value, as a uniform, is read at the vertices."""
 
@@ -44,14 +47,14 @@ _FRAGMENT = (
 class Settings:
     """The numbers of a pattern, of the major and of the minor family each.
 
-    half_width : periods, 0 to 0.5, or `BY_VERTEX`.    reach : metres kept around loads and supports, and at the rim.
-    shown      : whether a family is drawn.
+    half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : whether a family is drawn.
+    reach      : metres kept around loads and supports, and at the rim, or `NO_REACH`.
     """
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
     half_width: tuple[float, float] = (0.5, 0.5)
-    reach: tuple[float, float] = (0.0, 0.0)
+    reach: tuple[float, float] = (NO_REACH, NO_REACH)
     shown: tuple[float, float] = (1.0, 1.0)
 
 
