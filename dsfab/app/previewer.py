@@ -17,7 +17,7 @@ from dsfab.app.palette import PAPER, Palette
 from dsfab.app.preview import legend, on_page, rendered, staged
 from dsfab.app.scene import Body, Bytes, Scene
 from dsfab.app.shader import BY_VERTEX, NO_REACH, NOTHING, WHOLE, Settings, StripeShader
-from dsfab.app.view import named_side, up_axis
+from dsfab.app.view import View, named_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design, Draft
 from dsfab.errors import DsfabError, PatternError
@@ -65,6 +65,7 @@ class Previewer:
         self._preset = design.preset
         self._show = show
         self._distance: dict[str, Floats] = {}
+        self._views: dict[tuple[tuple[int, int], bool], View] = {}
         self._shader = StripeShader(_fields(design, self._distances(design)))
         colouring = coloured(design, show, palette)
         self._bar = colouring.bar
@@ -136,7 +137,7 @@ class Previewer:
         """
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
-        view = on_page(self._stage.bodies, self._side, size, words)
+        view = self._view(size, words)
         stage = replace(self._stage, view=view)
         if not self._scene.mask(view, *TRIAL).any() and not self.mask(size, words).any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
@@ -149,7 +150,13 @@ class Previewer:
 
     def mask(self, size: tuple[int, int] = NOMINAL, words: bool = True) -> Bools:
         """(height, width) where material is seen in a picture of that size; what covers it is left away."""
-        return self._scene.mask(on_page(self._stage.bodies, self._side, size, words), *size)
+        return self._scene.mask(self._view(size, words), *size)
+
+    def _view(self, size: tuple[int, int], words: bool) -> View:
+        """The camera for a page: found once for each."""
+        if (size, words) not in self._views:
+            self._views[size, words] = on_page(self._stage.bodies, self._side, size, words)
+        return self._views[size, words]
 
     def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:
         """Write `picture` as a PNG file, whole or not at all; raises ExportError for a file that cannot be written."""
@@ -200,7 +207,7 @@ class Previewer:
 
     def _try_shader(self) -> None:
         """A driver that ignores or refuses the shader says nothing: it draws the full mesh, or none."""
-        view = on_page(self._stage.bodies, self._side, TRIAL)
+        view = self._view(TRIAL, True)
         seen = []
         for settings in (WHOLE, NOTHING):
             self._shader.set(settings)
