@@ -73,6 +73,24 @@ class Note(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class Draft:
+    """A preset and what was made of it before anything is cut: enough to draw it (see `dsfab.pipeline.draft`)."""
+
+    preset: Preset
+    surface: Surface
+    statics: StaticsResult
+    diffusion: DiffusionResult
+    pattern: PatternResult
+    seconds: Mapping[str, float]
+    notes: tuple[Note, ...]
+
+    @property
+    def load(self) -> LoadCase:
+        """Supports and loads on the surface."""
+        return self.statics.load
+
+
+@dataclass(frozen=True, eq=False)
 class Design:
     """A preset and everything that was made of it. Frozen; `revise` makes the next one."""
 

@@ -5,11 +5,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 
 from dsfab.arrays import Ints, first
-from dsfab.design import Design, DiffusionResult, Note, PatternResult, Piece, SlicingResult, StaticsResult
+from dsfab.design import Design, DiffusionResult, Draft, Note, PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
 from dsfab.errors import PatternError, SolidError, SurfaceError
 from dsfab.pattern import (
@@ -98,23 +99,46 @@ def revise(design: Design, preset: Preset, progress: Progress | None = None) -> 
     return _make(preset, _Log(progress), design, start)
 
 
-def _make(preset: Preset, log: _Log, old: Design | None, start: str) -> Design:
-    def reuse(stage: str) -> Design | None:
-        """The old design, if this stage's result is still good."""
-        if old is None or STAGES.index(stage) >= STAGES.index(start):
-            return None
-        log.seconds.update({row: old.seconds[row] for row in ROWS[stage] if row in old.seconds})
-        log.notes.extend(note for note in old.notes if note.stage == stage)
-        return old
+def draft(preset: Preset, progress: Progress | None = None, old: Draft | Design | None = None) -> Draft:
+    """The stages of a preset up to its pattern, with those of `old` before the first section that differs.
 
-    surface = was.surface if (was := reuse("surface")) else _surface(preset, log)
-    statics = was.statics if (was := reuse("statics")) else _statics(preset, surface, log)
-    diffusion = was.diffusion if (was := reuse("diffusion")) else _diffusion(preset, surface, statics, log)
-    pattern = was.pattern if (was := reuse("pattern")) else _pattern(preset, surface, statics, diffusion, log)
-    slicing = was.slicing if (was := reuse("slicing")) else _slicing(preset, surface, statics, pattern, log)
-    solid = was.solid if (was := reuse("thickening")) else _thickening(preset, surface, slicing, log)
+    Raises DsfabError, of the stage that refuses.
+    """
+    start = "surface" if old is None else preset.first_difference(old.preset) or "export"
+    return _drafted(preset, _Log(progress), old, start)
+
+
+Made = TypeVar("Made", bound=Draft | Design)
+
+
+def _reused(stage: str, log: _Log, old: Made | None, start: str) -> Made | None:
+    """What was made before, if this stage's result is still good."""
+    if old is None or STAGES.index(stage) >= STAGES.index(start):
+        return None
+    log.seconds.update({row: old.seconds[row] for row in ROWS[stage] if row in old.seconds})
+    log.notes.extend(note for note in old.notes if note.stage == stage)
+    return old
+
+
+def _drafted(preset: Preset, log: _Log, old: Draft | Design | None, start: str) -> Draft:
+    surface = was.surface if (was := _reused("surface", log, old, start)) else _surface(preset, log)
+    statics = was.statics if (was := _reused("statics", log, old, start)) else _statics(preset, surface, log)
+    was = _reused("diffusion", log, old, start)
+    diffusion = was.diffusion if was else _diffusion(preset, surface, statics, log)
+    was = _reused("pattern", log, old, start)
+    pattern = was.pattern if was else _pattern(preset, surface, statics, diffusion, log)
+    return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
+
+
+def _make(preset: Preset, log: _Log, old: Design | None, start: str) -> Design:
+    made = _drafted(preset, log, old, start)
+    surface, statics, pattern = made.surface, made.statics, made.pattern
+    was = _reused("slicing", log, old, start)
+    slicing = was.slicing if was else _slicing(preset, surface, statics, pattern, log)
+    was = _reused("thickening", log, old, start)
+    solid = was.solid if was else _thickening(preset, surface, slicing, log)
     seconds = MappingProxyType(log.seconds)
-    return Design(preset, surface, statics, diffusion, pattern, slicing, solid, seconds, tuple(log.notes))
+    return Design(preset, surface, statics, made.diffusion, pattern, slicing, solid, seconds, tuple(log.notes))
 
 
 ROWS = {

@@ -1,12 +1,8 @@
 """`dsfab build`: a preset to a folder of files."""
 
 import json
-import os
 import platform
-import shutil
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab import __version__
+from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.errors import DsfabError, ExportError
 
@@ -77,7 +74,7 @@ def build(
     folder = output if output is not None else Path("outputs") / given.name
     try:
         design = run(given, reporter)
-        with _whole_or_nothing(folder) as partial:
+        with whole_or_nothing(folder) as partial:
             refused = _write_all(design, partial, reporter, picture)
         reporter.done()
     finally:
@@ -87,34 +84,6 @@ def build(
     if refused:
         raise ExportError(refused)
     return 0
-
-
-@contextmanager
-def _whole_or_nothing(folder: Path) -> Iterator[Path]:
-    """A folder to write in whose files move to `folder` at the end; if anything fails, `folder` is left as it was."""
-    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=".partial-", dir=folder))
-    except OSError as error:
-        raise ExportError(f"cannot write to {folder}: {error.strerror}; choose another folder with -o") from None
-    try:
-        try:
-            yield partial
-        except ExportError as error:  # name the place that the user gave
-            raise ExportError(str(error).replace(str(partial), str(folder))) from None
-        for path in sorted(partial.iterdir()):
-            os.replace(path, folder / path.name)
-        missing = []
-    except OSError as error:
-        raise ExportError(
-            f"writing to {folder} failed: {error.strerror}; free some space or choose another with -o"
-        ) from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-        for parent in missing:
-            if parent.is_dir() and not any(parent.iterdir()):
-                parent.rmdir()
 
 
 def _can_draw(reporter: Reporter) -> bool:

@@ -1,4 +1,4 @@
-"""The command line: `dsfab build`, `presets`, `inspect`, `bench`, `verify`. The only place that prints and exits.
+"""The command line: `dsfab build`, `preview`, `explore`, `presets` and more. The only place that prints and exits.
 
 Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 130 stopped by Ctrl-C.
 """
@@ -24,13 +24,15 @@ app = App(
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
+app.command("dsfab.app.explore:preview", name="preview", help="Draw a design without building it.")
+app.command("dsfab.app.explore:explore", name="explore", help="Draw many variants of a design on one contact sheet.")
+app.command("dsfab.app.compare:compare", name="compare", help="Compare a design with others of the same mass.")
 app.command("dsfab.app.listing:presets", name="presets", help="List the presets that come with dsfab.")
 app.command("dsfab.app.listing:inspect", name="inspect", help="Say what a mesh file is, and whether it is sound.")
-app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by stage, as the paper's Table 2 does.")
-app.command("dsfab.app.compare:compare", name="compare", help="Compare a design with others of the same mass.")
 app.command(
     "dsfab.app.verify:verify", name="verify", help="Solve structures with known answers: can the statics be trusted?"
 )
+app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by stage, as the paper's Table 2 does.")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

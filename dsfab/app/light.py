@@ -13,17 +13,11 @@ from dsfab.app.scene import Bytes, Floats32, Pixels, Scene
 from dsfab.app.view import View
 from dsfab.arrays import Bools, Floats
 
-SUN, SKY, FLOOR = 10, 36, 8
-"""Number of lamps in the sun, in the sky and below."""
-
 SHARES = (0.60, 0.44, 0.14)
 """Light on a surface that faces the sun from the sun; that faces the middle of the sky, of the floor, from those."""
 
 AMBIENT = 0.10
 """Light that reaches every point."""
-
-FINE, COARSE = 1280, 768
-"""Side of the pictures that lamps see, pixels: of the sun, whose shadows are sharper, and of the others."""
 
 CHUNK = 1 << 15
 """Points lit at a time: what fits the cache."""
@@ -42,20 +36,41 @@ FLOOR_REACH = 4.0
 """The floor is drawn to this many radii around the structure."""
 
 
+@dataclass(frozen=True)
+class Quality:
+    """Number of lamps in the sun, in the sky and below; side of the pictures that lamps see, pixels.
+
+    sharp : that of the sun's, whose shadows are sharper; coarse : that of the others.
+    blur  : of the floor's shadows, of the sun and of the others, as shares of the picture's height.
+    """
+
+    sun: int = 10
+    sky: int = 36
+    below: int = 8
+    sharp: int = 1280
+    coarse: int = 768
+    blur: tuple[float, float] = (0.004, 0.028)
+
+
+FINE, QUICK = Quality(), Quality(5, 14, 3, 448, 256, (0.012, 0.05))
+"""For a picture that stands alone, and for one of a hundred."""
+
+
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """towards (k, 3) unit vectors, strength (k,) on a surface that faces the lamp; the first `SUN` are the sun."""
+    """towards (k, 3) unit vectors, the sun first; strength (k,) on a surface that faces the lamp."""
 
     towards: Floats
     strength: Floats
+    quality: Quality
 
     def open(self, normal: Floats) -> tuple[float, float]:
         """Light on a free surface with this normal: of the sun, and of everything else."""
         each = np.maximum(self.towards @ normal, 0) * self.strength
-        return float(each[:SUN].sum()), float(each[SUN:].sum()) + AMBIENT
+        return float(each[: self.quality.sun].sum()), float(each[self.quality.sun :].sum()) + AMBIENT
 
 
-def lamps(view: View, floor: Floats) -> Lamps:
+def lamps(view: View, floor: Floats, quality: Quality = FINE) -> Lamps:
     """The lamps for a view: the sun stands over the eye's left shoulder, the sky over what things stand or lie on."""
     back = -view.forward
     level = back - (back @ floor) * floor
@@ -63,13 +78,14 @@ def lamps(view: View, floor: Floats) -> Lamps:
     sun = level * 0.45 - view.right * 0.62 + floor * 0.95
     if view.front:
         sun = view.up * 0.5 - view.right * 0.42 + floor
-    groups = [_cap(SUN, np.radians(6.0)) @ _frame(sun / np.linalg.norm(sun))]
-    groups += [_cap(SKY, np.radians(78.0)) @ _frame(floor), _cap(FLOOR, np.radians(75.0)) @ _frame(-floor)]
+    groups = [_cap(quality.sun, np.radians(6.0)) @ _frame(sun / np.linalg.norm(sun))]
+    groups.append(_cap(quality.sky, np.radians(78.0)) @ _frame(floor))
+    groups.append(_cap(quality.below, np.radians(75.0)) @ _frame(-floor))
     strength = [
         np.full(len(group), share / (group @ _unit(group.mean(axis=0))).sum())
         for group, share in zip(groups, SHARES, strict=True)
     ]
-    return Lamps(np.concatenate(groups), np.concatenate(strength))
+    return Lamps(np.concatenate(groups), np.concatenate(strength), quality)
 
 
 def _unit(vector: Floats) -> Floats:
@@ -98,11 +114,12 @@ def lit(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32) -> 
     light[1] = AMBIENT
     # a lamp's picture is sampled at random places around the point: its steps become a grain that the eye averages
     grain = np.random.default_rng(1).uniform(-1.2, 1.2, (2, CHUNK)).astype(np.float32)
+    quality = all_lamps.quality
     with scene.lamps():
         for number, (towards, strength) in enumerate(zip(all_lamps.towards, all_lamps.strength, strict=True)):
             frame = _frame(towards)
-            heights = scene.lamp(frame, FINE if number < SUN else COARSE)
-            into = light[int(number >= SUN)]
+            heights = scene.lamp(frame, quality.sharp if number < quality.sun else quality.coarse)
+            into = light[int(number >= quality.sun)]
             for start in range(0, points.shape[1], CHUNK):
                 part = slice(start, start + CHUNK)
                 cosine = _along(normals[:, part], frame[2])
@@ -152,7 +169,9 @@ def shaded(
     facing = np.broadcast_to(floor.astype(np.float32)[:, None], spots.shape)
     light = lit(scene, all_lamps, np.hstack([points, spots]), np.hstack([normals, facing]))
     drawn = points.shape[1]
-    return light[:, :drawn].sum(axis=0), _floor_share(light[:, drawn:], there, all_lamps.open(floor))
+    return light[:, :drawn].sum(axis=0), _floor_share(
+        light[:, drawn:], there, all_lamps.open(floor), all_lamps.quality.blur
+    )
 
 
 def _points(scene: Scene, view: View, pixels: Pixels) -> tuple[Floats32, Floats32]:
@@ -188,11 +207,13 @@ def _floor_points(
     return points[there].T.astype(np.float32), there
 
 
-def _floor_share(light: Floats32, there: Bools, open_light: tuple[float, float]) -> Floats32:
+def _floor_share(
+    light: Floats32, there: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
+) -> Floats32:
     """(h, w) share of light on the floor; the sky's shadows, few lamps' worth, are blurred to what many would give."""
     whole = sum(open_light)
     share = np.ones(there.shape, dtype=np.float32)
-    for part, free, blur in zip(light, open_light, (0.004, 0.028), strict=True):
+    for part, free, blur in zip(light, open_light, blurs, strict=True):
         lost = np.zeros(there.shape, dtype=np.float32)
         lost[there] = (free - part) / whole
         share -= gaussian_filter(lost, blur * there.shape[0])

@@ -25,6 +25,7 @@ class Palette:
     families: tuple[Colour, ...] = ((220, 156, 122), (236, 196, 140), (176, 110, 92))
     load: Colour = (32, 84, 168)
     support: Colour = (58, 74, 70)
+    plain: Colour = (232, 227, 218)
     person: Colour = (146, 145, 148)
     text: Colour = (56, 54, 52)
     ink: float = 0.45

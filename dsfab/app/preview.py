@@ -26,6 +26,9 @@ FINER = 2
 PERSON_FITS = (2.0, 60.0)
 """A person is drawn beside structures of these heights, metres."""
 
+FADE = 0.12
+"""Shadows fade out towards the edges of the page over this share of its height."""
+
 BOARD = 0.012
 """Behind a plate that is seen face on lies a board, this share of its size away."""
 
@@ -34,7 +37,7 @@ TOUCHES = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class _Stage:
+class Stage:
     """Everything that is placed before a picture is taken; `level` is that of the floor along `view.floor`, or None."""
 
     bodies: list[Body]
@@ -72,9 +75,12 @@ def picture(
     require_rendering()
     member = _member_colours(faces, family, palette)
     axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)
-    stage = _staged(vertices, faces, member, surface, load, axis / np.linalg.norm(axis), palette, size)
-    image = _rendered(stage, palette, size)
-    return np.asarray(lettered(image, _legend(stage, caption, palette, size), palette))
+    side = best_side(vertices, axis / np.linalg.norm(axis))
+    half = _half_thickness(vertices, faces)
+    stage = staged(Body(vertices, faces, member, casts=True), side, axis, half, surface, load, palette, size)
+    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
+        image = rendered(scene, stage, palette, size)
+    return np.asarray(lettered(image, legend(stage, caption, palette, size), palette))
 
 
 def write_picture(
@@ -116,35 +122,47 @@ def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Byte
     return np.asarray(table[index])
 
 
-def _staged(
-    V: Floats,
-    F: Ints,
-    member: Bytes,
+def staged(
+    body: Body,
+    side: Side,
+    up: Floats,
+    half: float,
     surface: Surface | None,
     load: LoadCase | None,
-    up: Floats,
     palette: Palette,
     size: tuple[int, int],
-) -> _Stage:
-    """Place the camera, then the marks, then move the camera back until all of it is on the page."""
-    side = best_side(V, up)
+    marked: bool = True,
+    person: bool = True,
+) -> Stage:
+    """Place the camera, then the marks, then move the camera back until all of it is on the page.
+
+    half   : half the thickness of the structure, metres.
+    marked : whether loads and supports are drawn; person : whether somebody may stand beside the structure.
+    """
+    V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
-    bodies, level = [Body(V, F, member, casts=True)], float((V @ up).min())
+    bodies, level = [body], float((V @ up).min())
     stands = True
     if surface is not None and load is not None:
-        bodies += _marks(surface, load, side, reach, _half_thickness(V, F), palette)
+        bodies += _marks(surface, load, side, up, reach, half, palette) if marked else []
         stands = _stands(surface, load, V, up, reach)
-        if stands:  # on the feet of its support cones; arrows that hang lower are drawn through the ground
+        if stands and marked:  # on the feet of its support cones; arrows that hang lower are drawn through the ground
             level -= marks.CONE * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - BOARD * reach, True
-    elif stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
+    elif person and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
         bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
-    aspect = size[0] / size[1]
-    view = framed(np.concatenate([body.V for body in bodies]), side, (-0.86 * aspect, 0.86 * aspect, -0.70, 0.88))
+    view = on_page(bodies, side, size)
     radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
-    return _Stage(bodies, view, level if stands else None, centre, radius)
+    return Stage(bodies, view, level if stands else None, centre, radius)
+
+
+def on_page(bodies: list[Body], side: Side, size: tuple[int, int], words: bool = True) -> View:
+    """The view in which the bodies fill a page with a strip for words below, or without one."""
+    aspect = size[0] / size[1]
+    wide, bottom, top = (0.86, -0.70, 0.88) if words else (0.92, -0.86, 0.92)
+    return framed(np.concatenate([one.V for one in bodies]), side, (-wide * aspect, wide * aspect, bottom, top))
 
 
 def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
@@ -156,10 +174,12 @@ def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: floa
     return below and float((surface.V[load.held] @ up).min()) < lowest + TOUCHES * (height + 0.2 * reach)
 
 
-def _marks(surface: Surface, load: LoadCase, side: Side, reach: float, half: float, palette: Palette) -> list[Body]:
+def _marks(
+    surface: Surface, load: LoadCase, side: Side, up: Floats, reach: float, half: float, palette: Palette
+) -> list[Body]:
     """Load arrows and support cones, those that there are."""
     arrows = marks.load_arrows(surface, load, reach, half, side.towards)
-    cones = marks.support_cones(surface, load, reach, side.up, half)
+    cones = marks.support_cones(surface, load, reach, up, half)
     drawn = [Body(*arrows, palette.of("load")), Body(*cones, palette.of("support"))]
     return [body for body in drawn if len(body.F)]
 
@@ -183,18 +203,23 @@ def _person_beside(V: Floats, side: Side, foot: float) -> marks.Mesh:
     return marks.person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, up)
 
 
-def _rendered(stage: _Stage, palette: Palette, size: tuple[int, int]) -> "Image":
+def rendered(
+    scene: Scene,
+    stage: Stage,
+    palette: Palette,
+    size: tuple[int, int],
+    quality: light.Quality = light.FINE,
+) -> "Image":
     """The picture without words."""
     from PIL import Image
 
     width, height = FINER * size[0], FINER * size[1]
-    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-        all_lamps = light.lamps(stage.view, stage.view.floor)
-        pixels = scene.pixels(stage.view, width, height)
-        level = None
-        if stage.level is not None:
-            level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
-        brightness, share = light.shaded(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
+    all_lamps = light.lamps(stage.view, stage.view.floor, quality)
+    pixels = scene.pixels(stage.view, width, height)
+    level = None
+    if stage.level is not None:
+        level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
+    brightness, share = light.shaded(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
     canvas = _floor(share, palette, width, height)
     pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
     lines = light.edges(pixels, 2.5 * pixel)
@@ -209,6 +234,9 @@ def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) ->
 
     if share is None:
         return np.asarray(np.broadcast_to(np.array(palette.paper, dtype=np.uint8), (height, width, 3)).copy())
+    x, y = (np.minimum(np.arange(k), np.arange(k)[::-1]) / (FADE * share.shape[0]) for k in share.shape[::-1])
+    fade = np.clip(np.minimum(x, y[:, None]), 0, 1)  # no shadow ends at the edge of the page
+    share = 1 - (1 - share) * (fade * fade * (3 - 2 * fade)).astype(np.float32)
     shades = Image.fromarray(np.round(np.clip(share, 0, 1) * 255).astype(np.uint8))
     smooth = shades.resize((width, height), Image.Resampling.BICUBIC)
     dark, bright = np.array(palette.shadow, dtype=np.float32), np.array(palette.paper, dtype=np.float32)
@@ -227,7 +255,7 @@ def _inked(pixels: Pixels, hit: Bools, brightness: Floats32, lines: Floats32, pa
     return np.asarray(np.minimum(colour * tone[:, None], 255).astype(np.uint8))
 
 
-def _legend(stage: _Stage, caption: str, palette: Palette, size: tuple[int, int]) -> Legend:
+def legend(stage: Stage, caption: str, palette: Palette, size: tuple[int, int]) -> Legend:
     """Words and scale: pixels per metre are those in the middle of the structure."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support")

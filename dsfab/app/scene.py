@@ -6,13 +6,16 @@ No lighting of VTK is used, so software rendering and a graphics card give the s
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.app.view import View
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints
+
+if TYPE_CHECKING:
+    from dsfab.app.shader import StripeShader
 
 Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
@@ -23,12 +26,16 @@ SPLIT = 35.0
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A mesh to draw: V (n, 3) m, F (m, 3), colour (3,) or (m, 3) in 0..255; casts: whether it throws shadows."""
+    """A mesh to draw: V (n, 3) m, F (m, 3), colour (3,) or (m, 3) in 0..255; casts: whether it throws shadows.
+
+    shader : leaves away what a pattern does not cover.
+    """
 
     V: Floats
     F: Ints
     colour: Bytes
     casts: bool = False
+    shader: "StripeShader | None" = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +90,13 @@ class Scene:
         self.window.Render()
         depth = np.where(z < 1, near * far / (far - z * (far - near)), np.inf).astype(np.float32)
         return Pixels(depth, normal, self._colours())
+
+    def mask(self, view: View, width: int, height: int) -> Bools:
+        """(h, w) where the eye sees something that casts shadows, were it alone."""
+        with self.lamps():
+            self._look(view)
+            self.window.SetSize(width, height)
+            return np.asarray(self._depth() < 1)
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
@@ -158,7 +172,9 @@ class Scene:
 
         cells = np.column_stack([np.full(len(body.F), 3), body.F]).ravel()
         points = ((body.V - self.centre) / self.radius).astype(np.float32)
-        mesh = pv.PolyData(points, cells).compute_normals(
+        mesh = pv.PolyData(points, cells)
+        mesh.point_data["vertex"] = np.arange(len(points))  # corners are split: who comes from where
+        mesh = mesh.compute_normals(
             cell_normals=False, split_vertices=True, feature_angle=SPLIT, consistent_normals=False
         )
         mesh.point_data["normal"] = np.round((np.asarray(mesh.point_data["Normals"]) + 1) * 127.5).astype(np.uint8)
@@ -168,5 +184,7 @@ class Scene:
         mapper.SetColorModeToDirectScalars()
         actor.SetMapper(mapper)
         actor.GetProperty().LightingOff()
+        if body.shader:
+            body.shader.attach(actor, mapper, mesh, np.asarray(mesh.point_data["vertex"]))
         self.plotter.add_actor(actor, reset_camera=False, render=False)
         return actor

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
 ANGLE = 24.0
@@ -91,6 +92,39 @@ def best_side(V: Floats, up: Floats) -> Side:
     turn = np.radians(32.0)
     level = np.cos(turn) * front + np.sin(turn) * right
     return Side(np.cos(lift) * level + np.sin(lift) * up, up, up, False)
+
+
+NAMED = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
+"""Degrees of azimuth and elevation. The ground is seen from a little above, or it would be a line."""
+
+
+def named_side(V: Floats, up: Floats, name: str) -> Side:
+    """The side that a name asks for: iso, top, front, side, or 'azimuth,elevation' in degrees.
+
+    iso is `best_side`. Azimuth turns from the front to the right, elevation is counted from the ground up.
+    Raises DsfabError for anything else.
+    """
+    if name == "iso":
+        return best_side(V, up)
+    azimuth, elevation = NAMED[name] if name in NAMED else _angles(name)
+    front, right = _plan(V, up)
+    turn, lift = np.radians([azimuth, elevation])
+    level = np.cos(turn) * front + np.sin(turn) * right
+    towards = np.cos(lift) * level + np.sin(lift) * up
+    return Side(towards, np.cos(lift) * up - np.sin(lift) * level, up, False)
+
+
+def _angles(name: str) -> tuple[float, float]:
+    try:
+        azimuth, elevation = (float(word) for word in name.split(","))
+    except ValueError:
+        azimuth = elevation = np.nan
+    if not (np.isfinite(azimuth) and abs(elevation) <= 90):
+        raise DsfabError(
+            f"view {name!r} is not known; use iso, top, front, side, or azimuth,elevation in degrees such as 30,20 "
+            "(elevation from -90 to 90)"
+        )
+    return azimuth, elevation
 
 
 def _face_on(normal: Floats, up: Floats) -> Side:

@@ -1,0 +1,236 @@
+"""`Previewer`: a design's uncut surface, drawn as if it were cut; parameters change, the geometry stays."""
+
+import io
+import threading
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from dsfab.app import light
+from dsfab.app.colouring import check_show, coloured, with_bar
+from dsfab.app.gl import require_rendering
+from dsfab.app.lettering import lettered
+from dsfab.app.palette import PAPER, Palette
+from dsfab.app.preview import legend, on_page, rendered, staged
+from dsfab.app.scene import Body, Bytes, Scene
+from dsfab.app.shader import BY_VERTEX, NO_REACH, NOTHING, WHOLE, Settings, StripeShader
+from dsfab.app.view import View, named_side, up_axis
+from dsfab.arrays import Bools, Floats
+from dsfab.design import Design, Draft
+from dsfab.errors import DsfabError, PatternError
+from dsfab.pattern import distance_to_boundary, distance_to_vertices
+from dsfab.pipeline import draft
+from dsfab.preset import STAGES, Preset
+from dsfab.preset_file import overridden
+
+NOMINAL = (1600, 1200)
+"""Pixels of a picture when nothing else is asked for."""
+
+TRIAL = (96, 72)
+"""Pixels of the pictures that try the shader."""
+
+
+class Previewer:
+    """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
+
+    design  : a Design, or a Draft (see `dsfab.pipeline.draft`): nothing needs to be cut or thickened.
+    view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.app.view.named_side`).
+    show    : structure; stress (the structure, coloured); major or minor (one family, and what is kept); loads.
+    marks   : whether loads, supports and a person for scale are drawn.
+
+    What is seen is the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
+    pieces that reach no support; the solid's thickness is not drawn.
+    It must be made, used and closed in one thread. Raises DsfabError where nothing can be drawn, or not rightly.
+    """
+
+    def __init__(
+        self,
+        design: Design | Draft,
+        *,
+        view: str = "iso",
+        show: str = "structure",
+        marks: bool = True,
+        palette: Palette = PAPER,
+    ) -> None:
+        check_show(show)
+        surface, load = design.surface, design.load
+        up = up_axis(surface.V, surface, load)
+        self._side = named_side(surface.V, up, view)
+        require_rendering()
+        self._thread = threading.get_ident()
+        self._made: Design | Draft = design
+        self._preset = design.preset
+        self._show = show
+        self._distance: dict[str, Floats] = {}
+        self._views: dict[tuple[tuple[int, int], bool], View] = {}
+        self._shader = StripeShader(_fields(design, self._distances(design)))
+        colouring = coloured(design, show, palette)
+        self._bar = colouring.bar
+        body = Body(surface.V, surface.F, colouring.face, casts=True, shader=self._shader)
+        half = design.preset.statics.thickness / 2
+        person = marks and view != "top"
+        drawn = replace(palette, load=palette.text) if show == "stress" else palette  # blue is compression there
+        self._palette = drawn
+        self._stage = staged(body, self._side, up, half, surface, load, drawn, NOMINAL, marks, person)
+        if self._side.towards @ up < 0:  # from below one looks through the ground
+            self._stage = replace(self._stage, level=None)
+        self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
+        try:
+            self._try_shader()
+            self._settle()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the window back."""
+        self._scene.plotter.close()
+
+    @property
+    def preset(self) -> Preset:
+        """What is drawn now."""
+        return self._preset
+
+    def set(self, changes: Mapping[str, Any]) -> None:
+        """Other values at dotted keys, e.g. {"pattern.major.frequency": 9}; see `display`."""
+        self.display(overridden(self._preset, changes))
+
+    def display(self, preset: Preset) -> None:
+        """Draw another preset of the same surface from now on.
+
+        Frequencies, phases and thresholds of plain stripes and the reach of what is kept are a few numbers; anything
+        else in [pattern] sends values per vertex to the graphics side; r and gamma solve for modes again.
+        Raises DsfabError for another [surface] and for what cannot be made; the old preset stays then.
+        """
+        if preset.surface != self._preset.surface:
+            raise DsfabError("another [surface] has another geometry and other loads: make a new Previewer for it")
+        if not self._only_numbers(preset):
+            made = draft(preset, old=self._made)
+            self._shader.replace_fields(_fields(made, self._distances(made)))
+            if self._show == "stress" and made.statics is not self._made.statics:
+                colouring = coloured(made, self._show, self._palette)
+                self._shader.recolour(colouring.face)
+                self._bar = colouring.bar
+            self._made = made
+        self._preset = preset
+        self._settle()
+
+    def picture(
+        self,
+        size: tuple[int, int] = NOMINAL,
+        caption: str | None = None,
+        quality: light.Quality = light.FINE,
+        words: bool = True,
+    ) -> Bytes:
+        """(height, width, 3) bytes of what is set now; size: (width, height) in pixels; words: caption and legend.
+
+        Raises PatternError when the pattern leaves no material.
+        """
+        if threading.get_ident() != self._thread:
+            raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
+        view = self._view(size, words)
+        stage = replace(self._stage, view=view)
+        if not self._scene.mask(view, *TRIAL).any() and not self.mask(size, words).any():
+            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
+        image = rendered(self._scene, stage, self._palette, size, quality)
+        if words:
+            line = self._caption() if caption is None else caption
+            image = lettered(image, legend(stage, line, self._palette, size), self._palette)
+            image = with_bar(image, self._bar, self._palette) if self._bar else image
+        return np.asarray(image)
+
+    def mask(self, size: tuple[int, int] = NOMINAL, words: bool = True) -> Bools:
+        """(height, width) where material is seen in a picture of that size; what covers it is left away."""
+        return self._scene.mask(self._view(size, words), *size)
+
+    def _view(self, size: tuple[int, int], words: bool) -> View:
+        """The camera for a page: found once for each."""
+        if (size, words) not in self._views:
+            self._views[size, words] = on_page(self._stage.bodies, self._side, size, words)
+        return self._views[size, words]
+
+    def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:
+        """Write `picture` as a PNG file, whole or not at all; raises ExportError for a file that cannot be written."""
+        from PIL import Image
+
+        from dsfab.export.atomic import replacing
+
+        pixels, target = self.picture(size, caption), Path(path)
+        with replacing(target) as temporary:
+            Image.fromarray(pixels).save(temporary, format="PNG")
+        return target
+
+    def _repr_png_(self) -> bytes:
+        """The picture in a notebook."""
+        from PIL import Image
+
+        file = io.BytesIO()
+        Image.fromarray(self.picture((800, 600))).save(file, format="PNG")
+        return file.getvalue()
+
+    def _caption(self) -> str:
+        return f"{self._preset.name} - {self._show}, preview before cutting"
+
+    def _only_numbers(self, preset: Preset) -> bool:
+        """Whether a preset differs from what was made in numbers of the shader only."""
+        old, new = self._made.preset.pattern, preset.pattern
+        first = preset.first_difference(self._made.preset)
+        if first is None or STAGES.index(first) > STAGES.index("pattern"):
+            return True
+        if first != "pattern" or old.width != new.width or new.width.solid_fraction or new.width.widths(1.0).vary:
+            return False
+        return (old.major.mode, old.minor.mode) == (new.major.mode, new.minor.mode)
+
+    def _settle(self) -> None:
+        """Hand the numbers of the preset to the shader."""
+        ask = self._preset.pattern
+        pair, width = (ask.major, ask.minor), ask.width
+        by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary
+        drawn = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}.get(self._show, (1.0, 1.0))
+        settings = Settings(
+            (pair[0].frequency, pair[1].frequency),
+            (pair[0].phase % 1, pair[1].phase % 1),
+            (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
+            (ask.keep or NO_REACH, ask.rim or NO_REACH),
+            drawn,
+        )
+        self._shader.set(WHOLE if self._show == "loads" else settings)
+
+    def _try_shader(self) -> None:
+        """A driver that ignores or refuses the shader says nothing: it draws the full mesh, or none."""
+        view = self._view(TRIAL, True)
+        seen = []
+        for settings in (WHOLE, NOTHING):
+            self._shader.set(settings)
+            seen.append(int(self._scene.mask(view, *TRIAL).sum()))
+        if not seen[0] or seen[1]:
+            raise DsfabError(
+                f"this machine's graphics driver does not run the preview's shader ({seen[0]} pixels where all is "
+                f"material, {seen[1]} where nothing is); set VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow to draw in "
+                "software, or use dsfab build, whose picture needs no shader"
+            )
+
+    def _distances(self, design: Design | Draft) -> tuple[Floats, Floats]:
+        """(n,) each, metres: to loads and supports, and to the boundary; the surface stays, and so do they."""
+        if not self._distance:
+            load, surface = design.load, design.surface
+            self._distance["keep"] = distance_to_vertices(surface, load.held | load.loaded)
+            self._distance["rim"] = distance_to_boundary(surface)
+        return self._distance["keep"], self._distance["rim"]
+
+
+def _fields(design: Design | Draft, distances: tuple[Floats, Floats]) -> Floats:
+    """(n, 6) modes, half-widths and distances (see `StripeShader`)."""
+    ask, modes = design.preset.pattern, design.diffusion
+    half = dict(zip(design.pattern.names, design.pattern.half_widths, strict=True))
+    x = modes.major.mode(ask.major.mode), modes.minor.mode(ask.minor.mode)
+    return np.stack([*x, half["major"], half["minor"], *distances], axis=1)

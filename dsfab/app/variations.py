@@ -1,0 +1,121 @@
+"""What `--vary` asks for: keys and their values, every combination of them, and how long drawing all will take."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
+from math import isfinite, prod
+from typing import Any
+
+from dsfab.errors import DsfabError
+from dsfab.preset import STAGES
+from dsfab.preset_file import parse_override
+
+Values = dict[str, list[Any]]
+"""Dotted keys and their values."""
+
+DIGITS = 4
+"""Significant digits of the values in a range."""
+
+
+def varied(texts: Sequence[str]) -> Values:
+    """Keys and values of `KEY=LOW:HIGH:COUNT` (evenly apart, both ends included) and `KEY=ONE,TWO,...`.
+
+    Raises DsfabError for texts of another kind, ranges without steps, values or keys that are there twice.
+    """
+    found: Values = {}
+    for text in texts:
+        key, equals, values = (part.strip() for part in text.partition("="))
+        if not (key and equals and values):
+            raise DsfabError(
+                f"--vary {text!r} is not KEY=VALUES; write a range such as pattern.major.frequency=4:24:6 (from, to, "
+                "how many) or a list such as diffusion.r=1,10,100"
+            )
+        if key in found:
+            raise DsfabError(f"--vary {key} is there twice; give all of its values at once")
+        found[key] = _range(text, values) if ":" in values else _listed(text, key, values)
+    return found
+
+
+def _range(text: str, values: str) -> list[Any]:
+    try:
+        low, high, count = values.split(":")
+        start, end, steps = float(low), float(high), int(count)
+    except ValueError:
+        raise DsfabError(
+            f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT with a whole COUNT, such as 4:24:6"
+        ) from None
+    if not (isfinite(start) and isfinite(end)):
+        raise DsfabError(f"--vary {text!r} does not run between two numbers; write for instance 4:24:6")
+    if steps < 1:
+        raise DsfabError(f"--vary {text!r} has {steps} values; the last number of a range, how many, must be 1 or more")
+    if steps > 1 and start == end:
+        raise DsfabError(f"--vary {text!r} gives the same value {steps} times; write another range or {low} alone")
+    places = [start + (end - start) * i / max(steps - 1, 1) for i in range(steps)]
+    rounded = [float(f"{place:.{DIGITS}g}") for place in places]
+    whole = "." not in low + high and "e" not in (low + high).lower()
+    return [int(x) if whole and x.is_integer() else x for x in rounded] if whole else list(rounded)
+
+
+def _listed(text: str, key: str, values: str) -> list[Any]:
+    words = [word.strip() for word in values.split(",")]
+    if not all(words):
+        raise DsfabError(f"--vary {text!r} has an empty value; write for instance diffusion.r=1,10,100")
+    found = [parse_override(f"{key}={word}")[1] for word in words]
+    if len({str(value) for value in found}) < len(found):
+        raise DsfabError(f"--vary {text!r} has a value twice; give each once")
+    return found
+
+
+def count(values: Values) -> int:
+    """How many combinations there are."""
+    return prod(len(listed) for listed in values.values())
+
+
+def combinations(values: Values) -> Iterator[dict[str, Any]]:
+    """Every combination, the last key running fastest."""
+    return (dict(zip(values, chosen, strict=True)) for chosen in product(*values.values()))
+
+
+def stage_of(key: str) -> int:
+    """The place of a key's stage in `STAGES`; keys of no stage come last."""
+    section = key.split(".")[0]
+    return STAGES.index(section) if section in STAGES else len(STAGES)
+
+
+def best_order(values: Values) -> list[int]:
+    """Indices of the combinations, early stages varying slowest: what one solve can serve is drawn in one go."""
+    keys = sorted(values, key=stage_of)
+    places = [{str(value): i for i, value in enumerate(values[key])} for key in keys]
+    all_of_them = list(combinations(values))
+    return sorted(
+        range(len(all_of_them)),
+        key=lambda index: [place[str(all_of_them[index][key])] for key, place in zip(keys, places, strict=True)],
+    )
+
+
+def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
+    """Seconds for all pictures, from those that each stage and one picture took once."""
+    total = picture * count(values)
+    for stage, seconds in stages.items():
+        # a stage is made again for each combination of the keys of its own section and of those before it
+        total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
+    return total
+
+
+def spelled(value: Any) -> str:
+    """A value as it stands after KEY= on the command line."""
+    if isinstance(value, str) and value.replace("_", "").isalpha() and value not in ("true", "false", "inf", "nan"):
+        return value
+    return json.dumps(value)
+
+
+def short_names(keys: Sequence[str]) -> dict[str, str]:
+    """The shortest endings of dotted keys that tell them apart: frequency, or major.frequency and minor.frequency."""
+    names = {}
+    for key in keys:
+        words = key.split(".")
+        endings = (".".join(words[i:]) for i in reversed(range(len(words))))
+        names[key] = next(
+            end for end in endings if end == key or not any(o != key and f".{o}".endswith(f".{end}") for o in keys)
+        )
+    return names

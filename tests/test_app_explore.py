@@ -1,0 +1,299 @@
+"""`dsfab explore` and `dsfab preview`: every combination drawn once, each with the command that builds it."""
+
+import re
+import shlex
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dsfab import pipeline
+from dsfab.app import explore as explore_module
+from dsfab.app.cli import main
+from dsfab.app.contact import Tile, columns, contact_sheet, page
+from dsfab.app.explore import picture_size
+from dsfab.app.palette import PAPER
+from dsfab.app.variations import best_order, combinations, expected_seconds, short_names, spelled, varied
+from dsfab.errors import DsfabError
+from dsfab.preset_file import load_preset, parse_override
+
+COARSE = ["--set", "surface.edge=0.9", "--size", "160x120"]
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = main(arguments)
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    code, out, err = run(capsys, *arguments)
+    assert code == 1, out + err
+    last = err.strip().splitlines()[-1]
+    assert last.startswith("dsfab: ")
+    assert "Traceback" not in err + out
+    return last
+
+
+def opened(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image)
+
+
+class Page(HTMLParser):
+    """What a browser would load and show."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.images: list[dict[str, str | None]] = []
+        self.links: list[str] = []
+        self.codes: list[str] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        if tag == "img":
+            self.images.append(given)
+        elif tag != "meta":
+            self.open.append(tag)
+        self.links += [value for key, value in attrs if key in ("src", "href") and value]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == "code":
+            self.codes.append(data)
+
+
+def test_a_contact_sheet_and_a_page_with_every_combination(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solves: list[str] = []
+    for stage in ("_statics", "_diffusion"):
+        monkeypatch.setattr(pipeline, stage, _counted(getattr(pipeline, stage), stage, solves))
+    folder = tmp_path / "sheet of mine"
+    varies = [
+        "--vary",
+        "pattern.major.frequency=4:12:3",
+        "--vary",
+        "diffusion.r=1,100",
+        "--vary=pattern.major.mode=1,9",
+    ]
+    code, out, _ = run(capsys, "explore", "dome", *COARSE, *varies, "-o", str(folder))
+    assert code == 0
+    assert "12 variants, 6 of them impossible" in out
+    # one solve serves all; each r needs its modes once
+    assert solves == ["_statics", "_diffusion", "_diffusion"]
+    names = [f"{n:03}.png" for n in (1, 3, 5, 7, 9, 11)]
+    assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "index.html", "sheet.png"])
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    seen = Page(text)
+    assert seen.open == []
+    assert [image["src"] for image in seen.images] == names
+    assert all(image["alt"] for image in seen.images)
+    assert all((folder / link).is_file() for link in seen.links)  # opens offline: nothing else is asked for
+    assert "http" not in text.replace("http-equiv", "")
+    assert text.count("only diffusion.modes = 8 are computed") == 6
+    pictures = [opened(folder / name) for name in names]
+    assert {picture.shape for picture in pictures} == {(120, 160, 3)}
+    assert len({picture.tobytes() for picture in pictures}) == 6
+    assert opened(folder / "sheet.png").shape[1] > 4 * 300
+    # the command builds what the picture shows
+    words = shlex.split(seen.codes[4])
+    assert words[:3] == ["dsfab", "build", "dome"]
+    changes = dict(parse_override(words[i + 1]) for i, word in enumerate(words) if word == "--set")
+    assert changes == {
+        "surface.edge": 0.9, "pattern.major.frequency": 8, "diffusion.r": 1, "pattern.major.mode": 1,
+    }  # fmt: skip
+    assert load_preset("dome", changes).pattern.major.frequency == 8
+
+
+def _counted(stage, name: str, calls: list[str]):
+    def counted(*arguments):
+        calls.append(name)
+        return stage(*arguments)
+
+    return counted
+
+
+def test_exploring_again_leaves_no_picture_of_the_run_before(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "005.png").write_bytes(b"mine")
+    vary = "pattern.major.frequency="
+    assert run(capsys, "explore", "dome", *COARSE, "--vary", vary + "4:12:3", "-o", str(tmp_path), "-q")[0] == 0
+    assert (tmp_path / "003.png").is_file()
+    assert run(capsys, "explore", "dome", *COARSE, "--vary", vary + "4,9", "-o", str(tmp_path), "-q")[0] == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["001.png", "002.png", "005.png", "index.html", "sheet.png"]
+    assert (tmp_path / "005.png").read_bytes() == b"mine"
+
+
+def test_another_surface_in_each_variant_is_drawn_as_itself(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    code, out, _ = run(capsys, "explore", "dome", *COARSE, "--vary", "surface.rise=2,6,-1", "-o", str(tmp_path))
+    assert code == 1 or "impossible" in out  # a dome cannot be -1 m high
+    code, out, _ = run(capsys, "explore", "dome", *COARSE, "--vary", "surface.rise=2,6", "-o", str(tmp_path))
+    assert code == 0, out
+    low, high = (_proportion(tmp_path / name) for name in ("001.png", "002.png"))
+    assert high > 1.4 * low
+
+
+def _proportion(path: Path) -> float:
+    """Height over width of what is drawn in terracotta."""
+    image = opened(path).astype(int)
+    rows, cols = np.nonzero(image[:, :, 0] - image[:, :, 2] > 40)
+    return float(np.ptp(rows) / np.ptp(cols))
+
+
+def test_many_variants_are_asked_about_and_nothing_is_written(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = tmp_path / "new"
+    vary = ["--vary", "pattern.major.frequency=4:24:100", "--vary", "diffusion.r=1:100:100"]
+    told = refused(capsys, "explore", "dome", *COARSE, *vary, "-o", str(folder))
+    assert re.search(r"10,000 variants would take about \d+(\.\d)? (seconds|minutes|hours) and .*--yes", told)
+    assert not folder.exists()
+
+
+def test_more_than_the_limit_are_drawn_after_yes(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(explore_module, "ASKS", 1)
+    vary = ["--vary", "pattern.major.frequency=4,8", "-o", str(tmp_path)]
+    assert "add --yes" in refused(capsys, "explore", "dome", *COARSE, *vary)
+    assert run(capsys, "explore", "dome", *COARSE, *vary, "--yes", "-q") == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("vary", "told"),
+    [
+        ("pattern.major.frequency=4:24:0", "has 0 values; the last number of a range"),
+        ("pattern.major.frequency=4:24:-3", "has -3 values"),
+        ("pattern.major.frequency=4:24:2.5", "is not a range"),
+        ("pattern.major.frequency=4:24", "is not a range"),
+        ("pattern.major.frequency=nan:24:3", "does not run between two numbers"),
+        ("pattern.major.frequency=4:4:3", "the same value 3 times"),
+        ("pattern.major.frequency", "is not KEY=VALUES"),
+        ("pattern.major.frequency=", "is not KEY=VALUES"),
+        ("pattern.major.frequency=4,,6", "has an empty value"),
+        ("pattern.major.frequency=4,4", "has a value twice"),
+        ("pattern.major.frequenzy=4,6", "did you mean frequency?"),
+        ("pattern.width.rule=plain,grated", "did you mean graded?"),
+        ("pattern.major.frequency=4,-6", "pattern.major.frequency = -6"),
+    ],
+)
+def test_a_mistake_in_vary_is_told_in_a_sentence(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, vary: str, told: str
+) -> None:
+    assert told in refused(capsys, "explore", "dome", "--vary", vary, "-o", str(tmp_path / "no"))
+    assert not (tmp_path / "no").exists()
+
+
+def test_the_same_key_twice_is_refused() -> None:
+    with pytest.raises(DsfabError, match=r"diffusion\.r is there twice"):
+        varied(["diffusion.r=1,2", "diffusion.r=3"])
+
+
+def test_all_variants_impossible_is_a_refusal(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    told = refused(capsys, "explore", "dome", *COARSE, "--vary", "pattern.major.mode=20,21", "-o", str(tmp_path / "no"))
+    assert "none of the 2 variants can be drawn" in told
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_full_disk_leaves_the_folder_as_it_was(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("dsfab.app.contact.save", full)
+    (tmp_path / "kept.txt").write_text("kept")
+    told = refused(capsys, "explore", "dome", *COARSE, "--vary", "diffusion.r=1,10", "-o", str(tmp_path))
+    assert "No space left on device" in told
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
+
+
+def test_preview_writes_one_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    shown = {}
+    for show, view in (("structure", "iso"), ("stress", "top"), ("loads", "30,20")):
+        path = tmp_path / f"{show}.png"
+        code, out, _ = run(capsys, "preview", "dome", *COARSE, "--show", show, "--view", view, "-o", str(path))
+        assert code == 0
+        assert str(path) in out
+        shown[show] = opened(path)
+        assert shown[show].shape == (120, 160, 3)
+    assert len({picture.tobytes() for picture in shown.values()}) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--view", "diagonal"], "view 'diagonal' is not known"),
+        (["--show", "beauty"], "show 'beauty' is not known"),
+        (["--size", "1600"], "is not WIDTHxHEIGHT"),
+        (["--size", "10x10"], "sides of 64 to 8000"),
+        (["--size", "99999x100"], "sides of 64 to 8000"),
+        (["-o", "picture.jpg"], "does not end in .png"),
+        (["--set", "pattern.major.threshold=3"], "pattern.major.threshold = 3"),
+    ],
+)
+def test_a_mistake_in_preview_is_told_in_a_sentence(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
+    assert told in refused(capsys, "preview", "dome", "--set", "surface.edge=0.9", *arguments)
+
+
+def test_ranges_and_lists_are_what_they_say() -> None:
+    found = varied(["a.b=4:24:6", "a.c=0:1:5", "a.d=1,10,100", "e=plain,graded", "f=7:9:1", "g=0:10:4", "h=true,false"])
+    assert found["a.b"] == [4, 8, 12, 16, 20, 24]
+    assert all(isinstance(value, int) for value in found["a.b"])
+    assert found["a.c"] == [0, 0.25, 0.5, 0.75, 1]
+    assert found["a.d"] == [1, 10, 100]
+    assert found["e"] == ["plain", "graded"]
+    assert found["f"] == [7]
+    assert found["g"] == [0, 3.333, 6.667, 10]
+    assert found["h"] == [True, False]
+    for values in found.values():  # what is spelled reads back as the same value
+        assert [parse_override(f"k={spelled(value)}")[1] for value in values] == values
+
+
+def test_the_order_of_drawing_changes_early_stages_least() -> None:
+    values = varied(["pattern.major.phase=0,0.5", "diffusion.r=1,10", "statics.thickness=1,2"])
+    listed = list(combinations(values))
+    order = best_order(values)
+    assert sorted(order) == list(range(8))
+    ordered = [
+        (listed[i]["statics.thickness"], listed[i]["diffusion.r"], listed[i]["pattern.major.phase"]) for i in order
+    ]
+    assert ordered == sorted(ordered)
+    assert expected_seconds(values, {"surface": 100.0, "statics": 10.0, "diffusion": 1.0}, 0.5) == 100 + 20 + 4 + 4
+
+
+def test_names_are_as_short_as_they_can_be_told_apart() -> None:
+    keys = ["pattern.major.frequency", "pattern.minor.frequency", "diffusion.r", "pattern.keep"]
+    assert list(short_names(keys).values()) == ["major.frequency", "minor.frequency", "r", "keep"]
+
+
+@pytest.mark.parametrize(
+    ("runs", "across"), [((6, 3), 3), ((3, 4, 2), 8), ((12,), 4), ((1,), 1), ((2, 50), 8), ((48,), 8)]
+)
+def test_rows_hold_whole_runs_of_the_fastest_keys(runs: tuple[int, ...], across: int) -> None:
+    assert columns(int(np.prod(runs)), runs) == across
+
+
+def test_sizes_are_read_as_width_and_height() -> None:
+    assert picture_size("1600x1200") == (1600, 1200)
+    assert picture_size("3000X2000") == (3000, 2000)
+
+
+def test_text_on_a_page_cannot_become_markup() -> None:
+    tile = Tile(1, (("name", '"<b>"'),), "dsfab build '<i>'", None, "bad <script> & more")
+    text = page([tile], "<dome>", "a < b", 1, PAPER)
+    assert "<script>" not in text
+    assert "<b>" not in text
+    assert "<i>" not in text
+    assert Page(text).open == []
+    assert contact_sheet([tile], "<dome>", "a < b", 1, 300, 4 / 3, PAPER).size[0] >= 300

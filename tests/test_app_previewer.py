@@ -1,0 +1,278 @@
+"""The previewer: its picture is that of the exact cut, a broken shader is found out, and geometry is made once."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from dsfab.app import scene as scene_module
+from dsfab.app import shader
+from dsfab.app.colouring import diverging, stress_label
+from dsfab.app.light import QUICK
+from dsfab.app.preview import on_page
+from dsfab.app.previewer import TRIAL, Previewer
+from dsfab.app.scene import Body, Scene
+from dsfab.app.view import named_side
+from dsfab.design import Draft
+from dsfab.errors import DsfabError, PatternError, PresetError
+from dsfab.pipeline import draft, run
+from dsfab.preset_file import load_preset, overridden
+from dsfab.slicing import cut
+from dsfab.surface import Surface
+
+SIZE = (480, 360)
+MOST = 1e-3
+"""Share of the silhouette's pixels that may differ."""
+
+
+@pytest.fixture(scope="module")
+def dome() -> Draft:
+    return draft(load_preset("dome", {"surface.edge": 0.5}))
+
+
+def exact(previewer: Previewer, surface: Surface) -> np.ndarray:
+    """Where a surface without any shader is seen by the previewer's eye."""
+    stage = previewer._stage
+    body = Body(surface.V, surface.F, np.zeros(3, dtype=np.uint8), casts=True)
+    with Scene([body], stage.centre, stage.radius) as scene:
+        return scene.mask(on_page(stage.bodies, previewer._side, SIZE), *SIZE)
+
+
+def difference(made: Draft, previewer: Previewer) -> float:
+    """Share of the silhouette's pixels in which the shader and the exact cut of a draft differ."""
+    sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, snap=0.0).kept()
+    there = exact(previewer, sheet.surface)
+    assert 0.02 < there.mean() < 0.9
+    return float((previewer.mask(SIZE) != there).sum() / there.sum())
+
+
+RULES = {
+    "plain": {},
+    "constant": {"pattern.width.rule": "constant", "pattern.width.member": 0.2},
+    "graded": {"pattern.width.rule": "graded", "pattern.width.q": 1.0},
+    "rim and bounds": {"pattern.rim": 0.6, "pattern.keep": 0.0, "pattern.width.min_width": 0.25},
+    "share": {"pattern.width.solid_fraction": 0.45},
+}
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_shader_draws_what_the_exact_cut_leaves(dome: Draft, rule: str) -> None:
+    made = draft(overridden(dome.preset, RULES[rule]), old=dome)
+    with Previewer(made, marks=False) as previewer:
+        assert difference(made, previewer) < MOST
+        whole = exact(previewer, made.surface)
+        assert previewer.mask(SIZE).sum() < 0.98 * whole.sum()  # something was left away
+
+
+def test_a_closed_surface_agrees_too() -> None:
+    made = draft(load_preset("sphere", {"pattern.width.rule": "graded", "pattern.rim": 0.1}))
+    with Previewer(made, marks=False, view="20,30") as previewer:
+        assert difference(made, previewer) < MOST
+
+
+CHANGES = [
+    {"pattern.major.frequency": 11.5, "pattern.minor.phase": 0.37},
+    {"pattern.minor.threshold": -0.4, "pattern.keep": 0.0},
+    {"pattern.rim": 0.8},
+    {"pattern.major.mode": 3},
+    {"pattern.width.rule": "constant", "pattern.width.member": 0.18},
+    {"pattern.width.rule": "plain", "pattern.major.frequency": 5.0},
+    {"diffusion.r": 10.0},
+]
+
+
+def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Draft) -> None:
+    preset = dome.preset
+    with Previewer(dome, marks=False) as previewer:
+        actors = list(previewer._scene.actors)
+        points = [actor.GetMapper().GetInput().GetPoints().GetMTime() for actor in actors]
+        for changes in CHANGES:
+            preset = overridden(preset, changes)
+            previewer.set(changes)
+            assert previewer.preset == preset
+            with Previewer(draft(preset), marks=False) as fresh:
+                assert np.array_equal(previewer.mask(SIZE), fresh.mask(SIZE)), changes
+        assert previewer._scene.actors == actors
+        assert [actor.GetMapper().GetInput().GetPoints().GetMTime() for actor in actors] == points
+
+
+def test_numbers_are_changed_without_drafting_again(dome: Draft, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> Draft:
+        raise AssertionError("drafted again")
+
+    with Previewer(dome) as previewer:
+        before = previewer.mask(SIZE)
+        monkeypatch.setattr("dsfab.app.previewer.draft", never)
+        previewer.set({"pattern.major.frequency": 12.0, "pattern.minor.threshold": 0.6, "pattern.keep": 0.5})
+        assert (previewer.mask(SIZE) != before).any()
+        previewer.set({"slicing.snap": 0.1, "export.formats": ["stl"]})  # not seen before the cut
+        with pytest.raises(AssertionError, match="drafted again"):
+            previewer.set({"pattern.major.mode": 2})
+
+
+def test_threshold_one_is_empty_and_minus_one_is_the_whole_silhouette(dome: Draft) -> None:
+    both = {"pattern.keep": 0.0, "pattern.major.threshold": 1.0, "pattern.minor.threshold": 1.0}
+    with Previewer(dome, marks=False) as previewer:
+        previewer.set({"pattern.major.threshold": -1.0})
+        assert np.array_equal(previewer.mask(SIZE), exact(previewer, dome.surface))
+        previewer.set(both)
+        assert not previewer.mask(SIZE).any()
+        with pytest.raises(PatternError, match="leaves no material"):
+            previewer.picture(SIZE)
+
+
+@pytest.mark.parametrize(
+    ("name", "broken"),
+    [
+        ("a tag that does not exist", (("//VTK::NoSuchTag::Impl", "discard;"),)),
+        ("no discard", shader._FRAGMENT[:1]),
+        ("all discarded", (*shader._FRAGMENT[:1], ("//VTK::Clip::Impl", "  discard;\n"))),
+    ],
+)
+def test_a_shader_that_does_not_work_is_never_drawn(
+    dome: Draft, monkeypatch: pytest.MonkeyPatch, name: str, broken: tuple[tuple[str, str], ...]
+) -> None:
+    monkeypatch.setattr(shader, "_FRAGMENT", broken)
+    with pytest.raises(DsfabError, match="does not run the preview's shader") as refusal:
+        Previewer(dome)
+    assert "pixels where" in str(refusal.value), name
+
+
+def test_a_wrong_shader_language_is_found_by_its_pixels(
+    dome: Draft, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    tag = "//VTK::Clip::Impl"
+    monkeypatch.setattr(shader, "_FRAGMENT", (*shader._FRAGMENT[:1], (tag, "  this is no GLSL;\n")))
+    with pytest.raises(DsfabError, match="does not run the preview's shader"):
+        Previewer(dome)
+    capfd.readouterr()  # the driver's own complaint
+
+
+def test_families_are_shown_one_at_a_time_and_together_make_the_structure(dome: Draft) -> None:
+    masks = {}
+    for show in ("structure", "major", "minor"):
+        with Previewer(dome, show=show, marks=False, view="top") as previewer:  # from above nothing hides anything
+            masks[show] = previewer.mask(SIZE)
+    assert np.array_equal(masks["structure"], masks["major"] | masks["minor"])
+    assert masks["major"].sum() < masks["structure"].sum()
+    assert masks["minor"].sum() < masks["structure"].sum()
+
+
+def test_loads_are_shown_on_the_whole_surface(dome: Draft) -> None:
+    with Previewer(dome, show="loads") as previewer:
+        assert np.array_equal(previewer.mask(SIZE), exact(previewer, dome.surface))
+        assert len(previewer._stage.bodies) == 4  # with arrows, cones and a person
+
+
+def test_a_picture_is_the_same_twice_and_changes_with_the_pattern(dome: Draft) -> None:
+    with Previewer(dome) as previewer:
+        one, two = (previewer.picture(TRIAL, quality=QUICK) for _ in range(2))
+        previewer.set({"pattern.major.frequency": 15.0})
+        three = previewer.picture(TRIAL, quality=QUICK)
+    assert one.shape == (TRIAL[1], TRIAL[0], 3)
+    assert one.dtype == np.uint8
+    assert np.array_equal(one, two)
+    assert (one != three).any()
+
+
+def test_stress_is_coloured_by_sign_and_again_for_other_loads(dome: Draft) -> None:
+    with Previewer(dome, show="stress", marks=False) as previewer:
+        part = previewer._shader._parts[0]["mesh"]
+        before = np.array(part.cell_data["colour"])
+        blue = before[:, 2].astype(int) > before[:, 0]
+        assert blue[dome.diffusion.tensors.principal.max(axis=1) < 0].mean() > 0.9  # pressed both ways
+        limit = previewer._bar.limit
+        previewer.set({"statics.thickness": 0.12})
+        assert previewer._bar.limit < 0.9 * limit
+        assert previewer.picture(SIZE, quality=QUICK).shape == (360, 480, 3)
+
+
+def test_a_finished_design_can_be_previewed_too() -> None:
+    design = run(load_preset("dome", {"surface.edge": 0.9}))
+    with Previewer(design, marks=False) as previewer:
+        assert previewer.mask(SIZE).any()
+        assert previewer._repr_png_().startswith(b"\x89PNG")
+
+
+def test_another_surface_is_refused_and_the_old_preset_stays(dome: Draft) -> None:
+    with Previewer(dome) as previewer:
+        before = previewer.mask(SIZE)
+        for changes, error in (
+            ({"surface.edge": 0.6}, DsfabError),
+            ({"pattern.major.mode": 40}, PatternError),
+            ({"pattern.major.frequencies": 4}, PresetError),
+        ):
+            with pytest.raises(error):
+                previewer.set(changes)
+        assert previewer.preset == dome.preset
+        assert np.array_equal(previewer.mask(SIZE), before)
+
+
+def test_another_thread_is_refused_in_a_sentence(dome: Draft) -> None:
+    told: list[str] = []
+
+    def draw() -> None:
+        try:
+            previewer.picture(TRIAL)
+        except DsfabError as error:
+            told.append(str(error))
+
+    with Previewer(dome) as previewer:
+        thread = threading.Thread(target=draw)
+        thread.start()
+        thread.join()
+    assert len(told) == 1
+    assert "in each thread" in told[0]
+
+
+@pytest.mark.parametrize("name", ["iso", "top", "front", "side", "30,20", "-45,-10"])
+def test_a_view_is_a_frame_of_unit_vectors(dome: Draft, name: str) -> None:
+    side = named_side(dome.surface.V, np.array([0.0, 0.0, 1.0]), name)
+    assert np.linalg.norm(side.towards) == pytest.approx(1)
+    assert np.linalg.norm(np.cross(side.up, side.towards)) > 0.8
+    wanted = {"top": 1.0, "30,20": np.sin(np.radians(20)), "-45,-10": -np.sin(np.radians(10))}
+    if name in wanted:
+        assert side.towards[2] == pytest.approx(wanted[name])
+
+
+@pytest.mark.parametrize("name", ["diagonal", "30", "30,20,10", "nan,3", "10,95", ""])
+def test_an_unknown_view_is_refused(dome: Draft, name: str) -> None:
+    with pytest.raises(DsfabError, match="is not known; use iso"):
+        Previewer(dome, view=name)
+
+
+def test_an_unknown_thing_to_show_is_refused(dome: Draft) -> None:
+    with pytest.raises(DsfabError, match="'beauty' is not known; use one of structure, stress"):
+        Previewer(dome, show="beauty")
+
+
+def test_tension_is_red_and_compression_blue() -> None:
+    colours = diverging(np.array([-2.0, -1.0, 0.0, 1.0, 2.0])).astype(int)
+    assert (colours[0] == colours[1]).all()
+    assert (colours[3] == colours[4]).all()
+    assert colours[1, 2] > colours[1, 0] + 60
+    assert colours[3, 0] > colours[3, 2] + 60
+    assert np.ptp(colours[2]) < 15
+    assert [stress_label(x) for x in (0.0, 350.0, 1.24e6, -2e9, 4.1e3)] == [
+        "0 Pa",
+        "350 Pa",
+        "1.24 MPa",
+        "-2 GPa",
+        "4.1 kPa",
+    ]
+
+
+def test_corners_that_are_split_take_their_values_along() -> None:
+    """A cube of 8 vertices is drawn with 24 corners: each has the field of the vertex it comes from."""
+    V = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+    F = np.array(
+        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
+         [1, 5, 7], [1, 7, 3]]
+    )  # fmt: skip
+    stripes = shader.StripeShader(np.column_stack([V, V]))
+    body = Body(V, F, np.zeros(3, dtype=np.uint8), casts=True, shader=stripes)
+    with scene_module.Scene([body], np.zeros(3), 1.0):
+        mesh = stripes._parts[0]["mesh"]
+        assert mesh.n_points == 24
+        assert np.allclose(mesh.point_data["stripes"][:, :3], mesh.points)
+        assert np.allclose(mesh.point_data["kept"], mesh.points[:, 1:])
