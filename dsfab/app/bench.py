@@ -80,7 +80,8 @@ def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
         begin = time.perf_counter()
         for suffix in design.preset.export.formats:
             if step or suffix != "step":
-                write(design.solid, Path(folder) / f"bench.{suffix}", step_faces=design.preset.export.step_faces)
+                ask, path = design.preset.export, Path(folder) / f"bench.{suffix}"
+                write(design.solid, path, step_faces=ask.step_faces, step=ask.step, step_tolerance=ask.step_tolerance)
         export = time.perf_counter() - begin
     seconds = {**dict.fromkeys(ROWS), **design.seconds, "export": export, "total": time.perf_counter() - start}
     return {

@@ -143,19 +143,22 @@ def _gaps(loops: list[Floats], tolerance: float) -> list[float]:
     is found, it is made smaller.
     """
     gaps, far = [np.inf] * len(loops), tolerance / SHARE_OF_GAP
-    spacing, left = tolerance, list(range(len(loops)))
+    spacing, left = 8 * far, list(range(len(loops)))
     while left and len(loops) > 1:
         if spacing < SAME_PLACE:
             raise ExportError(f"{len(left)} outlines touch another one")
-        trees = [cKDTree(_every(loop, spacing)) for loop in loops]
+        trees, reach = [cKDTree(_every(loop, spacing)) for loop in loops], far + spacing
         boxes = np.array([[loop.min(axis=0), loop.max(axis=0)] for loop in loops])
         again = []
         for i in left:
             apart = np.maximum(boxes[:, 0] - boxes[i, 1], boxes[i, 0] - boxes[:, 1]).max(axis=1)
             others = np.flatnonzero((apart < far) & (np.arange(len(loops)) != i))
-            found = min((float(np.min(trees[j].query(trees[i].data)[0])) for j in others), default=np.inf)
+            found = min(
+                (float(np.min(trees[j].query(trees[i].data, distance_upper_bound=reach)[0])) for j in others),
+                default=np.inf,
+            )
             gaps[i] = found - spacing
-            if gaps[i] < far and found < 2 * spacing:
+            if gaps[i] < far and spacing > found / 8:
                 again.append(i)
         left, spacing = again, spacing / 8
     return gaps
