@@ -367,7 +367,7 @@ def test_loops_keep_their_sense_and_pieces_their_holes():
 
 def test_a_build_says_how_its_step_file_was_made(tmp_path, here):
     build("cantilever", set_=("surface.edge=0.08",), output=tmp_path, format_="step", picture=False, quiet=True)
-    notes = json.loads((tmp_path / "design.json").read_text())["notes"]
+    notes = json.loads((tmp_path / "design.json").read_text())["warnings"]
     assert "export: STEP is planar, its outline within 0.25 mm of the mesh" in notes
     build(
         "cantilever",
@@ -378,4 +378,4 @@ def test_a_build_says_how_its_step_file_was_made(tmp_path, here):
         picture=False,
         quiet=True,
     )
-    assert "export: STEP is faceted" in json.loads((tmp_path / "design.json").read_text())["notes"]
+    assert "export: STEP is faceted" in json.loads((tmp_path / "design.json").read_text())["warnings"]
