@@ -57,7 +57,7 @@ def preview(
     size_: Annotated[str, Parameter(name="--size", help="WIDTHxHEIGHT in pixels.")] = "1600x1200",
     quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")] = False,
 ) -> int:
-    """Draw a preset before it is cut: a picture in a second or two.
+    """Draw a preset before it is cut: a picture in a few seconds.
 
     Parameters
     ----------

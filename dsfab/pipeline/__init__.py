@@ -1,0 +1,84 @@
+"""The order of the stages: `run` makes a `Design` of a preset, `revise` remakes it from the first changed section."""
+
+from types import MappingProxyType
+from typing import TypeVar
+
+from dsfab.design import Design, Draft
+from dsfab.pipeline.geometry import pattern_step, slicing_step, thickening_step
+from dsfab.pipeline.log import Log, Progress
+from dsfab.pipeline.structure import diffusion_step, statics_step, surface_step
+from dsfab.preset import STAGES, Preset
+
+__all__ = ["ROWS", "TIMED", "Progress", "draft", "revise", "run"]
+
+TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
+"""Rows of the timing table that a run fills: those of the paper's Table 2, then the stages beyond the paper."""
+
+ROWS = {
+    "surface": ("surface",),
+    "statics": ("membrane", "bending", "statics", "stress"),
+    "diffusion": ("diffusion", "modes"),
+    "pattern": ("pattern",),
+    "slicing": ("slicing",),
+    "thickening": ("thickening",),
+}
+"""The rows of the timing table that each stage fills."""
+
+
+def run(preset: Preset, progress: Progress | None = None) -> Design:
+    """Make the design of a preset.
+
+    Raises DsfabError, of the stage that refuses, when it cannot be built.
+    """
+    return _make(preset, Log(progress), None, "surface")
+
+
+def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
+    """The design of `preset`, with every stage of `design` before the first section that differs.
+
+    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, since statics are linear.
+    """
+    start = preset.first_difference(design.preset) or "export"
+    return _make(preset, Log(progress), design, start)
+
+
+def draft(preset: Preset, progress: Progress | None = None, old: Draft | Design | None = None) -> Draft:
+    """The stages of a preset up to its pattern, with those of `old` before the first section that differs.
+
+    Raises DsfabError, of the stage that refuses.
+    """
+    start = "surface" if old is None else preset.first_difference(old.preset) or "export"
+    return _drafted(preset, Log(progress), old, start)
+
+
+Made = TypeVar("Made", bound=Draft | Design)
+
+
+def _reused(stage: str, log: Log, old: Made | None, start: str) -> Made | None:
+    """What was made before, if this stage's result is still good."""
+    if old is None or STAGES.index(stage) >= STAGES.index(start):
+        return None
+    log.seconds.update({row: old.seconds[row] for row in ROWS[stage] if row in old.seconds})
+    log.notes.extend(note for note in old.notes if note.stage == stage)
+    return old
+
+
+def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -> Draft:
+    surface = was.surface if (was := _reused("surface", log, old, start)) else surface_step(preset, log)
+    statics = was.statics if (was := _reused("statics", log, old, start)) else statics_step(preset, surface, log)
+    was = _reused("diffusion", log, old, start)
+    diffusion = was.diffusion if was else diffusion_step(preset, surface, statics, log)
+    was = _reused("pattern", log, old, start)
+    pattern = was.pattern if was else pattern_step(preset, surface, statics, diffusion, log)
+    return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
+
+
+def _make(preset: Preset, log: Log, old: Design | None, start: str) -> Design:
+    made = _drafted(preset, log, old, start)
+    surface, statics, pattern = made.surface, made.statics, made.pattern
+    was = _reused("slicing", log, old, start)
+    slicing = was.slicing if was else slicing_step(preset, surface, statics, pattern, log)
+    was = _reused("thickening", log, old, start)
+    solid = was.solid if was else thickening_step(preset, surface, slicing, log)
+    seconds = MappingProxyType(log.seconds)
+    return Design(preset, surface, statics, made.diffusion, pattern, slicing, solid, seconds, tuple(log.notes))

@@ -1,0 +1,37 @@
+"""What a run tells besides its results: progress, seconds and notes."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from dsfab.design import Note
+
+Progress = Callable[[str, str], None]
+"""Called with a stage and what it is about to do."""
+
+
+@dataclass
+class Log:
+    """What a run tells besides its results."""
+
+    progress: Progress | None
+    seconds: dict[str, float] = field(default_factory=dict)
+    notes: list[Note] = field(default_factory=list)
+
+    @contextmanager
+    def stage(self, name: str, doing: str) -> Iterator[None]:
+        if self.progress:
+            self.progress(name, doing)
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = time.perf_counter() - start
+
+    @contextmanager
+    def row(self, name: str) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def note(self, stage: str, text: str) -> None:
+        self.notes.append(Note(stage, text))
