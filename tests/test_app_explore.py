@@ -73,7 +73,7 @@ def test_a_contact_sheet_and_a_page_with_every_combination(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solves: list[str] = []
-    for stage in ("_statics", "_diffusion"):
+    for stage in ("statics_step", "diffusion_step"):
         monkeypatch.setattr(pipeline, stage, _counted(getattr(pipeline, stage), stage, solves))
     folder = tmp_path / "sheet of mine"
     varies = [
@@ -87,7 +87,7 @@ def test_a_contact_sheet_and_a_page_with_every_combination(
     assert code == 0
     assert "12 variants, 6 of them impossible" in out
     # one solve serves all; each r needs its modes once
-    assert solves == ["_statics", "_diffusion", "_diffusion"]
+    assert solves == ["statics_step", "diffusion_step", "diffusion_step"]
     names = [f"{n:03}.png" for n in (1, 3, 5, 7, 9, 11)]
     assert sorted(path.name for path in folder.iterdir()) == sorted([*names, "index.html", "sheet.png"])
     text = (folder / "index.html").read_text(encoding="utf-8")
