@@ -5,12 +5,9 @@ from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Ints
 from dsfab.errors import StaticsError
+from dsfab.pipeline.geometry import ON_SIMPLEX
 from dsfab.slicing import Sheet
 from dsfab.surface import LoadCase, Surface
-
-ON_SIMPLEX = 1 - 1e-9
-"""A carried 0/1 field of at least this value marks a point that lies between marked vertices only."""
-
 
 REACH = 0.1
 """Loads are handed over this share of the surface's size at most: further away, nothing carries them."""
