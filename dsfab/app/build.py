@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
+Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")]
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
 
 
@@ -52,7 +53,7 @@ def build(
         str | None, Parameter(help="How STEP is made: auto, planar (flat sheets, as curves) or faceted.")
     ] = None,
     picture: Annotated[bool, Parameter(help="Also make preview.png.")] = True,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Build a preset: solid, sheet, picture and numbers, in one folder.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Mesh, Set, Unit, read_preset
+from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, out, size
 from dsfab.app.variations import (
@@ -55,7 +55,7 @@ def preview(
     show: Show = "structure",
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png].")] = None,
     size_: Annotated[str, Parameter(name="--size", help="WIDTHxHEIGHT in pixels.")] = "1600x1200",
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Draw a preset before it is cut: a picture in a few seconds.
 
@@ -107,7 +107,7 @@ def explore(
     ] = None,
     size_: Annotated[str, Parameter(name="--size", help="WIDTHxHEIGHT of each picture in pixels.")] = "800x600",
     yes: Annotated[bool, Parameter(negative=(), help=f"Draw more than {ASKS} variants.")] = False,
-    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Draw variants of a preset side by side: a contact sheet, and a page with the command that builds each.
 

@@ -22,9 +22,6 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets, thicken
 
-ON_SIMPLEX = 1 - 1e-9
-"""A carried 0/1 field of at least this value marks a point that lies between marked vertices only."""
-
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
 
@@ -108,10 +105,12 @@ def slicing_step(
         pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
         sheet = pinched.sheet.kept()
         listed, label = _pieces(sheet, statics.load)
+        built = listed
         if ask.loose == "drop" and any(p.held for p in listed) and not all(p.held for p in listed):
             sheet = sheet.kept(np.array([p.held for p in listed])[label])
+            built = tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinched.count, log)
-    return SlicingResult(pinched.sheet, sheet, _pieces(sheet, statics.load)[0], pinched.count)
+    return SlicingResult(pinched.sheet, sheet, built, pinched.count)
 
 
 def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
@@ -120,8 +119,7 @@ def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
     area = np.bincount(label, sheet.surface.areas, count)
     marks = []
     for mark in (load.held, load.loaded):
-        on = sheet.carry(mark.astype(float)) >= ON_SIMPLEX
-        marks.append(np.bincount(label, on[sheet.surface.F].any(axis=1), count) > 0)
+        marks.append(np.bincount(label, sheet.between(mark)[sheet.surface.F].any(axis=1), count) > 0)
     listed = tuple(Piece(float(area[k]), bool(marks[0][k]), bool(marks[1][k])) for k in range(count))
     return listed, label
 
@@ -136,8 +134,7 @@ def _note_slicing(
         log.note("slicing", f"{len(loose)} of {len(listed)} pieces reach no support and were {done} ({area:.3g} m2)")
     if pinches:
         log.note("slicing", f"{pinches} point contacts were {'joined' if preset.slicing.pinch == 'join' else 'split'}")
-    present = np.asarray(sheet.weights.max(axis=0).todense()).ravel() >= ON_SIMPLEX
-    lost = np.flatnonzero(load.loaded & ~present)
+    lost = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
     if len(lost):
         log.note(
             "slicing",

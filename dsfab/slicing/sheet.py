@@ -12,6 +12,9 @@ from dsfab.surface import Surface
 VOID = -1
 """The `family` of a cell that no field made material."""
 
+ON_SIMPLEX = 1 - 1e-9
+"""A carried 0/1 field of at least this value marks a point that lies between marked vertices only."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
@@ -49,6 +52,18 @@ class Sheet:
     def carry(self, x: Floats) -> Floats:
         """Values x (n, ...) on the uncut surface's vertices, interpolated linearly to this sheet's (n', ...)."""
         return np.asarray(self.weights @ x)
+
+    def between(self, marks: Bools) -> Bools:
+        """(n', ...) vertices that lie between marked vertices (n, ...) of the uncut surface only."""
+        return np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
+
+    def same_vertex(self) -> Ints:
+        """(n,) the vertex of this sheet at each vertex of the uncut surface, -1 where it was cut away."""
+        weights = self.weights.tocoo()
+        whole = weights.data >= ON_SIMPLEX
+        at = np.full(weights.shape[1], -1)
+        at[weights.coords[1][whole]] = weights.coords[0][whole]
+        return at
 
     def kept(self, mask: Bools | None = None) -> "Sheet":
         """The sheet of the marked cells only (m',), of the material when left out; vertices without a cell are dropped.

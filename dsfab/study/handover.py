@@ -3,19 +3,12 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Ints
 from dsfab.errors import StaticsError
-from dsfab.pipeline.geometry import ON_SIMPLEX
 from dsfab.slicing import Sheet
 from dsfab.surface import LoadCase, Surface
 
 REACH = 0.1
 """Loads are handed over this share of the surface's size at most: further away, nothing carries them."""
-
-
-def on_sheet(sheet: Sheet, marks: Bools) -> Bools:
-    """(n', ...) vertices of the sheet that lie between marked vertices (n, ...) of the uncut surface only."""
-    return np.asarray(sheet.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
 
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
@@ -26,11 +19,11 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
 
     Raises StaticsError when no supported vertex is left, or when a load finds no material near it.
     """
-    fixed = on_sheet(sheet, load.fixed)
+    fixed = sheet.between(load.fixed)
     if not fixed.any():
         raise StaticsError("no supported vertex is left on the sheet; set pattern.keep to protect the supports")
     acting = np.flatnonzero((load.force != 0).any(axis=1))
-    at = _same_vertex(sheet)[acting]
+    at = sheet.same_vertex()[acting]
     lost = at < 0
     if lost.any():
         found = cKDTree(sheet.surface.V).query(surface.V[acting[lost]])
@@ -42,13 +35,4 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
             )
     force = np.zeros((sheet.surface.n, 3))
     np.add.at(force, at, load.force[acting])
-    return LoadCase(fixed, force, on_sheet(sheet, load.loaded))
-
-
-def _same_vertex(sheet: Sheet) -> Ints:
-    """(n,) vertex of the sheet at each vertex of the uncut surface, -1 where it was cut away."""
-    weights = sheet.weights.tocoo()
-    whole = weights.data >= ON_SIMPLEX
-    at = np.full(weights.shape[1], -1)
-    at[weights.coords[1][whole]] = weights.coords[0][whole]
-    return at
+    return LoadCase(fixed, force, sheet.between(load.loaded))
