@@ -39,7 +39,7 @@ ALLOWED: dict[str, set[str]] = {
     "preset_file": GROUND | {"preset", "preset_errors"},
     "design": GROUND | {"surface", "preset"} | STAGES,
     "pipeline": GROUND | {"surface", "preset", "design"} | STAGES,
-    "study": GROUND | {"surface", "preset", "preset_file", "design", "pipeline", "export"} | STAGES,
+    "study": GROUND | {"surface", "preset", "preset_errors", "preset_file", "design", "pipeline", "export"} | STAGES,
     "app": GROUND | {"surface", "preset", "preset_file", "design", "pipeline", "study", "export"} | STAGES,
 }
 """Each part of dsfab, and the parts it may import besides itself."""
@@ -52,7 +52,7 @@ HOME = {
     "pyvista": {"app"},
     "vtk": {"app"},
     "trimesh": {"surface", "export"},
-    "pydantic": {"preset", "preset_errors", "preset_file", "surface"},
+    "pydantic": {"preset", "preset_errors", "preset_file", "study", "surface"},
     "cyclopts": {"app"},
     "rich": {"app"},
     "PIL": {"app"},
