@@ -108,7 +108,10 @@ def summary(folder: SweepFolder) -> str:
     metric, other = headline(plan.measured), against(plan.measured)
     done = sum(row.state == "done" for row in rows)
     failed = sum(row.state == "failed" for row in rows)
-    lines = [f"{len(rows)} runs: {done} done, {failed} failed" + (f", {len(rows) - done - failed} left" * (done + failed < len(rows)))]
+    lines = [
+        f"{len(rows)} runs: {done} done, {failed} failed"
+        + (f", {len(rows) - done - failed} left" * (done + failed < len(rows)))
+    ]
     if plan.constraints:
         meets = sum(feasible(row, plan.limits) for row in rows)
         lines.append(f"{meets} of them meet {', '.join(plan.constraints)}")
