@@ -11,6 +11,7 @@ from dsfab.app.report import out
 from dsfab.errors import DsfabError
 
 if TYPE_CHECKING:
+    from dsfab.study.sweeps.conductor import Progress
     from dsfab.study.sweeps.fleet import Fleet
     from dsfab.study.sweeps.folder import SweepFolder
     from dsfab.study.sweeps.plan import Plan
@@ -164,11 +165,15 @@ def _conducted(found: "SweepFolder", fleet: "Fleet", teller: Any) -> bool:
     """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
     from dsfab.app.sweep_show import Shown
 
-    shown = Shown(found)
-    stopped = False
+    shown, stopped = Shown(found), False
+
+    def told(progress: "Progress") -> None:
+        teller(progress)
+        shown.now_and_then()
+
     try:
         try:
-            found.run(fleet, lambda progress: (teller(progress), shown.now_and_then())[0])
+            found.run(fleet, told)
         except KeyboardInterrupt:
             stopped = True
         finally:

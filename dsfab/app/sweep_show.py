@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dsfab.app.contact import SHEET_NAME, Tile, columns, contact_sheet
 from dsfab.app.palette import PAPER
@@ -11,6 +11,7 @@ from dsfab.app.sweep_page import PAGE, page
 from dsfab.app.variations import short_names, spelled
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.study.sweeps.folder import SweepFolder
+from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.results import best, feasible, pareto, picture_of
 from dsfab.study.sweeps.store import Row
 
@@ -96,10 +97,14 @@ def _tile(folder: Path, row: Row, metric: str) -> Tile:
         except OSError:  # taken away by hand: the numbers are still there
             picture = None
     short = short_names(list(row.changes))
-    parameters = [(short[key], spelled(value)) for key, value in row.changes.items()]
+    parameters = [(short[key], _brief(value)) for key, value in row.changes.items()]
     if metric in row.metrics:
-        parameters.append((metric, f"{row.metrics[metric]:.3g}"))
+        parameters.insert(0, (f"{row.metrics[metric]:.3g} {ABOUT[metric].unit}".strip(), ""))
     return Tile(row.number, tuple(parameters), "", picture, row.error or "no picture")
+
+
+def _brief(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else spelled(value)
 
 
 def summary(folder: SweepFolder) -> str:

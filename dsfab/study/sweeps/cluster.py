@@ -15,7 +15,7 @@ SECONDS = 20
 class DaskFleet:
     """The workers of a scheduler, those that join later too; when one dies, Dask gives its run to another.
 
-    Give each worker one thread (`dask worker --nthreads 1`): runs remember stages, and pictures are drawn, by thread.
+    Each worker makes one run at a time, so give it one thread (`dask worker --nthreads 1`), and one worker to a core.
     Raises DsfabError where dask is not installed or nobody answers.
     """
 
@@ -36,18 +36,17 @@ class DaskFleet:
     def workers(self) -> Collection[str]:
         # n_workers=-1: newer versions list five workers only when nothing is said
         found = self._client.scheduler_info(n_workers=-1)["workers"]
-        return [f"{address}#{i}" for address, facts in found.items() for i in range(facts.get("nthreads", 1))]
+        return list(found)
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        address = worker.partition("#")[0]
-        if address not in self._executors:
-            self._executors[address] = self._client.get_executor(
-                workers=[address], allow_other_workers=True, pure=False, retries=0
+        if worker not in self._executors:
+            self._executors[worker] = self._client.get_executor(
+                workers=[worker], allow_other_workers=True, pure=False, retries=0
             )
-        return cast("Future[Outcome]", self._executors[address].submit(execute, self._job, number, changes))
+        return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> None:
-        self._executors.pop(worker.partition("#")[0], None)
+        self._executors.pop(worker, None)
 
     def learn(self, outcome: Outcome) -> None:
         pass  # who starts the workers knows their memory

@@ -88,10 +88,11 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as dotted keys; a table with `from` is a range, and stays."""
+    """Nested tables as dotted keys. A table with `from` is a range, and stays; so do those of quoted dotted keys, which
+    are values as after --set, and empty ones."""
     found: dict[str, Any] = {}
     for key, value in table.items():
-        if isinstance(value, Mapping) and "from" not in value:
+        if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
             found.update(flat(value, f"{prefix}{key}."))
         else:
             found[prefix + key] = value

@@ -53,12 +53,20 @@ class Outcome:
     peak: int = 0
 
 
+_alone = threading.Lock()
+"""One run at a time in a process: neither the sparse solver nor the graphics side may be used by two threads at once."""
+
 _memory = threading.local()
 """Of each thread that works: the job, its base preset, and the last design that was made."""
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
     """Make one run. Never raises: a refusal, or a mistake of ours, is its outcome; what was measured before is kept."""
+    with _alone:
+        return _executed(job, number, changes)
+
+
+def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
     start, metrics, files = time.perf_counter(), dict[str, float](), dict[str, bytes]()
     doing, wrong, log = "the design", list[str](), ""
     try:
@@ -100,6 +108,11 @@ def _base(job: Job) -> Preset:
     return preset_from(values)
 
 
+def _at_home(job: Job, preset: Preset) -> Preset:
+    """The preset with the mesh file's place on the machine that asked, not on this one."""
+    return preset if job.mesh is None else overridden(preset, {"surface.file": job.preset["surface"]["file"]})
+
+
 def mesh_of(preset: Preset) -> bytes | None:
     """The content of a preset's mesh file."""
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
@@ -110,7 +123,7 @@ def _keep(job: Job, made: Making, files: dict[str, bytes]) -> None:
     from dsfab.export import write
 
     if "preset" in job.keep:
-        files["preset.toml"] = preset_toml(made.preset).encode()
+        files["preset.toml"] = preset_toml(_at_home(job, made.preset)).encode()
     if "picture" in job.keep and job.draw is not None:
         files["picture.png"] = job.draw(made)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
