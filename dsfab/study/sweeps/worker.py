@@ -54,7 +54,7 @@ class Outcome:
 
 
 _alone = threading.Lock()
-"""One run at a time in a process: neither the sparse solver nor the graphics side may be used by two threads at once."""
+"""One run at a time in a process: neither the sparse solver nor the graphics may be used by two threads at once."""
 
 _memory = threading.local()
 """Of each thread that works: the job, its base preset, and the last design that was made."""
