@@ -138,18 +138,19 @@ def _run(
 ) -> int:
     from dsfab.app.sweep_progress import Teller
     from dsfab.app.sweep_show import headline, summary
-    from dsfab.study.sweeps.folder import made, prepare
+    from dsfab.study.sweeps.folder import checked, made, prepare
     from dsfab.study.sweeps.lock import only_coordinator
-    from dsfab.study.sweeps.plan_file import base_preset, plan_from
+    from dsfab.study.sweeps.plan_file import plan_from
 
     if workers is not None and workers < 1:
         raise DsfabError(f"--workers {workers} must be 1 or more")
     plan = plan_from(values, source)
     draw = _drawer(plan)
-    folder = folder if folder is not None else Path("outputs") / f"{base_preset(plan).name}-sweep"
+    known = checked(plan)
+    folder = folder if folder is not None else Path("outputs") / f"{known[0].name}-sweep"
     teller = Teller(quiet, headline(plan.measured), plan.limits)
     with only_coordinator(made(folder)):
-        found = prepare(plan, folder, extend)
+        found = prepare(plan, folder, extend, known)
         for row in found.rows():
             if row.state == "done":
                 teller.knows(row.number, row.metrics)
@@ -188,12 +189,14 @@ def _drawer(plan: "Plan") -> "Drawer | None":
     """Draws the runs' pictures; raises DsfabError where nothing can be drawn, before the work begins."""
     from dsfab.app.explore import picture_size
     from dsfab.app.gl import require_rendering
-    from dsfab.app.sweep_picture import SheetDrawer
+    from dsfab.app.sweep_picture import SheetDrawer, require_view
 
     if "picture" not in plan.keep:
         return None
+    require_view(plan.view)
+    size = picture_size(plan.size)
     require_rendering()
-    return SheetDrawer(picture_size(plan.size), plan.view)
+    return SheetDrawer(size, plan.view)
 
 
 def _fleet(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Fleet":

@@ -20,6 +20,12 @@ _stages = threading.local()
 """Of each thread: the last surface, how it was drawn, and its empty stage."""
 
 
+def require_view(name: str) -> None:
+    """Raise DsfabError for a view that is not known, before anything is made."""
+    if name != "iso":  # for which the surface is asked
+        named_side(np.eye(3), np.array([0.0, 0.0, 1.0]), name)
+
+
 @dataclass(frozen=True)
 class SheetDrawer:
     """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. It travels to workers.

@@ -95,14 +95,23 @@ class SweepFolder:
         )
 
 
-def prepare(plan: Plan, folder: Path, extend: bool = False) -> SweepFolder:
+def checked(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
+    """The preset that all runs of a plan start from, and what each changes; raises PresetError for what cannot be."""
+    preset, found = base_preset(plan), points(plan) if plan.search is None else []
+    check_points(preset, found)
+    return preset, found
+
+
+def prepare(
+    plan: Plan, folder: Path, extend: bool = False, known: tuple[Preset, list[dict[str, Any]]] | None = None
+) -> SweepFolder:
     """The folder of a plan, made or found again, its runs recorded; call it inside `only_coordinator`.
 
     Raises DsfabError for a plan that is not that of the folder, unless `extend` allows it: then runs are added, and
     none is lost; metrics or files that are new are made for all. PresetError for keys and values that cannot be.
+    known : what `checked` said, if it was asked before the folder was made.
     """
-    preset, found = base_preset(plan), points(plan) if plan.search is None else []
-    check_points(preset, found)
+    preset, found = checked(plan) if known is None else known
     settled = _settled(plan, found)
     texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}
     with Store.create(folder) as store:
