@@ -38,6 +38,8 @@ def sweep(
     constraint: Annotated[
         tuple[str, ...], Parameter(name=["--constraint", "--subject-to"], negative=(), help="Such as 'pieces == 1'.")
     ] = (),
+    optimise: Annotated[str | None, Parameter(help="Search for the best of this metric instead of sampling.")] = None,
+    evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None,
     keep: Annotated[
         tuple[str, ...], Parameter(negative=(), help="Of each run: picture, preset, sheet, solid or nothing [picture].")
     ] = (),
@@ -73,12 +75,15 @@ def sweep(
         "sampling": sample,
         "seed": seed,
         "metrics": words(metric),
-        "constraints": list(constraint),
+        "constraints": words(constraint),
         "keep": [] if kept == ["nothing"] else kept,
         "size": size,
         "view": view,
     }
     given, source = _given(what, bool(vary or (sample or "").startswith("csv:")))
+    if optimise is not None or evaluations is not None:
+        asked = {"metric": optimise, "evaluations": evaluations}
+        others["search"] = {**given.get("search", {}), **{k: v for k, v in asked.items() if v is not None}}
     if export is not None:
         others["formats"] = words([export.lower()])
         others["keep"] = list(dict.fromkeys([*(kept or given.get("keep", ["picture"])), "solid"]))
@@ -148,7 +153,7 @@ def _run(
     draw = _drawer(plan)
     known = checked(plan)
     folder = folder if folder is not None else Path("outputs") / f"{known[0].name}-sweep"
-    teller = Teller(quiet, headline(plan.measured), plan.limits)
+    teller = Teller(quiet, headline(plan), plan.limits)
     with only_coordinator(made(folder)):
         found = prepare(plan, folder, extend, known)
         for row in found.rows():
@@ -235,7 +240,7 @@ def _best(found: "SweepFolder", count: int, by: str | None) -> str:
     from dsfab.study.sweeps.results import best
 
     plan = found.plan
-    metric = by or headline(plan.measured)
+    metric = by or headline(plan)
     if metric not in plan.measured:
         raise DsfabError(f"{metric!r} was not measured in {found.path}; use one of {', '.join(plan.measured)}")
     if count < 1:

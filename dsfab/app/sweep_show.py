@@ -1,7 +1,6 @@
 """What a sweep's folder shows to people: a page, a contact sheet, and a few lines at the end."""
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from dsfab.app.variations import short_names, spelled
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.metrics import ABOUT
+from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.results import best, feasible, pareto, picture_of
 from dsfab.study.sweeps.store import Row
 
@@ -31,14 +31,16 @@ USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mas
 """What is looked at first, if it was measured: how stiff, and how heavy."""
 
 
-def headline(measured: Sequence[str]) -> str:
-    """The metric by which runs are called good when nobody says otherwise."""
-    return next((name for name in USUAL[0] if name in measured), measured[0])
+def headline(plan: Plan) -> str:
+    """The metric by which runs are called good when nobody says otherwise: what is searched for, or the stiffness."""
+    if plan.search is not None:
+        return plan.search.metric
+    return next((name for name in USUAL[0] if name in plan.measured), plan.measured[0])
 
 
-def against(measured: Sequence[str]) -> str:
+def against(plan: Plan) -> str:
     """The metric that it is drawn against."""
-    first = headline(measured)
+    first, measured = headline(plan), plan.measured
     others = [name for name in measured if name != first]
     return next((name for name in USUAL[1] if name in others), others[0] if others else first)
 
@@ -64,7 +66,7 @@ class Shown:
 
     def _page(self, rows: list[Row]) -> None:
         plan = self._folder.plan
-        text = page(self._folder, rows, headline(plan.measured), against(plan.measured))
+        text = page(self._folder, rows, headline(plan), against(plan))
         with replacing(self._folder.path / PAGE) as temporary:
             write_chunks(temporary, [text.encode()])
 
@@ -75,11 +77,14 @@ def _sheet(folder: SweepFolder, rows: list[Row]) -> "Image":
     shown = [row for row in rows if row.state in ("done", "failed")]
     which = f"{len(shown)} runs"
     if len(shown) > TILES:
-        chosen = {row.number for row in best(rows, headline(plan.measured), plan.limits)[:TILES]}
+        chosen = {row.number for row in best(rows, headline(plan), plan.limits)[:TILES]}
         shown = [row for row in shown if row.number in chosen]
-        which = f"the best {len(shown)} of {len(rows)} runs by {headline(plan.measured)}"
-    tiles = [_tile(folder.path, row, headline(plan.measured)) for row in shown]
-    across = columns(len(tiles), [len(axis.listed()) for axis in plan.axes] if plan.sampling == "grid" else [])
+        which = f"the best {len(shown)} of {len(rows)} runs by {headline(plan)}"
+    tiles = [_tile(folder.path, row, headline(plan)) for row in shown]
+    across = columns(
+        len(tiles),
+        [len(axis.listed()) for axis in plan.axes] if plan.sampling == "grid" and plan.search is None else [],
+    )
     wide, high = (int(word) for word in plan.size.split("x"))
     line = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
     return contact_sheet(tiles, f"{folder.preset.name}, {which}", line, across, TILE_WIDE, wide / high, PAPER)
@@ -110,7 +115,7 @@ def _brief(value: Any) -> str:
 def summary(folder: SweepFolder) -> str:
     """A few lines at the end: what became of the runs, the best, the front, and the files."""
     rows, plan = folder.rows(), folder.plan
-    metric, other = headline(plan.measured), against(plan.measured)
+    metric, other = headline(plan), against(plan)
     done = sum(row.state == "done" for row in rows)
     failed = sum(row.state == "failed" for row in rows)
     lines = [

@@ -56,15 +56,23 @@ def conduct(
     runs: Mapping[int, Changes],
     deliver: Deliver,
     told: Callable[[Progress], None] = lambda progress: None,
+    progress: Progress | None = None,
 ) -> None:
     """Make `runs` (number -> changes), which wait in the store; returns when each of them is done or failed.
 
-    told : called before the first run and after each.
+    told     : called before the first run and after each.
+    progress : where the sweep stands, when these runs are not all that it will have.
 
     Raises DsfabError when nothing can be written, or when there are no workers. Whatever it ends with, runs in
     progress are then still recorded as running: `Store.again` lets them wait again.
     """
-    _Conductor(store, fleet, runs, deliver, told).run()
+    _Conductor(store, fleet, runs, deliver, told, progress or standing(store)).run()
+
+
+def standing(store: Store, total: int | None = None) -> Progress:
+    """Where a sweep stands as a session begins; `total` runs are expected, or those that are recorded."""
+    counts = store.counts()
+    return Progress(total or sum(counts.values()), counts.get("done", 0), counts.get("failed", 0))
 
 
 class _Conductor:
@@ -75,13 +83,13 @@ class _Conductor:
         runs: Mapping[int, Changes],
         deliver: Deliver,
         told: Callable[[Progress], None],
+        progress: Progress,
     ) -> None:
         self.store, self.fleet, self.runs, self.deliver, self.told = store, fleet, runs, deliver, told
+        self.progress = progress
         self.rows = Rows(list(runs), list(runs.values()))
         self.busy: dict[Future[Outcome], tuple[str, int]] = {}
         self.known: set[str] = set()
-        counts = store.counts()
-        self.progress = Progress(sum(counts.values()), counts.get("done", 0), counts.get("failed", 0))
 
     def run(self) -> None:
         self.told(self.progress)

@@ -1,6 +1,6 @@
 """A sweep's folder: sweep.toml and preset.toml, runs.db, results, and what is kept of each run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +10,13 @@ from dsfab.errors import DsfabError, ExportError
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, preset_toml
-from dsfab.study.sweeps.conductor import Progress, conduct
+from dsfab.study.sweeps.conductor import Progress, conduct, standing
 from dsfab.study.sweeps.fleet import Changes, Fleet
 from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.plan_file import base_preset, load_plan, plan_toml
 from dsfab.study.sweeps.results import PICTURES, records, write_tables
-from dsfab.study.sweeps.sampling import check_points, points
+from dsfab.study.sweeps.sampling import check_points, digest, points, trials
+from dsfab.study.sweeps.search import search
 from dsfab.study.sweeps.store import Row, Store
 from dsfab.study.sweeps.worker import Drawer, Job, Outcome, mesh_of
 
@@ -63,12 +64,27 @@ class SweepFolder:
         with Store.open(self.path) as store:
             store.again()
             try:
-                conduct(store, fleet, {row.number: row.changes for row in store.rows("waiting")}, self.deliver, told)
+                if self.plan.search is None:
+                    conduct(store, fleet, _waiting(store), self.deliver, told)
+                else:
+                    self._search(store, fleet, told, self.plan.search.evaluations)
             finally:
                 with suppress(DsfabError):
                     store.again()
                 with suppress(DsfabError):
                     self.write_tables()
+
+    def _search(self, store: Store, fleet: Fleet, told: Callable[[Progress], None], total: int) -> None:
+        """Let the search propose runs; those that are recorded are not made again."""
+        progress = standing(store, max(total, sum(store.counts().values())))
+
+        def make(proposed: Sequence[Changes]) -> dict[str, Row]:
+            store.add(proposed, {})
+            if waiting := _waiting(store):
+                conduct(store, fleet, waiting, self.deliver, told, progress)
+            return {digest(row.changes): row for row in store.rows()}
+
+        search(self.plan, make)
 
     def write_tables(self) -> list[Path]:
         """Write the results as they stand."""
@@ -98,8 +114,12 @@ class SweepFolder:
 def checked(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
     """The preset that all runs of a plan start from, and what each changes; raises PresetError for what cannot be."""
     preset, found = base_preset(plan), points(plan) if plan.search is None else []
-    check_points(preset, found)
+    check_points(preset, found or trials(plan))
     return preset, found
+
+
+def _waiting(store: Store) -> dict[int, Changes]:
+    return {row.number: row.changes for row in store.rows("waiting")}
 
 
 def prepare(

@@ -56,6 +56,18 @@ def placed(axes: list[Axis], u: Floats) -> Changes:
     return changes
 
 
+def trials(plan: Plan) -> list[Changes]:
+    """Points that show what is wrong with the keys and values of a search: each axis from end to end."""
+    middle = np.full(len(plan.axes), 0.5)
+    found = []
+    for i, axis in enumerate(plan.axes):
+        for u in np.linspace(0, 1, max(len(axis.rows), 3)):
+            place = middle.copy()
+            place[i] = u
+            found.append(placed(plan.axes, place))
+    return found
+
+
 def check_points(preset: Preset, found: list[Changes]) -> None:
     """Raise PresetError, before anything is built, for keys and values that presets do not allow: each mistake once."""
     wrong: dict[str, None] = {}
