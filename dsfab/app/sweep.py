@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from dsfab.study.sweeps.fleet import Fleet
     from dsfab.study.sweeps.folder import SweepFolder
     from dsfab.study.sweeps.plan import Plan
-    from dsfab.study.sweeps.store import Row
     from dsfab.study.sweeps.worker import Drawer
 
 Words = Annotated[tuple[str, ...], Parameter(negative=())]
@@ -69,7 +68,9 @@ def sweep(
     from dsfab.app.sweep_vary import with_options, words
 
     if best is not None or build is not None:
-        return _ask(Path(what), best, by, build, quiet)
+        from dsfab.app.sweep_ask import ask
+
+        return ask(Path(what), best, by, build, quiet)
     kept = words(keep)
     others: dict[str, Any] = {
         "sampling": sample,
@@ -212,50 +213,3 @@ def _fleet(found: "SweepFolder", draw: "Drawer | None", workers: int | None, sch
     from dsfab.study.sweeps.local import LocalFleet
 
     return LocalFleet(found.job(draw), workers)
-
-
-def _ask(path: Path, best: int | None, by: str | None, number: int | None, quiet: bool) -> int:
-    """--best and --build: questions to a sweep that is there."""
-    from dsfab.study.sweeps.folder import PRESET, SweepFolder
-
-    found = SweepFolder.at(path)
-    if number is None:
-        out(_best(found, best or 0, by))
-        return 0
-    from dsfab.app.build import build
-    from dsfab.app.variations import spelled
-
-    changes = next((row.changes for row in found.rows() if row.number == number), None)
-    if changes is None:
-        raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(found.rows())}")
-    sets = tuple(f"{key}={spelled(value)}" for key, value in changes.items())
-    return build(str(path / PRESET), set_=sets, output=path / "built" / f"{number:05}", quiet=quiet)
-
-
-def _best(found: "SweepFolder", count: int, by: str | None) -> str:
-    """A table of the best runs."""
-    from dsfab.app.report import table
-    from dsfab.app.sweep_show import headline
-    from dsfab.app.variations import short_names, spelled
-    from dsfab.study.sweeps.results import best
-
-    plan = found.plan
-    metric = by or headline(plan)
-    if metric not in plan.measured:
-        raise DsfabError(f"{metric!r} was not measured in {found.path}; use one of {', '.join(plan.measured)}")
-    if count < 1:
-        raise DsfabError(f"--best {count} lists nothing; give 1 or more")
-    rows = found.rows()
-    chosen = best(rows, metric, plan.limits)[:count]
-    if not chosen:
-        limits = f" and meets {', '.join(plan.constraints)}" if plan.constraints else ""
-        raise DsfabError(f"no run of {found.path} is done{limits} with a {metric}")
-    keys = list(dict.fromkeys(key for row in chosen for key in row.changes))
-    short = short_names(keys)
-    metrics = [metric, *(name for name in plan.measured if name != metric)]
-
-    def line(row: "Row") -> list[str]:
-        numbers = [f"{row.metrics.get(name, float('nan')):.4g}" for name in metrics]
-        return [str(row.number), *numbers, *(spelled(row.changes.get(key)) for key in keys)]
-
-    return table(["run", *metrics, *(short[key] for key in keys)], [line(row) for row in chosen])

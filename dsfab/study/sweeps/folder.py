@@ -9,7 +9,7 @@ from typing import Any
 from dsfab.errors import DsfabError, ExportError
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, preset_toml
+from dsfab.preset_file import preset_toml
 from dsfab.study.sweeps.conductor import Progress, conduct, standing
 from dsfab.study.sweeps.fleet import Changes, Fleet
 from dsfab.study.sweeps.plan import Plan
@@ -184,10 +184,3 @@ def _write(path: Path, content: bytes) -> None:
     made(path.parent)
     with replacing(path) as temporary:
         write_chunks(temporary, [content])
-
-
-def preset_of(folder: SweepFolder, number: int) -> Preset:
-    """The preset of one run; raises DsfabError when there is none of that number."""
-    with Store.open(folder.path) as store:
-        row = store.row(number)
-    return load_preset(folder.path / PRESET, row.changes)

@@ -1,7 +1,7 @@
 """What a sweep can measure. Each metric makes only the stages that it needs."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -155,8 +155,3 @@ ABOUT: Mapping[str, About] = {
 def measured(name: str, made: Design | Making) -> float:
     """A named metric of a design; raises the DsfabError of the stage that cannot be made."""
     return float(METRICS[name](made))
-
-
-def finite(values: Mapping[str, Any]) -> dict[str, float]:
-    """Only the values that are numbers."""
-    return {name: value for name, value in values.items() if value is not None and np.isfinite(value)}

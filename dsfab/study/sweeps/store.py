@@ -67,22 +67,33 @@ class Store:
 
     @classmethod
     def _opened(cls, path: Path) -> "Store":
-        store = None
         try:
             connection = sqlite3.connect(path, timeout=30, isolation_level=None)
-            store = cls(path, connection)
+        except sqlite3.Error as error:
+            raise _refusal(path, error) from error
+        store = cls(path, connection)
+        try:
+            store._begin()
+        except BaseException:
+            connection.close()
+            raise
+        return store
+
+    def _begin(self) -> None:
+        """Make the tables where there are none, and look whether they are ours."""
+        path, connection = self._path, self._db
+        try:
             connection.execute("PRAGMA journal_mode = WAL")
             connection.execute("PRAGMA synchronous = FULL")
             if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'runs'").fetchone():
-                with store._change() as db:
+                with self._change() as db:
                     for statement in _SCHEMA.split(";"):
                         db.execute(statement)
                     db.execute("INSERT INTO meta VALUES ('format', ?)", (str(FORMAT),))
         except sqlite3.Error as error:
             raise _refusal(path, error) from error
-        if store.meta("format") != str(FORMAT):
+        if self.meta("format") != str(FORMAT):
             raise DsfabError(f"{path} was written by another version of dsfab; use that one, or another folder")
-        return store
 
     def __enter__(self) -> Self:
         return self
@@ -194,14 +205,6 @@ class Store:
             Row(n, json.loads(c), s, json.loads(m), e, tuple(json.loads(f)), t, tries, lost)
             for n, c, s, m, e, f, t, tries, lost in found
         ]
-
-    def row(self, number: int) -> Row:
-        """One run; raises DsfabError when there is none of that number."""
-        found = [row for row in self.rows() if row.number == number]
-        if not found:
-            total = sum(self.counts().values())
-            raise DsfabError(f"there is no run {number}; the sweep has runs 1 to {total}")
-        return found[0]
 
 
 def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
