@@ -135,6 +135,22 @@ def test_the_same_command_again_makes_nothing_again(tmp_path):
     assert measured(tmp_path) == before
 
 
+def test_a_sample_stays_the_same_sample(tmp_path):
+    """Ranges and lists in any order: the points depend on it, and the folder keeps it."""
+    mixed = {
+        "pattern.major.phase": {"from": 0.0, "to": 1.0},
+        "diffusion.r": [10.0, 30.0],
+        "pattern.rim": {"from": 0, "to": 1},
+    }
+    sampled = plan(vary=mixed, sampling="sobol:6")
+    swept(tmp_path, sampled)
+    assert swept(tmp_path, load_plan(tmp_path / "sweep.toml")) == []
+    assert len(SweepFolder.at(tmp_path).rows()) == 6
+    turned = plan(vary=dict(reversed(mixed.items())), sampling="sobol:6")
+    with pytest.raises(DsfabError, match="vary differ"):
+        swept(tmp_path, turned)
+
+
 def test_it_goes_on_where_it_was_interrupted(tmp_path):
     swept(tmp_path / "whole", plan())
     count = iter(range(100))

@@ -30,6 +30,7 @@ def test_a_file_with_everything_comes_back_the_same(tmp_path):
         [vary]
         pattern.major.frequency = { from = 4.0, to = 9.0 }
         "pattern.width.rule" = ["plain", "graded"]
+        "diffusion.gamma" = { from = 0.1, to = 9.0, log = true }
         [[linked]]
         pattern.major.mode = [1, 2]
         pattern.minor.mode = [5, 3]
@@ -40,11 +41,13 @@ def test_a_file_with_everything_comes_back_the_same(tmp_path):
     assert [axis.keys for axis in plan.axes] == [
         ("pattern.major.frequency",),
         ("pattern.width.rule",),
+        ("diffusion.gamma",),
         ("pattern.major.mode", "pattern.minor.mode"),
     ]
     assert plan.measured == ("compliance", "kept_share", "pieces", "min_width")
     (tmp_path / "again.toml").write_text(plan_toml(plan))
     assert load_plan(tmp_path / "again.toml") == plan
+    assert points(load_plan(tmp_path / "again.toml")) == points(plan)
     pairs = {(p["pattern.major.mode"], p["pattern.minor.mode"]) for p in points(plan)}
     assert pairs == {(1, 5), (2, 3)}
 

@@ -1,5 +1,7 @@
 """A sweep's folder: sweep.toml and preset.toml, runs.db, results, and what is kept of each run."""
 
+import json
+import tomllib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -172,11 +174,9 @@ def _settled(plan: Plan, found: list[dict[str, Any]]) -> Plan:
 
 
 def _changed(old: str, new: Plan) -> set[str]:
-    """Keys in which a recorded plan differs from another."""
-    import tomllib
-
+    """Keys in which a recorded plan differs from another; the order of what is varied counts."""
     was, now = tomllib.loads(old), tomllib.loads(plan_toml(new))
-    return {key for key in {*was, *now} if was.get(key) != now.get(key)}
+    return {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))}
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -6,9 +6,6 @@ from typing import Any
 
 from dsfab.preset import STAGES
 
-NEAR_THE_MIDDLE = 0.25
-"""A row of runs is divided at the earliest stage that changes between this share of it and the rest."""
-
 Signature = tuple[str, ...]
 """What a run asks of each stage, in their order."""
 
@@ -39,7 +36,6 @@ class Rows:
     """Runs that wait, in rows: one for each worker, and one for those that nobody has taken yet."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Mapping[str, Any]]) -> None:
-        self._signature = {number: signature(one) for number, one in zip(numbers, changes, strict=True)}
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
         self._rows: dict[str, list[int]] = {}
 
@@ -63,27 +59,12 @@ class Rows:
         self._free.extend(self._rows.pop(worker, []))
 
     def _share(self) -> list[int]:
-        """The back part of the longest row, all of it when nobody holds it."""
+        """The back half of the longest row, all of it when nobody holds it."""
         if self._free:
             row, self._free = self._free, []
             return row
         longest = max(self._rows.values(), key=len, default=[])
-        at = self._division(longest)
+        at = len(longest) // 2
         taken = longest[at:]
         del longest[at:]
         return taken
-
-    def _division(self, row: list[int]) -> int:
-        """Where a row is divided: in its middle part, where the earliest stage changes, nearest to the middle."""
-        count = len(row)
-        low, high = int(NEAR_THE_MIDDLE * count), int((1 - NEAR_THE_MIDDLE) * count)
-
-        def shared(i: int) -> int:
-            pairs = zip(self._signature[row[i - 1]], self._signature[row[i]], strict=True)
-            return next((stage for stage, (one, other) in enumerate(pairs) if one != other), len(STAGES))
-
-        return (
-            min(range(max(low, 1), max(high, 1) + 1), key=lambda i: (shared(i), abs(2 * i - count)), default=0)
-            if (count > 1)
-            else 0
-        )

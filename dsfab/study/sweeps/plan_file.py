@@ -45,8 +45,22 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """The complete plan, defaults included, as TOML."""
-    return tomli_w.dumps(plan.model_dump(mode="json", exclude_none=True, by_alias=True))
+    """The complete plan, defaults included, as TOML.
+
+    What is varied stays in its order, on which samples and numbers depend. The writer of TOML puts tables behind lists,
+    so ranges are written in one line each.
+    """
+    values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
+    vary = values.pop("vary")
+    lines = [_line(key, value) for key, value in vary.items()]
+    return "\n".join([tomli_w.dumps(values).rstrip(), "", "[vary]", *lines, ""])
+
+
+def _line(key: str, value: Any) -> str:
+    if isinstance(value, dict):
+        inner = ", ".join(tomli_w.dumps({name: part}).strip() for name, part in value.items())
+        return f"{tomli_w.dumps({key: 0}).partition(' = ')[0]} = {{ {inner} }}"
+    return tomli_w.dumps({key: value}).rstrip()
 
 
 def base_preset(plan: Plan) -> Preset:
