@@ -174,6 +174,14 @@ def test_published_values_are_compared_at_equal_unknowns_else_on_equal_cells(
     assert found.ours == (None if ours is None else pytest.approx(ours, rel=0.01))
 
 
+def test_a_value_that_passes_through_the_reference_counts_as_what_follows(monkeypatch):
+    published = Published("cook", "x", 4, 0.98, NODAL, unknowns=100)
+    monkeypatch.setattr(verification.standing, "PUBLISHED", (published,))
+    (found,) = standings(rows_of((4, 100, 1.0001), (8, 1000, 1.04), (16, 10000, 1.01)), TESTS)
+    assert found.ours == pytest.approx(0.04)
+    assert found.outcome == "worse"
+
+
 def test_published_values_name_tests_meshes_and_sources():
     assert {p.test for p in PUBLISHED} <= set(TESTS)
     assert all(0 < p.ratio < 2 and p.source.title and (p.cells or p.note) for p in PUBLISHED)

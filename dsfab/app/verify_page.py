@@ -51,7 +51,7 @@ def page(tests: Sequence[Test], rows: Sequence[Row]) -> str:
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>dsfab verify</title>',
         '<meta name="viewport" content="width=device-width">',
         f"<style>{STYLE}</style></head><body>",
-        _head(rows),
+        _head(tests, rows),
         _summary(tests, rows),
         _field(against),
         *(_section(test, rows, against, short) for test in tests),
@@ -60,10 +60,11 @@ def page(tests: Sequence[Test], rows: Sequence[Row]) -> str:
     return "\n".join(parts)
 
 
-def _head(rows: Sequence[Row]) -> str:
+def _head(tests: Sequence[Test], rows: Sequence[Row]) -> str:
+    limits = {test.name: test.limit for test in tests}
     aimed = [row for row in rows if row.met is not None]
     missed = "".join(
-        f"<li>{row.test}, {_cells(row.cells)}, {row.mesh.replace('_', ' ')}: {_error(row)}</li>"
+        f"<li>{row.test}, {_cells(row.cells)}, {row.mesh.replace('_', ' ')}: {_error(row, limits[row.test])}</li>"
         for row in aimed
         if not row.met
     )
@@ -95,8 +96,11 @@ def _cells(count: int) -> str:
     return "1 cell" if count == 1 else f"{count} cells"
 
 
-def _error(row: Row) -> str:
-    return "no value" if row.ratio is None else f"ratio {row.ratio:.4f}, wanted within {100 * (row.target or 0):.2g} %"
+def _error(row: Row, limit: float | None) -> str:
+    if row.value is None:
+        return "no value"
+    of = f" of {limit:g}, which flat triangles converge to" if limit else ""
+    return f"{row.value / (limit or row.reference):.4f}{of}; wanted within {100 * (row.target or 0):.2g} %"
 
 
 def _summary(tests: Sequence[Test], rows: Sequence[Row]) -> str:
@@ -135,7 +139,8 @@ def _field(against: Sequence[Standing]) -> str:
     )
     return (
         f"<h2>Against the field</h2><p>{VERDICT} beside published values: its error at as many unknowns, or on the "
-        "same cells where even its coarsest mesh has more. Errors closer than half a percent are alike; not comparable "
+        "same cells where even its coarsest mesh has more; a value that passes through the reference by chance counts "
+        "as on the finer meshes that follow. Errors closer than half a percent are alike; not comparable "
         "where the source does not tell its mesh. Each value stands in the table of its test.</p>"
         "<table><tr><th>published element</th><th>better</th><th>alike</th><th>worse</th><th>not comparable</th></tr>"
         f"{lines}</table>"

@@ -26,7 +26,7 @@ class Standing:
 
     unknowns : of the published mesh, None where the source does not tell.
     ours     : relative error of the pair for verdicts, on the worst of its regular patterns (published meshes are
-               regular too); None where nothing compares.
+               regular too) and, so that luck does not count, not less than on any finer mesh; None: nothing compares.
     basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh where
                that has fewer; `cells`: all meshes here have more unknowns, so it is taken on the same cells.
     outcome  : of ours against theirs.
@@ -92,12 +92,14 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     if unknowns is None or not ours:
         return Standing(published, unknowns, None, "", "unknown")
     sizes, errors = np.array(list(ours.values())).T
+    # a value that passes through the reference on its way is not yet near it: what follows counts
+    errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
     if unknowns >= SLACK * sizes[0]:
         error = float(np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(np.maximum(errors, 1e-9)))))
         return Standing(published, unknowns, error, "unknowns", _outcome(error, theirs))
     if published.cells is not None and published.cells in ours:
-        error = ours[published.cells][1]
+        error = float(errors[list(ours).index(published.cells)])
         return Standing(published, unknowns, error, "cells", _outcome(error, theirs))
     return Standing(published, unknowns, None, "", "unknown")
 
