@@ -56,10 +56,11 @@ HOME = {
     "cyclopts": {"app"},
     "rich": {"app"},
     "PIL": {"app"},
+    "matplotlib": {"app"},
 }
 """Libraries that may be imported in these parts only."""
 
-LAZY = {"build123d", "OCP", "lib3mf", "pyvista", "vtk", "trimesh", "PIL"}
+LAZY = {"build123d", "OCP", "lib3mf", "pyvista", "vtk", "trimesh", "PIL", "matplotlib"}
 """Slow to import: never at the top of a module."""
 
 
@@ -127,6 +128,8 @@ def test_every_import_is_in_the_table():
         ("pipeline", "def f():\n    import pyvista"),
         ("export", "from build123d import Solid"),
         ("app", "import pyvista"),
+        ("app", "from matplotlib.figure import Figure"),
+        ("study", "def f():\n    import matplotlib"),
         ("diffusion", "from . import tensors"),
         ("newpart", "import numpy"),
     ],
