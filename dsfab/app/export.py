@@ -1,5 +1,6 @@
 """`dsfab export`: one file of a preset, or of a folder that was built, in a format of choice."""
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -86,7 +87,6 @@ def _source(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
 def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> Ask:
     """Check what was asked for before any work begins."""
     from dsfab.export.formats import FORMATS
-    from dsfab.preset_errors import did_you_mean
 
     known = {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
     if to is None and output is None:
@@ -94,7 +94,9 @@ def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: 
     word = (to if to is not None else output.suffix if output else "").lower().removeprefix(".")
     suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
     if suffix is None:
-        raise ExportError(f"{word!r} names no format{did_you_mean(word, known)}; use one of {', '.join(known)}")
+        near = difflib.get_close_matches(word, known, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(known)}")
     path = output if output is not None else folder / f"{name}{suffix}"
     if path.suffix.lower() != suffix:
         raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")

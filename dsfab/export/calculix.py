@@ -100,8 +100,8 @@ def write_calculix(model: Model, path: str | Path) -> Path:
     """Write a model to an .inp file, whole or not at all; returns the path.
 
     `ccx NAME` (the name without .inp) then leaves NAME.frd, to look at, and NAME.dat: for every step the displacements
-    of all nodes, the total reaction of every support (without the loads on its own nodes, which CalculiX leaves out)
-    and the internal energy, which is half of the compliance.
+    of all nodes, the total force on the nodes of every support (its reaction together with the loads on these nodes:
+    that is what CalculiX prints) and the internal energy, which is half of the compliance.
     Raises ExportError for another suffix, and when the file cannot be written.
     """
     path = Path(path)
