@@ -151,6 +151,16 @@ def test_middles_between_two_supports_are_held_once():
     assert ((one | two)[:, 0] == (X[:, 0] == 0)).all()
 
 
+def test_springs_alone_are_a_support():
+    model = strip("S6", supports={}, springs=np.ones((STRIP.n, 3)))
+    lines = text(model)
+    assert not [line for line in lines if line.startswith("*BOUNDARY")]
+    assert [line for line in lines if line.startswith("*SPRING")] == [f"*SPRING, ELSET=SPRING_{k}" for k in (1, 2, 3)]
+    elements = [line.split(",")[0] for line in after(lines, "*ELEMENT, TYPE=SPRING1, ELSET=SPRING_3", STRIP.n)]
+    assert [int(number) for number in elements] == list(range(STRIP.m + 2 * STRIP.n + 1, STRIP.m + 3 * STRIP.n + 1))
+    assert [float(line) for line in after(lines, "*SPRING, ELSET=SPRING_3", 2)] == [3, 1]
+
+
 def test_a_thin_section_keeps_the_stiffness_and_says_so():
     thick = strip("S6")
     thin = in_plane(thick, 2, 1e-4)

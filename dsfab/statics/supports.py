@@ -21,7 +21,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     corners of one of its faces are. The ears of a mesh (faces with two boundary edges) do not count as such faces:
     their corners are held by the boundary alone. Edges of faces held in all directions do not turn either.
     """
-    faces, held = _held_faces(surface, fixed), held_middles(surface, fixed)
+    faces, held = held_faces(surface, fixed), held_middles(surface, fixed)
     still = np.zeros(len(held), dtype=bool)
     still[surface.edges.of[faces.all(axis=1)]] = True
     if clamped is not None:
@@ -33,15 +33,15 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
     """(e, 3) directions in which the middles of edges are held when the vertices are held as (n, 3) `fixed` says."""
-    edges, faces = surface.edges, _held_faces(surface, fixed)
+    edges, faces = surface.edges, held_faces(surface, fixed)
     held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
         held[edges.of[faces[:, axis]], axis] = True
     return np.asarray(held)
 
 
-def _held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """(m, 3) directions in which whole faces are held, ears left out."""
+def held_faces(surface: Surface, fixed: Bools) -> Bools:
+    """(m, 3) directions in which whole faces are held when the vertices are held as (n, 3) `fixed` says; no ears."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 

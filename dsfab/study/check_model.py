@@ -108,7 +108,7 @@ def _expected(name: str, model: Model, u: Floats, reaction: Floats, compliance: 
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
     yield f"  internal energy {compliance / 2:.6g} J, half of the compliance"
     for support, held in model.supports.items():
-        members = held.any(axis=1)
+        members: Bools = np.asarray(held.any(axis=1))
         printed = reaction[members[: len(u)]].sum(axis=0) + force[members].sum(axis=0)
         yield f"  reaction {_vector(printed)} N of {support}"
 

@@ -14,7 +14,7 @@ from dsfab.errors import StaticsError
 from dsfab.export.calculix import Element, Model
 from dsfab.statics import VERDICT, Material, SpreadLoad
 from dsfab.statics.elements import edge_frames
-from dsfab.statics.supports import held_middles
+from dsfab.statics.supports import held_faces, held_middles
 from dsfab.surface import Surface
 
 THIN = 0.01
@@ -58,13 +58,18 @@ def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Boo
     the first of them that holds an end.
     """
     ends = surface.edges.ends
-    left = held_middles(surface, np.logical_or.reduce(list(supports.values())))
+    left = held_middles(surface, _held_by_any(surface, supports))
     found = {}
     for name, fixed in supports.items():
         middles = left & fixed[ends].any(axis=1)
         left = left & ~middles
         found[name] = np.concatenate([fixed, middles])
     return found
+
+
+def _held_by_any(surface: Surface, supports: Mapping[str, Bools]) -> Bools:
+    """(n, 3) directions held by some support; all supports may be springs."""
+    return np.asarray(np.logical_or.reduce([np.zeros((surface.n, 3), dtype=bool), *supports.values()]))
 
 
 def sheet_model(
@@ -78,7 +83,7 @@ def sheet_model(
     element: Element = "S6",
     axis: int = 2,
 ) -> Model:
-    """The model of a sheet of `thickness` metres.
+    """The model of a sheet of `thickness` metres. Faces that are held in all directions do not turn, as in ours.
 
     supports : by name, (n, 3) held directions of the vertices.
     steps    : by name, (n + e, 3) newtons, see `nodal_forces`.
@@ -88,6 +93,7 @@ def sheet_model(
     edges = surface.edges
     X, T = six_node_triangles(surface)
     still = np.zeros(len(X), dtype=bool)
+    still[T[held_faces(surface, _held_by_any(surface, supports)).all(axis=1)]] = True
     if clamped is not None:
         still[surface.n :] = clamped
         still[edges.ends[clamped]] = True
