@@ -67,7 +67,7 @@ def energy_label(joules: float) -> str:
 def _scaled(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
     """Colours from nothing to the percentile where the colours of stress end too."""
     limit = float(np.percentile(value, STEEPEST)) or 1.0
-    bar = Bar(limit, ("0", label(limit / 2), label(limit)), ("", ""))
+    bar = Bar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""))
     return Colouring(rising(value / limit), bar, None, words)
 
 
@@ -77,16 +77,23 @@ def _displaced(design: "Design | Draft") -> Colouring:
     largest = float(size.max())
     factor = round_length(MOVES * design.surface.size / largest) if largest > 0 else 1.0
     by = design.statics.answers.elements
-    words = f"moves by {length(largest)} at most, drawn {factor:,.3g} x, uncut sheet, by {by}"
-    bar = Bar(largest or 1.0, ("0", length(largest / 2), length(largest)), ("", ""))
+    words = f"moves by {length(largest)} at most, drawn {_times(factor)} x, uncut sheet, by {by}"
+    bar = Bar(largest or 1.0, ("0", "", length(largest)), ("", ""))
     face = rising(size[design.surface.F].mean(axis=1) / bar.limit)
     return Colouring(face, bar, design.surface.V + factor * u, words)
+
+
+def _times(factor: float) -> str:
+    """'5,000', '0.2'."""
+    return f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
 
 
 def _mode(design: "Design | Draft", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
-        shape, words = answers.buckling.shapes[0], f"buckles at {answers.buckling.factor[0]:.3g} x the load"
+        shape = answers.buckling.shapes[0]
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # the way the load pushes
+        words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"
     else:

@@ -105,7 +105,8 @@ class SheetStress:
         """Where the sheet is stressed most. Under a point load, and in a corner that is held, it grows with every
         refinement of the mesh: no sheet bears a load on no area."""
         face = int(self.largest.argmax())
-        layer = max(("middle", "top", "bottom"), key=lambda name: self.von_mises[face, LAYERS.index(name)])
+        row = self.von_mises[face]
+        layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
         return Peak(float(self.largest[face]), face, layer)
 
     def utilisation(self, strength: float) -> Floats:
