@@ -40,7 +40,7 @@ def answered(design: "Design | Draft", show: str) -> Colouring:
         return _displaced(design)
     if show in ("buckling", "frequency"):
         return _mode(design, show)
-    stress, by = design.statics.answers.stress, f"by {design.statics.answers.elements}"
+    stress, by = design.statics.answers.stress, _by(design)
     if show == "energy":
         return _scaled(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
     if show == "vonmises":
@@ -76,11 +76,16 @@ def _displaced(design: "Design | Draft") -> Colouring:
     size = np.linalg.norm(u, axis=1)
     largest = float(size.max())
     factor = round_length(MOVES * design.surface.size / largest) if largest > 0 else 1.0
-    by = design.statics.answers.elements
-    words = f"moves by {length(largest)} at most, drawn {_times(factor)} x, uncut sheet, by {by}"
+    words = f"moves by {length(largest)} at most, drawn {_times(factor)} x, uncut sheet, {_by(design)}"
     bar = Bar(largest or 1.0, ("0", "", length(largest)), ("", ""))
     face = rising(size[design.surface.F].mean(axis=1) / bar.limit)
     return Colouring(face, bar, design.surface.V + factor * u, words)
+
+
+def _by(design: "Design | Draft") -> str:
+    """Whose answer it is: elements differ by more than a picture shows."""
+    elements = design.statics.answers.elements
+    return f"by {elements}" if elements.bending else f"by {elements.membrane} strain in its plane"
 
 
 def _times(factor: float) -> str:

@@ -4,7 +4,17 @@ from scipy.sparse import csr_array
 
 from dsfab.pipeline.log import Log
 from dsfab.preset import Statics
-from dsfab.statics import Answers, Elements, Equilibrium, FactorOf, SpreadLoad, sheet_answers, sheet_stiffness
+from dsfab.statics import (
+    FACETED,
+    Answers,
+    Elements,
+    Equilibrium,
+    FactorOf,
+    SpreadLoad,
+    facet_number,
+    sheet_answers,
+    sheet_stiffness,
+)
 from dsfab.surface import LoadCase, Surface
 
 
@@ -45,11 +55,11 @@ def answers_step(
             ask,
             factor_of,
         )
-    _note(answers, sheet, log)
+    _note(answers, sheet, surface, log)
     return answers
 
 
-def _note(answers: Answers, sheet: Statics, log: Log) -> None:
+def _note(answers: Answers, sheet: Statics, surface: Surface, log: Log) -> None:
     """What the answers mean for somebody who wants to build this."""
     if sheet.ask and sheet.bending == "hinge":
         log.note(
@@ -57,8 +67,17 @@ def _note(answers: Answers, sheet: Statics, log: Log) -> None:
             f"stress, energy, frequencies and buckling are those of {answers.elements} elements on the same mesh: "
             "hinge bending is fit for directions only",
         )
+    facets = facet_number(surface, sheet.thickness)
+    if sheet.ask and answers.elements.bending == "hhj" and facets > FACETED:
+        log.note(
+            "statics",
+            f"flat faces bend by themselves under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
+            f"under {FACETED}): the largest stress is too high by up to that share; make the mesh finer (surface.edge, "
+            "or surface.refine with smooth)",
+        )
     for refusal in answers.refusals:
-        log.note("statics", refusal)
+        aside = "" if answers.elements.bending else " (it was solved in its plane, but vibrates and buckles out of it)"
+        log.note("statics", refusal + aside)
     if answers.buckling is not None and not len(answers.buckling.factor):
         log.note("statics", "the load compresses no part of the uncut sheet: it does not buckle")
     elif answers.buckling is not None and answers.buckling.factor[0] < 1:

@@ -4,6 +4,7 @@ from dsfab.arrays import Bools
 from dsfab.statics.answers import Answers, Ask, sheet_answers
 from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
+from dsfab.statics.curvature import FACETED, facet_number
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
@@ -16,6 +17,7 @@ from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
 __all__ = [
+    "FACETED",
     "LAYERS",
     "PAPER",
     "VERDICT",
@@ -40,6 +42,7 @@ __all__ = [
     "bending_stiffness",
     "buckling",
     "equilibrium",
+    "facet_number",
     "factored",
     "flat_axis",
     "frequencies",

@@ -11,6 +11,7 @@ from dsfab.errors import StaticsError
 from dsfab.statics.curvature import face_moments, hinge_energy
 from dsfab.statics.elements import Elements, edge_frames, voigt
 from dsfab.statics.material import Law, Material
+from dsfab.statics.recovery import averaged
 from dsfab.statics.solve import Equilibrium
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
@@ -44,6 +45,8 @@ class SheetStress:
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, that components refer to.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) what bending adds at the bottom and takes away at the top, 6 M / h^2, Pa.
+    smooth_membrane, smooth_bending : the same `averaged` around each vertex, which von Mises stress is read from; where
+                      they are constant on each face, as they are.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
     bending_energy  : (m,) the same of bending; the sum of both over the sheet is half of its compliance.
 
@@ -54,29 +57,36 @@ class SheetStress:
     frame: Floats
     membrane: Floats
     bending: Floats
+    smooth_membrane: Floats
+    smooth_bending: Floats
     membrane_energy: Floats
     bending_energy: Floats
 
     def __post_init__(self) -> None:
         lock(self, "frame", np.float64, (None, 2, 3))
         m = len(self.frame)
-        for name, shape in (("membrane", (m, 3, 3)), ("bending", (m, 3, 3)), ("membrane_energy", (m,))):
-            lock(self, name, np.float64, shape)
-        lock(self, "bending_energy", np.float64, (m,))
+        for name in ("membrane", "bending", "smooth_membrane", "smooth_bending"):
+            lock(self, name, np.float64, (m, 3, 3))
+        for name in ("membrane_energy", "bending_energy"):
+            lock(self, name, np.float64, (m,))
 
     def at_corners(self, layer: Layer) -> Floats:
-        """(m, 3 corners, 3) stress (xx, yy, xy) in the frame of each face, Pa."""
-        return np.asarray(self.membrane + _SIDE[layer] * self.bending)
+        """(m, 3 corners, 3) stress (xx, yy, xy) in the frame of each face, Pa, averaged around each vertex."""
+        return np.asarray(self.smooth_membrane + _SIDE[layer] * self.smooth_bending)
+
+    def _mean(self, layer: Layer) -> Floats:
+        """(m, 3) stress (xx, yy, xy), the mean of each face."""
+        return np.asarray((self.membrane + _SIDE[layer] * self.bending).mean(axis=1))
 
     def tensor(self, layer: Layer) -> Floats:
         """(m, 3, 3) mean stress of each face, Pa, in space: symmetric and tangent to the face."""
-        xx, yy, xy = self.at_corners(layer).mean(axis=1).T
+        xx, yy, xy = self._mean(layer).T
         planar = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
         return np.asarray(self.frame.transpose(0, 2, 1) @ planar @ self.frame)
 
     def principal(self, layer: Layer) -> Principal:
         """Principal values and directions of the mean stress of each face [Mohr 1882]."""
-        xx, yy, xy = self.at_corners(layer).mean(axis=1).T
+        xx, yy, xy = self._mean(layer).T
         centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
         turn = np.arctan2(xy, (xx - yy) / 2) / 2
         c, s = np.cos(turn), np.sin(turn)
@@ -86,8 +96,8 @@ class SheetStress:
     @cached_property
     def von_mises(self) -> Floats:
         """(m, 3 layers) von Mises stress of each face, Pa, at the top, in the middle and at the bottom: the largest of
-        its corners. At a built-in edge the mean of a face lags behind by half a face: 25 % on a plate of 16 x 16 `hhj`
-        cells, where the corners are 2 % off."""
+        its corners (`at_corners`). At a built-in edge the mean of a face lags behind by half a face: 25 % on a plate of
+        16 x 16 `hhj` cells, where the corners are 2 % off."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
@@ -142,7 +152,11 @@ def sheet_stress(
         bent = hinge_energy(surface, material, thickness, answer) / surface.areas
     else:
         bent = 0.5 * _mean_product(moments, moments @ np.linalg.inv(material.bending(thickness)))
-    return SheetStress(tangents(surface), membrane, 6 / thickness**2 * moments, stretched, bent)
+    frame, bending = tangents(surface), 6 / thickness**2 * moments
+    linear, curved = elements.membrane == "quadratic", elements.bending == "hhj"
+    smooth_membrane = averaged(surface, frame, membrane, sided=False) if linear else membrane
+    smooth_bending = averaged(surface, frame, bending, sided=True) if curved else bending
+    return SheetStress(frame, membrane, bending, smooth_membrane, smooth_bending, stretched, bent)
 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:

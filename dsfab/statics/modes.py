@@ -229,8 +229,8 @@ def _largest(
 
 
 def _normalised(shapes: Floats) -> Floats:
-    """Each shape with its longest vector 1 and the largest component positive."""
-    flat = shapes.reshape(len(shapes), -1)
+    """Each shape (k, n, 3) with its longest vector 1 and the largest component positive; k may be 0."""
+    flat = shapes.reshape(len(shapes), 3 * shapes.shape[1])
     sign = np.sign(flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)])
     longest = np.linalg.norm(shapes, axis=2).max(axis=1)
     return np.asarray(shapes * (sign / longest)[:, None, None])
