@@ -10,6 +10,13 @@ SMOOTH = np.cos(np.radians(30))
 """Faces that lean by more than 30 degrees from the mean normal at a vertex are across a fold there."""
 
 
+WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+"""How often xx, yy, zz, yz, xz and xy stand in a symmetric tensor."""
+
+HALVES = np.array([1.0, 1.0, 2.0])[:, None]
+"""The plane tensor of unit xy has a square of 2, those of xx and yy of 1."""
+
+
 def averaged(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
     """(m, 3 corners, 3) plane tensors (xx, yy, xy), replaced by their mean over the faces around each vertex.
 
@@ -32,29 +39,18 @@ def averaged(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Fl
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
     level = np.abs(np.einsum("cx,cx->c", surface.normals[face], mean[corner])) > SMOOTH
     signed = side if sided else np.ones_like(side)
-    tensors = _in_space(frame[face], values.reshape(-1, 3)) * (signed * level * area)[:, None]
+    basis = _tensors(frame)
+    tensors = (values @ basis).reshape(-1, 6) * (signed * level * area)[:, None]
     total = (around @ tensors) / np.maximum(around @ (level * area), 1e-300)[:, None]
-    found = _in_plane(frame[face], total[corner]) * signed[:, None]
-    return np.where(level.reshape(-1, 3, 1), found.reshape(-1, 3, 3), values.mean(axis=1, keepdims=True))
+    back = (basis * WEIGHTS / HALVES).transpose(0, 2, 1)
+    found = (total[corner] * signed[:, None]).reshape(-1, 3, 6) @ back
+    return np.asarray(np.where(level.reshape(-1, 3, 1), found, values.mean(axis=1, keepdims=True)))
 
 
-def _in_space(frame: Floats, planar: Floats) -> Floats:
-    """(k, 6) components xx, yy, zz, yz, xz, xy of plane tensors (k, 3)."""
+def _tensors(frame: Floats) -> Floats:
+    """(m, 3, 6) components xx, yy, zz, yz, xz, xy in space of the plane tensors xx, yy and xy of each frame."""
     a, b = frame[:, 0], frame[:, 1]
-    xx, yy, xy = (planar[:, i, None] for i in range(3))
-    direct = xx * a * a + yy * b * b + 2 * xy * a * b
-    c, d = np.roll(a, -1, axis=1), np.roll(a, -2, axis=1)
-    e, f = np.roll(b, -1, axis=1), np.roll(b, -2, axis=1)
-    return np.concatenate([direct, xx * c * d + yy * e * f + xy * (c * f + d * e)], axis=1)
-
-
-def _in_plane(frame: Floats, tensor: Floats) -> Floats:
-    """(k, 3) the part of tensors (k, 6) in the plane of each frame."""
-    a, b = frame[:, 0], frame[:, 1]
-    direct, mixed = tensor[:, :3], tensor[:, 3:]
-
-    def product(p: Floats, q: Floats) -> Floats:
-        cross = np.roll(p, -1, axis=1) * np.roll(q, -2, axis=1) + np.roll(p, -2, axis=1) * np.roll(q, -1, axis=1)
-        return np.asarray((direct * p * q + mixed * cross).sum(axis=1))
-
-    return np.stack([product(a, a), product(b, b), product(a, b)], axis=1)
+    c, d = a[:, [1, 2, 0]], a[:, [2, 0, 1]]
+    e, f = b[:, [1, 2, 0]], b[:, [2, 0, 1]]
+    xx, yy = np.concatenate([a * a, c * d], axis=1), np.concatenate([b * b, e * f], axis=1)
+    return np.stack([xx, yy, np.concatenate([2 * a * b, c * f + d * e], axis=1)], axis=1)
