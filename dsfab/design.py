@@ -8,18 +8,23 @@ from dsfab.arrays import Floats
 from dsfab.diffusion import DiffusionTensors, Modes
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet
-from dsfab.statics import Equilibrium
+from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
 from dsfab.thickening import Solid
 
 
 @dataclass(frozen=True, eq=False)
 class StaticsResult:
-    """Stage 2: the load case, its equilibrium and the stress (m, 3, 3), Pa, on the uncut surface."""
+    """Stage 2: the load case, its equilibrium and the stress (m, 3, 3), Pa, on the uncut surface.
+
+    sigma   : of the middle surface, what the pattern follows.
+    answers : what else the sheet tells; by other elements than `equilibrium` where these do not answer (see `Ask`).
+    """
 
     load: LoadCase
     equilibrium: Equilibrium
     sigma: Floats
+    answers: Answers
 
 
 @dataclass(frozen=True, eq=False)

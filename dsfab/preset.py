@@ -15,7 +15,7 @@ from dsfab.diffusion import Labelling
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Rule, Stripes, Widths
-from dsfab.statics import Bending, Elements, Law, Material, Membrane
+from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import SHAPES, Load, Support, Surface, read_surface, refined
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
@@ -109,6 +109,12 @@ class Statics(Section):
     """constant strain (the paper), or quadratic: right for slender parts too, at several times the cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
+    strength: Annotated[float, Ge(0)] = 0.0
+    """Pa that the largest stress is compared with (steel S235: 235e6); 0 compares nothing."""
+    frequencies: Annotated[int, Ge(0), Le(10)] = 0
+    """How many natural frequencies of the uncut sheet to find."""
+    buckling: Annotated[int, Ge(0), Le(10)] = 0
+    """How many load factors to find at which the uncut sheet buckles."""
 
     @property
     def material(self) -> Material:
@@ -117,6 +123,11 @@ class Statics(Section):
     @property
     def elements(self) -> Elements:
         return Elements(self.membrane, self.bending)
+
+    @property
+    def ask(self) -> Ask:
+        """With strength, frequencies or buckling, `hinge` statics are solved again by the elements of `Ask`."""
+        return Ask(self.strength, self.frequencies, self.buckling)
 
 
 class Diffusion(Section):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab import __version__
+from dsfab.app.answers import answer_facts, answer_lines
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.errors import DsfabError, ExportError
@@ -175,6 +176,7 @@ def facts(
             "compliance_J": design.statics.equilibrium.compliance,
             "largest_displacement_m": design.statics.equilibrium.largest_displacement,
             "imbalance": design.statics.equilibrium.imbalance,
+            **answer_facts(design),
             **_balance(design),
         },
         "modes": {"major": design.diffusion.major.lam.tolist(), "minor": design.diffusion.minor.lam.tolist()},
@@ -252,6 +254,8 @@ def _summary(design: "Design", folder: Path) -> None:
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     out(f"uncut sheet: compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most")
+    for line in answer_lines(design):
+        out(line)
     out(_balance_line(design))
     for note in design.notes:
         out(f"note ({note.stage}): {note.text}")

@@ -16,7 +16,7 @@ TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slic
 
 ROWS = {
     "surface": ("surface",),
-    "statics": ("membrane", "bending", "statics", "stress"),
+    "statics": ("membrane", "bending", "statics", "stress", "answers"),
     "diffusion": ("diffusion", "modes"),
     "pattern": ("pattern",),
     "slicing": ("slicing",),

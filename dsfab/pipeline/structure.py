@@ -5,6 +5,7 @@ import numpy as np
 from dsfab.design import DiffusionResult, StaticsResult
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
 from dsfab.errors import SurfaceError
+from dsfab.pipeline.answers import answers_step
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
 from dsfab.statics import bending_stiffness, equilibrium, flat_axis, membrane_stiffness, spread_load, stress
@@ -59,8 +60,9 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     if elements.bending:
         with log.row("bending"):
             K = K + bending_stiffness(surface, sheet.material, sheet.thickness, elements)
+    spread, factor_of = spread_load(surface, given.load, weight), sheet.ask.factor_of(sheet.elements)
     with log.row("statics"):
-        answer = equilibrium(surface, K, load, elements, spread=spread_load(surface, given.load, weight))
+        answer = equilibrium(surface, K, load, elements, spread=spread, factor_of=factor_of)
     with log.row("stress"):
         sigma = stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     if answer.largest_displacement > 0.1 * surface.size:
@@ -69,7 +71,8 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
             f"the sheet would move by {answer.largest_displacement:.3g} m, over a tenth of its size: directions stay "
             "right (statics are linear), but the load is too large or the sheet too thin to be built",
         )
-    return StaticsResult(load, answer, sigma)
+    answers = answers_step(sheet, surface, load, spread, answer, {elements: K}, factor_of, log)
+    return StaticsResult(load, answer, sigma, answers)
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:

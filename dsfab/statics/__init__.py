@@ -1,38 +1,57 @@
 """Stage 2, statics: how the surface carries the load."""
 
 from dsfab.arrays import Bools
+from dsfab.statics.answers import Answers, Ask, sheet_answers
 from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
+from dsfab.statics.curvature import FACETED, facet_number
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
+from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
-from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
-from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
+from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
+from dsfab.statics.solve import Equilibrium, FactorOf, KeptFactor, equilibrium, factored, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
 __all__ = [
+    "FACETED",
+    "LAYERS",
     "PAPER",
     "VERDICT",
+    "Answers",
+    "Ask",
     "Bending",
     "Buckling",
     "Elements",
     "Equilibrium",
+    "FactorOf",
+    "KeptFactor",
     "Law",
+    "Layer",
     "Material",
     "Membrane",
+    "Peak",
+    "Principal",
     "Resultant",
+    "SheetStress",
     "SpreadLoad",
     "Vibration",
     "bending_stiffness",
     "buckling",
     "equilibrium",
+    "facet_number",
+    "factored",
     "flat_axis",
     "frequencies",
     "membrane_stiffness",
+    "plane_von_mises",
     "resultant",
+    "sheet_answers",
+    "sheet_stiffness",
+    "sheet_stress",
     "solve_statics",
     "spread_load",
     "stress",

@@ -13,7 +13,7 @@ from dsfab.statics.elements import BUBBLES, VERDICT, Elements, assembled, edge_f
 from dsfab.statics.material import Law, Material
 from dsfab.statics.mechanisms import require_held
 from dsfab.statics.membrane import membrane_stiffness
-from dsfab.statics.solve import Equilibrium, factored
+from dsfab.statics.solve import Equilibrium, FactorOf, factored
 from dsfab.statics.stress import stress
 from dsfab.statics.supports import held_on_edges, require_clampable
 from dsfab.surface.hats import hat_gradients, tangents
@@ -85,19 +85,24 @@ def frequencies(
     law: Law = "plane_stress",
     elements: Elements = VERDICT,
     clamped: Bools | None = None,
+    K: csr_array | None = None,
+    factor_of: FactorOf = factored,
 ) -> Vibration:
     """The lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary inertia.
 
     fixed     : (n, 3) held directions.       thickness : metres; the mass is density x thickness per area.
     clamped   : (e,) edges that do not turn about themselves.
+    K         : the stiffness of the sheet by the same elements, where it has been made already.
+    factor_of : makes its factor: with the `KeptFactor` of an `equilibrium` nothing is factorised again.
 
     Raises StaticsError for a material without density, for mechanisms, and for more modes than there are unknowns.
     """
     if not material.density > 0:
         raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
     M = mass(surface, material.density * thickness, elements)
-    K = _stiffness(surface, material, thickness, law, elements)
-    inverse, shapes = _largest(surface, M, K, fixed, elements, clamped, count)
+    if K is None:
+        K = sheet_stiffness(surface, material, thickness, law, elements)
+    inverse, shapes = _largest(surface, M, K, fixed, elements, clamped, count, factor_of)
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
 
 
@@ -111,6 +116,8 @@ def buckling(
     law: Law = "plane_stress",
     elements: Elements = VERDICT,
     clamped: Bools | None = None,
+    K: csr_array | None = None,
+    factor_of: FactorOf = factored,
 ) -> Buckling:
     """The lowest positive load factors of linear buckling: K x = factor (-K_g) x.
 
@@ -118,6 +125,7 @@ def buckling(
              direction (a pressure that turns with the sheet is not modelled), and displacements before buckling do not
              count: thin shells buckle well below, at a fifth to a half for cylinders under axial load
              [Koiter 1945; NASA SP-8007].
+    K, factor_of : as for `frequencies`.
 
     Raises StaticsError for mechanisms, and when the modes cannot be found.
     """
@@ -126,8 +134,9 @@ def buckling(
     if smallest >= -TENSION * np.abs(resultant).max():  # then no mode exists, and looking for it would not end
         return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
-    K = _stiffness(surface, material, thickness, law, elements)
-    inverse, shapes = _largest(surface, minus_Kg, K, load.fixed, elements, clamped, count)
+    if K is None:
+        K = sheet_stiffness(surface, material, thickness, law, elements)
+    inverse, shapes = _largest(surface, minus_Kg, K, load.fixed, elements, clamped, count, factor_of)
     return Buckling(1 / inverse, shapes)
 
 
@@ -171,7 +180,8 @@ def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_ar
     return assembled(blocks, elements.columns(surface, *names), elements.unknowns(surface))
 
 
-def _stiffness(surface: Surface, material: Material, thickness: float, law: Law, elements: Elements) -> csr_array:
+def sheet_stiffness(surface: Surface, material: Material, thickness: float, law: Law, elements: Elements) -> csr_array:
+    """K, N/m, over the unknowns of `elements`: membrane and, where they have it, bending."""
     K = membrane_stiffness(surface, material, thickness, law, elements)
     return K + bending_stiffness(surface, material, thickness, elements) if elements.bending else K
 
@@ -184,6 +194,7 @@ def _largest(
     elements: Elements,
     clamped: Bools | None,
     count: int,
+    factor_of: FactorOf,
 ) -> tuple[Floats, Floats]:
     """The largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
 
@@ -194,7 +205,7 @@ def _largest(
     turning = clamped if "rotation" in elements.on_edges else None
     require_held(surface, LoadCase(fixed, np.zeros((surface.n, 3)), np.zeros(surface.n, bool)), fixed, turning)
     held = np.concatenate([fixed.ravel(), held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    factor = factored(surface, K, held)
+    factor = factor_of(surface, K, held)
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"{count} modes are asked for, but the sheet has {N} unknowns; ask for 1 to {N - 1}")
@@ -218,8 +229,8 @@ def _largest(
 
 
 def _normalised(shapes: Floats) -> Floats:
-    """Each shape with its longest vector 1 and the largest component positive."""
-    flat = shapes.reshape(len(shapes), -1)
+    """Each shape (k, n, 3) with its longest vector 1 and the largest component positive; k may be 0."""
+    flat = shapes.reshape(len(shapes), 3 * shapes.shape[1])
     sign = np.sign(flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)])
     longest = np.linalg.norm(shapes, axis=2).max(axis=1)
     return np.asarray(shapes * (sign / longest)[:, None, None])

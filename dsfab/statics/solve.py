@@ -91,6 +91,7 @@ def equilibrium(
     elements: Elements = PAPER,
     clamped: Bools | None = None,
     spread: SpreadLoad | None = None,
+    factor_of: "FactorOf | None" = None,
 ) -> Equilibrium:
     """Solve K u = f with the supported freedoms projected out.
 
@@ -99,6 +100,7 @@ def equilibrium(
     clamped  : (e,) edges that may not turn about themselves.
     spread   : the part of the load that is spread over faces and edges. Its share on the vertices is in `load` already;
                it is named again because bubbles carry it as well.
+    factor_of : makes the factor: `factored`, or a `KeptFactor` for those who need it again.
 
     Raises StaticsError when the supports leave a motion free, when a load acts on nothing, when edges are clamped that
     have no rotations, or when the solution does not balance the loads.
@@ -115,7 +117,7 @@ def equilibrium(
         bubbles = (spread or SpreadLoad.on(surface)).bubble_forces(surface, elements)
         f = np.concatenate([f, bubbles.T.ravel()])
         held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    x, residual = _solution(surface, K, f, held)
+    x, residual = _solution(surface, K, f, held, factor_of or factored)
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(K @ x - f, [3 * surface.n])
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0)
@@ -176,12 +178,35 @@ def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
         ) from error
 
 
-def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[Floats, float]:
+FactorOf = Callable[[Surface, csr_array, Bools], Factor]
+
+
+class KeptFactor:
+    """`factored` that remembers: the same stiffness with the same unknowns held is factorised once."""
+
+    def __init__(self) -> None:
+        self._last: tuple[csr_array, Bools, Factor] | None = None
+
+    def __call__(self, surface: Surface, K: csr_array, held: Bools) -> Factor:
+        """See `factored`."""
+        if self._last is None or not (_same(self._last[0], K) and np.array_equal(self._last[1], held)):
+            self._last = None  # its memory is needed for the next
+            self._last = K, held.copy(), factored(surface, K, held)
+        return self._last[2]
+
+
+def _same(A: csr_array, B: csr_array) -> bool:
+    """Whether two matrices are equal entry by entry, and stored alike."""
+    pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
+    return A is B or all(np.array_equal(a, b) for a, b in pairs)
+
+
+def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools, factor_of: FactorOf) -> tuple[Floats, float]:
     """All unknowns and the relative residual; unknowns without stiffness stay where they are."""
     u = np.zeros(len(f))
     if not (~held & (K.diagonal() > 0)).any():
         return u, 0.0
-    factor = factored(surface, K, held)
+    factor = factor_of(surface, K, held)
     b = factor.scale * f[factor.free]
     x = factor.solve(b)
     x += factor.solve(b - factor.inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
