@@ -1,7 +1,7 @@
 """`Design`: a preset and everything that was made of it, stage by stage."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from dsfab.arrays import Floats
@@ -14,12 +14,32 @@ from dsfab.thickening import Solid
 
 
 @dataclass(frozen=True, eq=False)
-class StaticsResult:
-    """Stage 2: the load case, its equilibrium and the stress (m, 3, 3), Pa, on the uncut surface."""
+class CaseResult:
+    """A load case or a combination: its load, its equilibrium and the stress (m, 3, 3), Pa.
+
+    factors : of the cases in a combination; None for a case.
+    """
 
     load: LoadCase
     equilibrium: Equilibrium
     sigma: Floats
+    factors: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StaticsResult:
+    """Stage 2: load, equilibrium and stress (m, 3, 3), Pa, on the uncut surface.
+
+    These three are of all cases together, each once: what is drawn, and all there is with one case. What the pattern
+    follows is chosen out of `cases` by the next stage, so that another choice solves nothing again.
+
+    cases : the load cases by name, then the combinations.
+    """
+
+    load: LoadCase
+    equilibrium: Equilibrium
+    sigma: Floats
+    cases: Mapping[str, CaseResult] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

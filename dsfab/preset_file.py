@@ -8,9 +8,9 @@ from typing import Any
 import tomli_w
 from pydantic import ValidationError
 
-from dsfab.errors import PresetError
+from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Given, Preset
-from dsfab.preset_errors import did_you_mean, mistakes
+from dsfab.preset_errors import mistakes
 
 
 def shipped() -> dict[str, Path]:

@@ -1,14 +1,18 @@
 """The first three steps: what is given, how it carries the load, and where material wants to run."""
 
+from types import MappingProxyType
+
 import numpy as np
 
-from dsfab.design import DiffusionResult, StaticsResult
-from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
+from dsfab.arrays import Floats
+from dsfab.design import CaseResult, DiffusionResult, StaticsResult
+from dsfab.diffusion import combined_stress, diffusion_modes, diffusion_operator, diffusion_tensors
 from dsfab.errors import SurfaceError
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.notes import note_statics
 from dsfab.preset import Preset
-from dsfab.statics import bending_stiffness, equilibrium, flat_axis, membrane_stiffness, spread_load, stress
-from dsfab.surface import LoadCase, Surface
+from dsfab.statics import bending_stiffness, equilibria, flat_axis, membrane_stiffness, spread_load, stress
+from dsfab.surface import Surface, load_cases, together
 from dsfab.surface.topology import pieces
 from dsfab.units import GRAVITY
 
@@ -52,24 +56,37 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
     weight = sheet.density * sheet.thickness * GRAVITY
-    load = LoadCase.build(surface, given.support, given.load, weight)
-    elements = sheet.elements if flat_axis(surface, load) is None else sheet.elements.in_plane
+    loads = load_cases(surface, given.support, given.load, weight)
+    elements = sheet.elements if flat_axis(surface, *loads.values()) is None else sheet.elements.in_plane
     with log.row("membrane"):
         K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
     if elements.bending:
         with log.row("bending"):
             K = K + bending_stiffness(surface, sheet.material, sheet.thickness, elements)
+    sums = {combination.name: combination.factors for combination in given.combination}
+    all_once = [dict.fromkeys(loads, 1.0)] if len(loads) > 1 else []
+    table = [*sums.values(), *all_once]
     with log.row("statics"):
-        answer = equilibrium(surface, K, load, elements, spread=spread_load(surface, given.load, weight))
+        spreads = [spread_load(surface, [ld for ld in given.load if ld.case == name], weight) for name in loads]
+        rows = [[factors.get(name, 0.0) for name in loads] for factors in table]
+        answers = equilibria(surface, K, [*loads.values()], elements, spreads=spreads, sums=rows)
     with log.row("stress"):
-        sigma = stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
-    if answer.largest_displacement > 0.1 * surface.size:
-        log.note(
-            "statics",
-            f"the sheet would move by {answer.largest_displacement:.3g} m, over a tenth of its size: directions stay "
-            "right (statics are linear), but the load is too large or the sheet too thin to be built",
-        )
-    return StaticsResult(load, answer, sigma)
+        sigma = [stress(surface, sheet.material, a.u, sheet.law, a.bubbles) for a in answers]
+    acting = [*loads.values(), *(together(loads, factors) for factors in table)]
+    factors = [*([None] * len(loads)), *table]
+    results = [CaseResult(*result) for result in zip(acting, answers, sigma, factors, strict=True)]
+    cases = dict(zip((*loads, *sums), results, strict=False))
+    note_statics(surface, cases, log)
+    whole = results[-1 if all_once else 0]
+    return StaticsResult(whole.load, whole.equilibrium, whole.sigma, MappingProxyType(cases))
+
+
+def _followed(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
+    """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
+    sigma = {name: statics.cases[name].sigma for name in preset.followed}
+    if not preset.combines:
+        return next(iter(sigma.values()))
+    return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
@@ -77,7 +94,9 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
     if log.progress:
         log.progress("diffusion", f"computing {ask.modes} modes of both families")
     with log.row("diffusion"):
-        tensors = diffusion_tensors(surface, statics.sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+        tensors = diffusion_tensors(
+            surface, _followed(preset, surface, statics), ask.r, ask.gamma, ask.labelling, ask.isotropy
+        )
         L_major, L_minor = (diffusion_operator(surface, D) for D in (tensors.major, tensors.minor))
     with log.row("modes"):
         major = diffusion_modes(surface, L_major, ask.modes)
