@@ -218,8 +218,8 @@ def _require_solved(imbalance: float, residual: float) -> None:
     """Raise StaticsError for a solution that does not balance the loads or does not solve the equations."""
     if not imbalance <= BALANCE:
         raise StaticsError(
-            f"loads and reactions differ by {imbalance:.1e} of the load: the sheet is nearly a mechanism; "
-            "hold more directions, or make it thicker or the mesh finer"
+            f"loads and reactions differ by {imbalance:.1e} of the load (the equations are solved to {residual:.1e}): "
+            "the sheet is nearly a mechanism; hold more directions, or make it thicker or the mesh finer"
         )
     if not residual <= RESIDUAL:
         raise StaticsError(

@@ -112,7 +112,7 @@ def _isotropic(design: Design, pairs: tuple[tuple[int, int], ...]) -> Iterator[C
     weight = design.preset.statics.density * design.preset.statics.thickness
     blind = {
         "diffusion.r": 1.0,
-        "diffusion.modes": max(design.preset.diffusion.modes, *(max(pair) for pair in pairs)),
+        "diffusion.modes": max([design.preset.diffusion.modes, *(max(pair) for pair in pairs)]),
         "pattern.width": {"solid_fraction": design.sheet.surface.area / design.surface.area},
     }
     last = design
