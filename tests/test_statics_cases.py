@@ -250,7 +250,7 @@ def test_each_case_tells_its_balance(design):
     assert told["cases"]["snow"]["load_N"][2] == pytest.approx(-1000 * plan, rel=0.05)
     lines = case_lines(design)
     assert len(lines) == 7
-    assert [line.split(":")[0] for line in lines[4:6]] == ["uncut sheet under winter*", "uncut sheet under storm*"]
+    assert [line.split(":")[0] for line in lines[4:6]] == ["uncut sheet, winter*", "uncut sheet, storm*"]
     assert lines[-1] == "* the pattern follows these together"
 
 

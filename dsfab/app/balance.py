@@ -63,10 +63,10 @@ def case_lines(design: "Design") -> list[str]:
         return [f"uncut sheet: {_answered(case.equilibrium)}", _carried(design, case.load, case.equilibrium)]
     followed = design.preset.followed
     return [
-        f"uncut sheet under {name}{'*' if name in followed else ''}: {_answered(case.equilibrium)}; "
+        f"uncut sheet, {name}{'*' if name in followed else ''}: {_answered(case.equilibrium)}; "
         f"{_carried(design, case.load, case.equilibrium)}"
         for name, case in cases.items()
-    ] + [f"* the pattern follows {'these together' if design.preset.combines else 'this'}"]
+    ] + [f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
 
 
 def _answered(answer: "Equilibrium") -> str:

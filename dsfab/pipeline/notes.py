@@ -2,18 +2,13 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from dsfab.arrays import Floats
 from dsfab.design import CaseResult
 from dsfab.pipeline.log import Log
+from dsfab.statics import needles_told
 from dsfab.surface import Surface
 
 PRECISE = 1e-8
 """The user is told of a relative residual above this; far above it the answer is refused."""
-
-NEEDLE = 0.02
-"""The user is told of triangles whose smallest height is less than this share of the longest edge: about a degree."""
 
 FAR = 0.1
 """The user is told when the sheet would move by more than this share of its size."""
@@ -37,18 +32,5 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
             f"the equations are solved to {residual:.1e}{under[rough]} (wanted: {PRECISE:g}): the sheet is very "
             "thin or nearly a mechanism, or the mesh has needles",
         )
-    shape = flatness(surface)
-    if count := int((shape < NEEDLE).sum()):
-        worst = surface.centroids[shape.argmin()].round(3).tolist()
-        log.note(
-            "statics",
-            f"{count} of {surface.m} triangles are needles, lower than {NEEDLE:g} of their longest edge (the worst, "
-            f"{shape.min():.1g}, around {worst} m): stresses there are poor; remesh the surface",
-        )
-
-
-def flatness(surface: Surface) -> Floats:
-    """(m,) smallest height of each triangle over its longest edge: 0.87 when equilateral, 0 when collapsed."""
-    corners = surface.V[surface.F]
-    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    return np.asarray(2 * surface.areas / longest**2)
+    if told := needles_told(surface):
+        log.note("statics", f"{told}: stresses there are poor; remesh the surface")

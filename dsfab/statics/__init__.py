@@ -10,6 +10,7 @@ from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
+from dsfab.statics.needles import flatness, needles_told
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
@@ -34,8 +35,10 @@ __all__ = [
     "equilibria",
     "equilibrium",
     "flat_axis",
+    "flatness",
     "frequencies",
     "membrane_stiffness",
+    "needles_told",
     "resultant",
     "solve_cases",
     "solve_statics",

@@ -13,6 +13,7 @@ from dsfab.errors import StaticsError
 from dsfab.sparse import NotPositiveDefinite, factorise
 from dsfab.statics.elements import PAPER, Elements, edge_frames
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
+from dsfab.statics.needles import needles_told
 from dsfab.statics.spread import SpreadLoad
 from dsfab.statics.supports import held_on_edges, require_clampable
 from dsfab.surface.loads import LoadCase
@@ -138,7 +139,7 @@ def equilibria(
     answers = []
     for load, f, x, residual in zip(loads, F.T, X.T, residuals, strict=True):
         answers.append(_answer(surface, load, elements, K @ x - f, x, held, float(f @ x), float(residual)))
-        _require_solved(answers[-1].imbalance, residual)
+        _require_solved(surface, answers[-1].imbalance, residual)
     return (*answers, *(_summed(surface, loads, answers, factors, F, X) for factors in sums))
 
 
@@ -214,18 +215,20 @@ def _summed(
     )
 
 
-def _require_solved(imbalance: float, residual: float) -> None:
+def _require_solved(surface: Surface, imbalance: float, residual: float) -> None:
     """Raise StaticsError for a solution that does not balance the loads or does not solve the equations."""
+    if imbalance <= BALANCE and residual <= RESIDUAL:
+        return
+    needles = f"; {told}" if (told := needles_told(surface)) else ""
     if not imbalance <= BALANCE:
         raise StaticsError(
             f"loads and reactions differ by {imbalance:.1e} of the load (the equations are solved to {residual:.1e}): "
-            "the sheet is nearly a mechanism; hold more directions, or make it thicker or the mesh finer"
+            f"the sheet is nearly a mechanism; hold more directions, or make it thicker or the mesh finer{needles}"
         )
-    if not residual <= RESIDUAL:
-        raise StaticsError(
-            f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too "
-            "thin for its size or nearly a mechanism; make it thicker, hold more directions, or remove needles of faces"
-        )
+    raise StaticsError(
+        f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too thin for its size "
+        f"or nearly a mechanism; make it thicker, hold more directions, or remove needles of faces{needles}"
+    )
 
 
 @dataclass(frozen=True, eq=False)
