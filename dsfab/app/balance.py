@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from dsfab.surface import LoadCase
 
 
-def answer_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
+def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
     """Compliance, largest displacement, residuals, and the sums of loads and reactions, of one equilibrium."""
     return {
         "compliance_J": answer.compliance,
@@ -26,7 +26,7 @@ def case_facts(design: "Design") -> dict[str, Any]:
     told = {}
     for name, case in design.statics.cases.items():
         factors = {} if case.factors is None else {"factors": dict(case.factors)}
-        told[name] = {**factors, **answer_facts(design, case.load, case.equilibrium)}
+        told[name] = {**factors, **equilibrium_facts(design, case.load, case.equilibrium)}
     return told
 
 

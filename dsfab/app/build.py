@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab import __version__
-from dsfab.app.balance import answer_facts, case_facts, case_lines
+from dsfab.app.balance import case_facts, case_lines, equilibrium_facts
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.errors import DsfabError, ExportError
@@ -173,7 +173,7 @@ def facts(
         "preset": design.preset.model_dump(mode="json", exclude_none=True),
         "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
         "statics": {
-            **answer_facts(design, design.statics.load, design.statics.equilibrium),
+            **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
             "cases": case_facts(design),
             "followed": design.preset.followed,
         },

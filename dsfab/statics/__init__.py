@@ -14,6 +14,7 @@ from dsfab.statics.needles import flatness, needles_told
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
+from dsfab.statics.supports import with_springs
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -46,6 +47,7 @@ __all__ = [
     "stress",
     "support_reactions",
     "von_mises",
+    "with_springs",
 ]
 
 

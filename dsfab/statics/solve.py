@@ -6,7 +6,7 @@ from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, Ints, lock, locked
 from dsfab.errors import StaticsError
@@ -15,7 +15,7 @@ from dsfab.statics.elements import PAPER, Elements, edge_frames
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
 from dsfab.statics.needles import needles_told
 from dsfab.statics.spread import SpreadLoad
-from dsfab.statics.supports import held_on_edges, require_clampable
+from dsfab.statics.supports import held_on_edges, require_clampable, with_springs
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -92,6 +92,7 @@ def equilibrium(
     elements: Elements = PAPER,
     clamped: Bools | None = None,
     spread: SpreadLoad | None = None,
+    factor_of: "FactorOf | None" = None,
 ) -> Equilibrium:
     """Solve K u = f with the supported freedoms projected out and the springs of supports added.
 
@@ -100,11 +101,12 @@ def equilibrium(
     clamped  : (e,) edges that may not turn about themselves, besides those of `load.clamped`.
     spread   : the part of the load that is spread over faces and edges. Its share on the vertices is in `load` already;
                it is named again because bubbles carry it as well.
+    factor_of : makes the factor: `factored`, or a `KeptFactor` for those who need it again.
 
     Raises StaticsError when the supports leave a motion free, when a load acts on nothing, when edges are clamped that
     have no rotations, or when the solution does not balance the loads.
     """
-    return equilibria(surface, K, [load], elements, clamped, None if spread is None else [spread])[0]
+    return equilibria(surface, K, [load], elements, clamped, [spread] if spread else None, (), factor_of)[0]
 
 
 def equilibria(
@@ -115,6 +117,7 @@ def equilibria(
     clamped: Bools | None = None,
     spreads: Sequence[SpreadLoad] | None = None,
     sums: Sequence[Sequence[float]] = (),
+    factor_of: "FactorOf | None" = None,
 ) -> tuple[Equilibrium, ...]:
     """The `equilibrium` of each load, from one factorisation: k loads on the same supports, then sums of them.
 
@@ -125,8 +128,6 @@ def equilibria(
     """
     _require_same_supports(loads)
     fixed, turning = _supported(surface, loads, elements, clamped)
-    springs = np.zeros(K.shape[0])
-    springs[: 3 * surface.n] = loads[0].spring.ravel()
     F = np.stack([load.force.ravel() for load in loads], axis=1)
     held = fixed.ravel()
     if elements.on_edges:
@@ -134,8 +135,7 @@ def equilibria(
         bubbles = [spread.bubble_forces(surface, elements).T.ravel() for spread in given]
         F = np.concatenate([F, np.stack(bubbles, axis=1)])
         held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    stiff = csr_array(K + diags_array(springs)) if springs.any() else K
-    X, residuals = _solution(surface, stiff, F, held)
+    X, residuals = _solution(surface, with_springs(K, loads[0]), F, held, factor_of or factored)
     answers = []
     for load, f, x, residual in zip(loads, F.T, X.T, residuals, strict=True):
         answers.append(_answer(surface, load, elements, K @ x - f, x, held, float(f @ x), float(residual)))
@@ -267,7 +267,30 @@ def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
         ) from error
 
 
-def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools) -> tuple[Floats, Floats]:
+FactorOf = Callable[[Surface, csr_array, Bools], Factor]
+
+
+class KeptFactor:
+    """`factored` that remembers: the same stiffness with the same unknowns held is factorised once."""
+
+    def __init__(self) -> None:
+        self._last: tuple[csr_array, Bools, Factor] | None = None
+
+    def __call__(self, surface: Surface, K: csr_array, held: Bools) -> Factor:
+        """See `factored`."""
+        if self._last is None or not (_same(self._last[0], K) and np.array_equal(self._last[1], held)):
+            self._last = None  # its memory is needed for the next
+            self._last = K, held.copy(), factored(surface, K, held)
+        return self._last[2]
+
+
+def _same(A: csr_array, B: csr_array) -> bool:
+    """Whether two matrices are equal entry by entry, and stored alike."""
+    pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
+    return A is B or all(np.array_equal(a, b) for a, b in pairs)
+
+
+def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of: FactorOf) -> tuple[Floats, Floats]:
     """All unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
 
     Unknowns without stiffness stay where they are.
@@ -275,7 +298,7 @@ def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools) -> tuple[F
     U = np.zeros(F.shape)
     if not (~held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])
-    factor = factored(surface, K, held)
+    factor = factor_of(surface, K, held)
     b = factor.scale[:, None] * F[factor.free]
     x = factor.solve(b)
     x += factor.solve(b - factor.inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
