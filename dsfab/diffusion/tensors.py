@@ -81,7 +81,9 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
     A direction counts by how much any case stresses it, in tension or compression: cases of opposite sign (wind from
     two sides) add up where a sum of the stresses would cancel. Cases are not normalised: of two loads the larger one
     stresses more and counts more, as it does for a structure that must carry both; weights say otherwise. Both
-    principal values are 0 or more, so that `signed` and `magnitude` order them alike.
+    principal values are 0 or more, so that `signed` and `magnitude` order them alike. What sizes cannot tell is a
+    direction where tension and compression are equal (pure shear): there |sigma| prefers none, and faces around it
+    change their label. A single case is therefore better followed by its own stress.
     """
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
