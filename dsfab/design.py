@@ -1,7 +1,7 @@
 """`Design`: a preset and everything that was made of it, stage by stage."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from dsfab.arrays import Floats
@@ -14,17 +14,35 @@ from dsfab.thickening import Solid
 
 
 @dataclass(frozen=True, eq=False)
-class StaticsResult:
-    """Stage 2: the load case, its equilibrium and the stress (m, 3, 3), Pa, on the uncut surface.
+class CaseResult:
+    """A load case or a combination: its load, its equilibrium and the stress (m, 3, 3), Pa, of the middle surface.
 
-    sigma   : of the middle surface, what the pattern follows.
     answers : what else the sheet tells; by other elements than `equilibrium` where these do not answer (see `Ask`).
+    factors : of the cases in a combination; None for a case.
     """
 
     load: LoadCase
     equilibrium: Equilibrium
     sigma: Floats
     answers: Answers
+    factors: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StaticsResult:
+    """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, as in a `CaseResult`.
+
+    These are of all cases together, each once: what is drawn, and all there is with one case. What the pattern follows
+    is chosen out of `cases` by the next stage, so that another choice solves nothing again.
+
+    cases : the load cases by name, then the combinations.
+    """
+
+    load: LoadCase
+    equilibrium: Equilibrium
+    sigma: Floats
+    answers: Answers
+    cases: Mapping[str, CaseResult] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,9 @@ from dsfab.diffusion import Labelling
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Rule, Stripes, Widths
+from dsfab.preset_cases import case_mistakes, combines, followed
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
-from dsfab.surface import SHAPES, Load, Support, Surface, read_surface, refined
+from dsfab.surface import SHAPES, Combination, Load, Support, Surface, read_surface, refined
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -33,6 +34,8 @@ class Given(Section):
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
+    combination: tuple[Combination, ...] = ()
+    """Sums of load cases (`case` of a load), each case multiplied with its factor."""
     refine: Annotated[float, Ge(0)] = 0.0
     """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
     smooth: bool = False
@@ -143,6 +146,10 @@ class Diffusion(Section):
     """Faces whose principal stresses differ by less than this share are isotropic."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Modes computed per family."""
+    follow: str | None = None
+    """A case or combination; or combined, the sum of the sizes of their stresses: the default with several cases."""
+    weights: dict[str, float] = {}
+    """combined: weight of each combination (each case, without combinations) in the sum; 1 when left out."""
 
 
 class Family(Section):
@@ -250,6 +257,26 @@ class Preset(Section):
     slicing: Slicing = Slicing()
     thickening: Thickening = Thickening()
     export: Export = Export()
+
+    @model_validator(mode="after")
+    def _names_cases(self) -> "Preset":
+        if wrong := list(case_mistakes(*self._cases)):
+            raise ValueError("; ".join(wrong))
+        return self
+
+    @property
+    def _cases(self) -> tuple[tuple[Load, ...], tuple[Combination, ...], str | None, dict[str, float]]:
+        return self.surface.load, self.surface.combination, self.diffusion.follow, self.diffusion.weights
+
+    @property
+    def followed(self) -> dict[str, float]:
+        """Weights of the cases or combinations that the pattern follows, by name (see `dsfab.preset_cases`)."""
+        return followed(*self._cases)
+
+    @property
+    def combines(self) -> bool:
+        """Whether the pattern follows a sum of stress magnitudes rather than the stress of one case."""
+        return combines(self.surface.load, self.diffusion.follow)
 
     def first_difference(self, other: "Preset") -> str | None:
         """The first stage whose section differs, or None; name and description make no difference."""

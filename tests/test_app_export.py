@@ -8,7 +8,9 @@ import pytest
 import trimesh
 
 from dsfab.app.cli import main
-from tests.calculix import needs_ccx, solved
+from dsfab.preset_file import load_preset
+from dsfab.study.check_model import uncut_model
+from tests.calculix import ccx, needs_ccx, solved
 from tests.test_app_cli import refused, run
 
 DOME = ["--set", "surface.edge=0.9"]
@@ -133,3 +135,50 @@ def test_mistakes_are_told_in_one_sentence(arguments, words, capsys, tmp_path, m
 def test_wrong_words_for_the_sheet_are_wrong_usage(capsys):
     assert main(["export", "dome", "--to", "calculix", "--sheet", "half"]) == 2
     assert "uncut" in capsys.readouterr().err
+
+
+CASES = """
+name = "cases"
+[surface]
+shape = "plate"
+length = 2.0
+width = 1.0
+edge = 0.12
+[[surface.support]]
+at = { pick = "side", axis = "x", end = "min" }
+clamp = true
+[[surface.support]]
+at = { pick = "side", axis = "x", end = "max" }
+spring = [0.0, 0.0, 2e5]
+[[surface.load]]
+kind = "self_weight"
+case = "dead"
+[[surface.load]]
+kind = "pressure"
+pressure = 2e3
+case = "snow"
+[[surface.combination]]
+name = "uls"
+factors = { dead = 1.35, snow = 1.5 }
+[statics]
+thickness = 0.05
+bending = "midedge"
+"""
+
+
+@needs_ccx
+def test_cases_combinations_springs_and_clamped_edges_go_along(tmp_path):
+    """A plate built in at one end, on springs at the other: every step moves and stores energy as ours."""
+    preset = tmp_path / "cases.toml"
+    preset.write_text(CASES)
+    check = uncut_model(load_preset(preset))
+    assert list(check.answers) == list(check.model.steps) == ["dead", "snow", "uls"]
+    found = ccx(check.model, tmp_path)
+    for theirs, (name, ours) in zip(found, check.answers.items(), strict=True):
+        springs = np.sum(check.model.springs[: len(ours.u)] * ours.u**2)
+        assert theirs.energy == pytest.approx((ours.compliance - springs) / 2, rel=0.01), name
+        assert theirs.u[: len(ours.u), 2] == pytest.approx(ours.u[:, 2], abs=0.01 * np.abs(ours.u[:, 2]).max())
+    top = "\n".join(check.model.notes)
+    assert "support 2 stands on springs of (0, 0, 200000) N/m in all" in top
+    assert "support 1 is clamped" in top
+    assert "SUPPORT_2" not in top

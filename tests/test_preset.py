@@ -107,7 +107,10 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
             {"surface.shape": "dom"},
             r"surface\.shape = 'dom' is not known; did you mean dome\?; use one of .*sphere.*, or a file",
         ),
-        ({"surface.raduis": 3}, r"unknown key surface\.raduis.*known here: support, load, refine, smooth, shape, span"),
+        (
+            {"surface.raduis": 3},
+            r"unknown key surface\.raduis.*known here: support, load, combination, refine, smooth, shape, span",
+        ),
         ({"surface.span": -1}, r"surface\.span = -1: should be greater than 0"),
         ({"statics.law": "plane_stres"}, r"statics\.law = 'plane_stres': should be .*; did you mean plane_stress\?"),
         ({"statics.thickness": "thick"}, r"statics\.thickness = 'thick': should be a valid number"),
@@ -117,7 +120,10 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
             {"surface.load.1.kind": "forse"},
             r"surface\.load\.1\.kind = 'forse' is not known; did you mean force\?; use one of force, pressure",
         ),
-        ({"surface.load.1.strength": 3}, r"unknown key surface\.load\.1\.strength \(known here: at, force, kind\)"),
+        (
+            {"surface.load.1.strength": 3},
+            r"unknown key surface\.load\.1\.strength \(known here: at, force, kind, case\)",
+        ),
         ({"surface.support.0.at.pick": "bxo"}, r"support\.0\.at\.pick = 'bxo' is not known; did you mean box\?"),
         ({"surface.support.0.at": {"axis": "z"}}, r"support\.0\.at needs pick = \.\.\.: use one of all, box"),
         ({"surface.support.0.at.axxis": "z"}, r"unknown key surface\.support\.0\.at\.axxis"),

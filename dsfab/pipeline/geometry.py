@@ -25,6 +25,9 @@ from dsfab.thickening import Solid, offsets, thicken
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
 
+SPRINGS_LOST = 0.005
+"""The user is told when a larger share of the stiffness of spring supports lies on removed material."""
+
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
@@ -141,6 +144,9 @@ def _note_slicing(
             f"{len(lost)} of {load.loaded.sum()} loaded points lie on removed material (vertices {first(lost, 3)}); "
             "set pattern.keep to protect them",
         )
+    total = load.spring.sum()
+    if total and (share := 1 - load.spring[sheet.same_vertex() >= 0].sum() / total) > SPRINGS_LOST:
+        log.note("slicing", f"{share:.0%} of the springs' stiffness is on removed material; set pattern.keep")
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:

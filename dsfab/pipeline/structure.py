@@ -1,17 +1,21 @@
 """The first three steps: what is given, how it carries the load, and where material wants to run."""
 
+from types import MappingProxyType
+
 import numpy as np
 
-from dsfab.design import DiffusionResult, StaticsResult
-from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
+from dsfab.arrays import Floats
+from dsfab.design import CaseResult, DiffusionResult, StaticsResult
+from dsfab.diffusion import combined_stress, diffusion_modes, diffusion_operator, diffusion_tensors
 from dsfab.errors import SurfaceError
 from dsfab.pipeline.answers import answers_step
+from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.notes import note_statics
 from dsfab.preset import Preset
-from dsfab.statics import bending_stiffness, equilibrium, flat_axis, membrane_stiffness, spread_load, stress
-from dsfab.surface import LoadCase, Surface
+from dsfab.statics import bending_stiffness, equilibria, flat_axis, membrane_stiffness, stress
+from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
-from dsfab.units import GRAVITY
 
 PLAUSIBLE = (3.0, 1e5)
 """A surface's size over its thickness must lie between these."""
@@ -32,7 +36,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
     return surface
 
 
-def _check_scale(preset: Preset, surface: Surface, log: Log) -> None:
+def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     """Swapped units show in the ratio of size and thickness: refuse what no sheet has, and mention what few have."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
@@ -48,31 +52,43 @@ def _check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
-    given, sheet = preset.surface, preset.statics
-    _check_scale(preset, surface, log)
+    """All load cases from one factorisation, then their combinations, which are sums."""
+    sheet = preset.statics
+    check_scale(preset, surface, log)
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
-    weight = sheet.density * sheet.thickness * GRAVITY
-    load = LoadCase.build(surface, given.support, given.load, weight)
-    elements = sheet.elements if flat_axis(surface, load) is None else sheet.elements.in_plane
+    acting = loadings(preset, surface)
+    solved = [loading for loading in acting if loading.factors is None]
+    loads, spreads = [loading.load for loading in solved], [loading.spread for loading in solved]
+    plane = flat_axis(surface, *loads) is not None
+    elements = sheet.elements.in_plane if plane else sheet.elements
     with log.row("membrane"):
         K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
     if elements.bending:
         with log.row("bending"):
             K = K + bending_stiffness(surface, sheet.material, sheet.thickness, elements)
-    spread, factor_of = spread_load(surface, given.load, weight), sheet.ask.factor_of(sheet.elements)
+    factor_of = sheet.ask.factor_of(sheet.elements)
     with log.row("statics"):
-        answer = equilibrium(surface, K, load, elements, spread=spread, factor_of=factor_of)
+        sums = [[ld.factors.get(case.name, 0.0) for case in solved] for ld in acting if ld.factors is not None]
+        found = equilibria(surface, K, loads, elements, spreads=spreads, sums=sums, factor_of=factor_of)
     with log.row("stress"):
-        sigma = stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
-    if answer.largest_displacement > 0.1 * surface.size:
-        log.note(
-            "statics",
-            f"the sheet would move by {answer.largest_displacement:.3g} m, over a tenth of its size: directions stay "
-            "right (statics are linear), but the load is too large or the sheet too thin to be built",
-        )
-    answers = answers_step(sheet, surface, load, spread, answer, {elements: K}, factor_of, log)
-    return StaticsResult(load, answer, sigma, answers)
+        sigma = [stress(surface, sheet.material, a.u, sheet.law, a.bubbles) for a in found]
+    answers = answers_step(sheet, surface, list(zip(acting, found, strict=True)), plane, {elements: K}, factor_of, log)
+    results = {
+        ld.name: CaseResult(ld.load, e, s, a, ld.factors)
+        for ld, e, s, a in zip(acting, found, sigma, answers, strict=True)
+    }
+    whole = results.pop("", next(iter(results.values())))
+    note_statics(surface, results, log)
+    return StaticsResult(whole.load, whole.equilibrium, whole.sigma, whole.answers, MappingProxyType(results))
+
+
+def _followed(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
+    """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
+    sigma = {name: statics.cases[name].sigma for name in preset.followed}
+    if not preset.combines:
+        return next(iter(sigma.values()))
+    return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
@@ -80,7 +96,9 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
     if log.progress:
         log.progress("diffusion", f"computing {ask.modes} modes of both families")
     with log.row("diffusion"):
-        tensors = diffusion_tensors(surface, statics.sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+        tensors = diffusion_tensors(
+            surface, _followed(preset, surface, statics), ask.r, ask.gamma, ask.labelling, ask.isotropy
+        )
         L_major, L_minor = (diffusion_operator(surface, D) for D in (tensors.major, tensors.minor))
     with log.row("modes"):
         major = diffusion_modes(surface, L_major, ask.modes)

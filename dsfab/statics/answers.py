@@ -83,6 +83,8 @@ def sheet_answers(
     stiffness: Callable[[Elements], csr_array],
     ask: Ask,
     factor_of: FactorOf = factored,
+    again: FactorOf | None = None,
+    plane: bool | None = None,
 ) -> Answers:
     """Stress and energy of a solved sheet, and what else is asked.
 
@@ -91,25 +93,30 @@ def sheet_answers(
     stiffness : K over the unknowns of any elements; called again only where `ask.elements` are others, or where a
                 sheet that was solved in its plane must bend to vibrate or to buckle.
     factor_of : that `solved` was made with (`ask.factor_of`): nothing is factorised twice then.
+    again     : makes all other factors; a `KeptFactor` of two serves several loads on the same supports.
+    plane     : whether the sheet was solved in its plane; found from `load` when left out.
 
     Vibration counts the mass of the sheet alone, not that of its loads. Raises StaticsError when the sheet cannot be
     solved by the elements that answer; modes that cannot be found are refused in the result.
     """
-    plane = flat_axis(surface, load) is not None
+    plane = flat_axis(surface, load) is not None if plane is None else plane
+    again = again or KeptFactor(2)
     rich = ask.elements(elements)
     held = rich.in_plane if plane else rich
     if rich != elements:
-        factor_of = KeptFactor() if ask.modes else factored
+        factor_of = again
         solved = equilibrium(surface, stiffness(held), load, held, spread=spread, factor_of=factor_of)
     stress = sheet_stress(surface, material, thickness, law, held, solved)
     if not ask.modes:
         return Answers(held, solved, stress)
     refusals: list[str] = []
-    kept = KeptFactor() if plane else factor_of
-    shared: dict[str, Any] = {"law": law, "elements": rich, "K": stiffness(rich), "factor_of": kept}
+    clamped = load.clamped if len(load.clamped) else None
+    shared: dict[str, Any] = {"law": law, "elements": rich, "clamped": clamped, "K": stiffness(rich)}
+    shared["factor_of"] = again if plane else factor_of
     vibration = factors = None
     if ask.frequencies:
-        found = partial(frequencies, surface, material, load.fixed, thickness, ask.frequencies, **shared)
+        more = {**shared, "spring": load.spring}
+        found = partial(frequencies, surface, material, load.fixed, thickness, ask.frequencies, **more)
         vibration = _found(found, "no natural frequencies", refusals)
     if ask.buckling:
         search = partial(buckling, surface, material, load, solved, thickness, ask.buckling, **shared)

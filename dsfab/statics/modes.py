@@ -15,7 +15,7 @@ from dsfab.statics.mechanisms import require_held
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.solve import Equilibrium, FactorOf, factored
 from dsfab.statics.stress import stress
-from dsfab.statics.supports import held_on_edges, require_clampable
+from dsfab.statics.supports import held_on_edges, require_clampable, with_springs
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
@@ -87,12 +87,14 @@ def frequencies(
     clamped: Bools | None = None,
     K: csr_array | None = None,
     factor_of: FactorOf = factored,
+    spring: Floats | None = None,
 ) -> Vibration:
     """The lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary inertia.
 
     fixed     : (n, 3) held directions.       thickness : metres; the mass is density x thickness per area.
     clamped   : (e,) edges that do not turn about themselves.
-    K         : the stiffness of the sheet by the same elements, where it has been made already.
+    spring    : (n, 3) stiffness of elastic supports, newtons per metre.
+    K         : the stiffness of the sheet (without springs) by the same elements, where it has been made already.
     factor_of : makes its factor: with the `KeptFactor` of an `equilibrium` nothing is factorised again.
 
     Raises StaticsError for a material without density, for mechanisms, and for more modes than there are unknowns.
@@ -102,7 +104,9 @@ def frequencies(
     M = mass(surface, material.density * thickness, elements)
     if K is None:
         K = sheet_stiffness(surface, material, thickness, law, elements)
-    inverse, shapes = _largest(surface, M, K, fixed, elements, clamped, count, factor_of)
+    still, loose = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
+    held = LoadCase(fixed, still, loose, still if spring is None else spring)
+    inverse, shapes = _largest(surface, M, K, held, elements, clamped, count, factor_of)
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
 
 
@@ -121,7 +125,8 @@ def buckling(
 ) -> Buckling:
     """The lowest positive load factors of linear buckling: K x = factor (-K_g) x.
 
-    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet. Loads keep their
+    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet, which stands as
+             `load` says (springs and clamped edges too; `clamped` adds to these). Loads keep their
              direction (a pressure that turns with the sheet is not modelled), and displacements before buckling do not
              count: thin shells buckle well below, at a fifth to a half for cylinders under axial load
              [Koiter 1945; NASA SP-8007].
@@ -136,7 +141,9 @@ def buckling(
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
         K = sheet_stiffness(surface, material, thickness, law, elements)
-    inverse, shapes = _largest(surface, minus_Kg, K, load.fixed, elements, clamped, count, factor_of)
+    if len(load.clamped):
+        clamped = load.clamped if clamped is None else clamped | load.clamped
+    inverse, shapes = _largest(surface, minus_Kg, K, load, elements, clamped, count, factor_of)
     return Buckling(1 / inverse, shapes)
 
 
@@ -190,7 +197,7 @@ def _largest(
     surface: Surface,
     A: csr_array,
     K: csr_array,
-    fixed: Bools,
+    load: LoadCase,
     elements: Elements,
     clamped: Bools | None,
     count: int,
@@ -203,9 +210,9 @@ def _largest(
     """
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None
-    require_held(surface, LoadCase(fixed, np.zeros((surface.n, 3)), np.zeros(surface.n, bool)), fixed, turning)
-    held = np.concatenate([fixed.ravel(), held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    factor = factor_of(surface, K, held)
+    require_held(surface, load, load.fixed, turning)
+    held = np.concatenate([load.fixed.ravel(), held_on_edges(surface, elements, load.fixed, turning).T.ravel()])
+    factor = factor_of(surface, with_springs(K, load), held)
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"{count} modes are asked for, but the sheet has {N} unknowns; ask for 1 to {N - 1}")

@@ -1,10 +1,12 @@
 """What the supports of vertices mean for the unknowns on edges."""
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array
 
 from dsfab.arrays import Bools
 from dsfab.errors import StaticsError
 from dsfab.statics.elements import BUBBLES, Elements, edge_frames
+from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
 MOSTLY = 0.5
@@ -59,3 +61,12 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
             f"{clamped.sum()} edges are clamped, but `hinge` bending has no rotations of edges; "
             'choose bending = "midedge" or "hhj"'
         )
+
+
+def with_springs(K: csr_array, load: LoadCase) -> csr_array:
+    """K, N/m, with the spring supports of `load` on the diagonal of its first 3 n unknowns; K itself without any."""
+    if not load.spring.any():
+        return K
+    springs = np.zeros(K.shape[0])
+    springs[: load.spring.size] = load.spring.ravel()
+    return csr_array(K + diags_array(springs))

@@ -1,6 +1,6 @@
 """A design as a model for CalculiX, with our own answer beside it: what a user needs to check us."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,14 +8,14 @@ import numpy as np
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design
 from dsfab.export.calculix import Element, Model
+from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.log import Log, Progress
-from dsfab.pipeline.structure import statics_step, surface_step
+from dsfab.pipeline.structure import check_scale, surface_step
 from dsfab.preset import Preset
-from dsfab.statics import VERDICT, Equilibrium, SpreadLoad, flat_axis, solve_statics, spread_load
+from dsfab.statics import VERDICT, Equilibrium, SpreadLoad, flat_axis, solve_cases
 from dsfab.study.finite_elements import axes_of_file, nodal_forces, sheet_model
 from dsfab.study.handover import sheet_load
 from dsfab.surface import LoadCase, Surface
-from dsfab.units import GRAVITY
 
 UNRELIABLE = (
     "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or answer far too soft; check the "
@@ -38,75 +38,108 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """The whole surface of a preset under its loads: S6 shells, or CPS6 if it is flat and loaded in its plane.
+    """The whole surface of a preset, a step for each case and combination: S6 shells, or CPS6 if it is flat and loaded
+    in its plane.
 
     Raises DsfabError for a preset that cannot be solved.
     """
     log = Log(progress)
     surface = surface_step(preset, log)
-    load = statics_step(preset, surface, log).load
-    supports = {f"SUPPORT_{k}": support.fixed(surface) for k, support in enumerate(preset.surface.support, 1)}
-    weight = preset.statics.density * preset.statics.thickness * GRAVITY
-    spread = spread_load(surface, preset.surface.load, weight)
-    return _checked(preset, surface, load, supports, spread, "uncut", progress)
+    check_scale(preset, surface, log)
+    acting = [loading for loading in loadings(preset, surface) if loading.name]
+    held = {f"SUPPORT_{k}": support.fixed(surface) for k, support in enumerate(preset.surface.support, 1)}
+    return _checked(preset, surface, acting, held, "uncut", progress)
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
     """The cut sheet of a design, with the loads of the uncut surface handed over to its vertices (`sheet_load`)."""
     sheet, preset = design.sheet, design.preset
-    load = sheet_load(design.surface, sheet, design.load)
-    held = (support.fixed(design.surface) for support in preset.surface.support)
-    supports = {f"SUPPORT_{k}": sheet.between(fixed) for k, fixed in enumerate(held, 1)}
-    return _checked(preset, sheet.surface, load, supports, None, "cut", progress)
+    nothing = SpreadLoad.on(sheet.surface)  # what was spread has been handed to the vertices
+    acting = [
+        Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
+        for name, case in design.statics.cases.items()
+    ]
+    fixed = (support.fixed(design.surface) for support in preset.surface.support)
+    held = {f"SUPPORT_{k}": sheet.between(of) for k, of in enumerate(fixed, 1)}
+    return _checked(preset, sheet.surface, acting, held, "cut", progress)
 
 
 def _checked(
     preset: Preset,
     surface: Surface,
-    load: LoadCase,
-    supports: dict[str, Bools],
-    spread: SpreadLoad | None,
+    acting: Sequence[Loading],
+    held: Mapping[str, Bools],
     kind: str,
     progress: Progress | None,
 ) -> CheckModel:
-    sheet, axis = preset.statics, flat_axis(surface, load)
+    cases = {loading.name: loading.load for loading in acting if loading.factors is None}
+    load, axis = acting[0].load, flat_axis(surface, *cases.values())
     element: Element = "S6" if axis is None else "CPS6"
     warnings = (UNRELIABLE,) if kind == "cut" and element == "S6" and not surface.is_flat else ()
     if progress:
         progress("check", f"solving {surface.m:,} triangles with {VERDICT}")
-    material, thickness = sheet.material, sheet.thickness
-    answer = solve_statics(surface, material, load, thickness, membrane="quadratic", bending="hhj", spread=spread)
-    steps = {"loads of the preset": nodal_forces(surface, load.force, spread)}
+    answers = _answers(preset, surface, acting, cases)
+    steps = {loading.name: nodal_forces(surface, loading.load.force, loading.spread) for loading in acting}
     across = 2 if axis is None else axis
-    model = sheet_model(surface, material, thickness, supports, steps, element=element, axis=across)
+    sheet, clamped = preset.statics, load.clamped if len(load.clamped) else None
+    holding = {name: fixed for name, fixed in held.items() if fixed.any()}
+    model = sheet_model(
+        surface, sheet.material, sheet.thickness, holding, steps, clamped, load.spring, element, axis=across
+    )
     turn = axes_of_file(across)
+    stored = {name: (a.compliance - float(np.sum(load.spring * a.u**2))) / 2 for name, a in answers.items()}
+    rigid = {name: np.where(load.fixed, answer.reaction, 0.0)[:, turn] for name, answer in answers.items()}
     notes = (
         *(f"WARNING: {text}" for text in warnings),
-        f"The {kind} sheet, {thickness:g} m thick, solved in plane stress",
+        f"The {kind} sheet, {sheet.thickness:g} m thick, solved in plane stress",
         *model.notes,
         *_on_supports(preset, model),
         *(
             line
-            for name in steps
-            for line in _expected(name, model, answer.u[:, turn], answer.reaction[:, turn], answer.compliance)
+            for name, answer in answers.items()
+            for line in _expected(name, model, answer.u[:, turn], rigid[name], stored[name])
         ),
-        "Reactions are as CalculiX prints them: the forces of its supports together with the loads on the same nodes",
+        "Reactions are as CalculiX prints them: forces of its rigid supports together with the loads on their nodes",
         "Where the two differ by more than you accept, refine the mesh (surface.refine, surface.edge)",
     )
-    return CheckModel(replace(model, name=preset.name, notes=notes), surface, dict.fromkeys(steps, answer), warnings)
+    return CheckModel(replace(model, name=preset.name, notes=notes), surface, answers, warnings)
+
+
+def _answers(
+    preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
+) -> dict[str, Equilibrium]:
+    """Ours, with the elements for verdicts."""
+    spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
+    sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
+    sheet = preset.statics
+    return solve_cases(
+        surface,
+        sheet.material,
+        cases,
+        sheet.thickness,
+        membrane="quadratic",
+        bending="hhj",
+        spreads=spreads,
+        combinations=sums,
+    )
 
 
 def _on_supports(preset: Preset, model: Model) -> Iterator[str]:
-    for (name, held), support in zip(model.supports.items(), preset.surface.support, strict=True):
-        yield f"{name} holds {support.hold} at {int(held.any(axis=1).sum())} nodes"
+    for k, support in enumerate(preset.surface.support, 1):
+        if (held := model.supports.get(f"SUPPORT_{k}")) is not None:
+            yield f"SUPPORT_{k} holds {support.hold} at {int(held.any(axis=1).sum())} nodes"
+        if support.spring:
+            yield f"support {k} stands on springs of {_vector(np.array(support.spring))} N/m in all"
+        if support.clamp:
+            yield f"support {k} is clamped: its edges do not turn"
 
 
-def _expected(name: str, model: Model, u: Floats, reaction: Floats, compliance: float) -> Iterator[str]:
+def _expected(name: str, model: Model, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
     """What CalculiX should find in one step, from our displacements and reactions (n, 3) in the file's axes."""
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {VERDICT} elements on the same triangles dsfab finds"
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
-    yield f"  internal energy {compliance / 2:.6g} J, half of the compliance"
+    yield f"  internal energy {energy:.6g} J of the sheet, half of the compliance without that of springs"
     for support, held in model.supports.items():
         members: Bools = np.asarray(held.any(axis=1))
         printed = reaction[members[: len(u)]].sum(axis=0) + force[members].sum(axis=0)
