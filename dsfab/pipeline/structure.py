@@ -2,8 +2,16 @@
 
 import numpy as np
 
+from dsfab.arrays import Floats
 from dsfab.design import DiffusionResult, StaticsResult
-from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
+from dsfab.diffusion import (
+    CLEAR,
+    diffusion_modes,
+    diffusion_operator,
+    diffusion_tensors,
+    reference_axes,
+    symmetry_of,
+)
 from dsfab.errors import SurfaceError
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
@@ -72,16 +80,34 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     return StaticsResult(load, answer, sigma)
 
 
+def _axes(surface: Surface, load: LoadCase) -> Floats:
+    """What signs and bases of modes look at: the loads and the supports, and so they turn with the design."""
+    sizes = np.linalg.norm(load.force, axis=1)
+    density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
+    resultant = load.force.sum(axis=0)
+    clear = np.linalg.norm(resultant) > CLEAR * sizes.sum()
+    return reference_axes(surface, (density, load.held.astype(float)), (resultant,) if clear else ())
+
+
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
     ask = preset.diffusion
     if log.progress:
         log.progress("diffusion", f"computing {ask.modes} modes of both families")
     with log.row("diffusion"):
-        tensors = diffusion_tensors(surface, statics.sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+        symmetry = symmetry_of(surface, ask.symmetry, statics.load) if ask.symmetry else None
+        sigma = symmetry.stress(statics.sigma) if symmetry else statics.sigma
+        tensors = diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
         L_major, L_minor = (diffusion_operator(surface, D) for D in (tensors.major, tensors.minor))
     with log.row("modes"):
-        major = diffusion_modes(surface, L_major, ask.modes)
-        minor = diffusion_modes(surface, L_minor, ask.modes)
+        axes = _axes(surface, statics.load)
+        major, minor = (diffusion_modes(surface, L, ask.modes, axes, symmetry) for L in (L_major, L_minor))
+    if symmetry:
+        off = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
+        log.note(
+            "diffusion",
+            f"modes are the same at {symmetry.order} images ({', '.join(ask.symmetry)}), to {off:.1g} of their size "
+            "on this mesh",
+        )
     edge = np.sqrt(surface.area) / (CELLS_PER_ROOT_R * np.sqrt(ask.r))
     if surface.mean_edge > edge:
         log.note(
