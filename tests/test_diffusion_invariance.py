@@ -127,3 +127,19 @@ def test_axes_see_supports_and_loads_where_the_shape_is_symmetric():
         assert axes[0] == pytest.approx(turn[:, 1], abs=1e-9)
     assert reference_axes(sphere(2)) == pytest.approx(np.eye(3))
     assert voronoi_mass(plate) @ end > 0
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_repeated_eigenvalues_turn_with_load_and_supports(turn):
+    """On the sphere at r = 1 the surface says nothing: load and supports alone choose among all bases."""
+    ball = sphere(3)
+    pressed = ball.V @ [0.6, 0.64, 0.48] > 0.9
+    held = ball.V[:, 0] < -0.8
+    found = []
+    for R in (np.eye(3), turn):
+        surface = Surface(ball.V @ R.T, ball.F)
+        force = np.where(pressed[:, None], R @ [-0.6, -0.64, -0.48], 0.0)
+        axes = _axes(surface, LoadCase(np.repeat(held[:, None], 3, axis=1), force, pressed))
+        L = diffusion_operator(surface, diffusion_tensors(surface, np.zeros((surface.m, 3, 3))).major)
+        found.append(diffusion_modes(surface, L, 8, axes).X)
+    assert np.abs(found[1] - found[0]).max() < 1e-6
