@@ -66,30 +66,39 @@ def diffusion_modes(
     Raises PatternError when the mesh has too few vertices for k modes.
     """
     mass = voronoi_mass(surface)
-    # on a vertex of no face the mass is 0: it keeps a unit row, out of the way of the small eigenvalues
-    root = np.sqrt(np.where(mass > 0, mass, surface.area))
-    constants = pieces(surface.F, surface.edges)[0]
     axes = reference_axes(surface) if axes is None else axes
-    order = symmetry.order if symmetry else 1
-    shift = 1 / surface.area
-    A = _scaled(L, root, mass)
-    # one unknown a vertex: SuperLU's factor is ready sooner than PARDISO's, and its 30 solves cost less
-    solve = factorise(csr_array(A + shift * diags_array(np.ones(surface.n))), surface.V, solver="SuperLU")
+    constants = pieces(surface.F, surface.edges)[0]
+    pairs = _pairs(surface, L, mass)
+    wanted = k * (symmetry.order if symmetry else 1) + constants + SPARE
     while True:
-        wanted = order * k + constants + SPARE
         if wanted >= surface.n:
             raise PatternError(
                 f"{k} modes need more than {wanted} vertices; the surface has {surface.n}: refine the mesh"
             )
-        lam, Y = _lanczos(solve, surface.n, shift, wanted)
-        lam, X = lam[constants:], Y[:, constants:] / root[:, None]
+        lam, X = (part[..., constants:] for part in pairs(wanted))
         if symmetry:
             lam, X = symmetry.invariant(L, X, mass)
         if len(lam) >= k:
             break
-        order *= 2
+        wanted *= 2
     X = _canonical(surface, lam, X, mass, axes)[:, :k]
     return Modes(lam[:k], X * np.sqrt(surface.area / (4 * np.pi)))
+
+
+def _pairs(surface: Surface, L: csr_array, mass: Floats) -> Callable[[int], tuple[Floats, Floats]]:
+    """Factorise once; the function gives the smallest pairs of L x = lambda M x, ascending, M-orthonormal."""
+    # on a vertex of no face the mass is 0: it keeps a unit row, out of the way of the small eigenvalues
+    root = np.sqrt(np.where(mass > 0, mass, surface.area))
+    shift = 1 / surface.area
+    A = _scaled(L, root, mass) + shift * diags_array(np.ones(surface.n))
+    # one unknown a vertex: SuperLU's factor is ready sooner than PARDISO's, and its 30 solves cost less
+    solve = factorise(csr_array(A), surface.V, solver="SuperLU")
+
+    def pairs(count: int) -> tuple[Floats, Floats]:
+        lam, Y = _lanczos(solve, surface.n, shift, count)
+        return lam, Y / root[:, None]
+
+    return pairs
 
 
 def _scaled(L: csr_array, root: Floats, mass: Floats) -> csr_array:
