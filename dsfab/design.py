@@ -61,6 +61,7 @@ class PatternResult:
     fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width.
     half_widths : (n,) each: material is |frequency x + phase - k| < d, k integer, for the families; inf for the others.
     factor      : what the widths were multiplied with to reach pattern.width.solid_fraction; 1 without it.
+    frequency   : of the major and of the minor stripes, as drawn: what `spacing` became, where it was asked.
     """
 
     names: tuple[str, ...]
@@ -68,6 +69,7 @@ class PatternResult:
     levels: tuple[Floats, ...]
     half_widths: tuple[Floats, ...] = ()
     factor: float = 1.0
+    frequency: tuple[float, float] = (1.0, 1.0)
 
 
 class Piece(NamedTuple):

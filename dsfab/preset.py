@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, field_validator, model_validator
 
-from dsfab.diffusion import Labelling
+from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Rule, Stripes, Widths
@@ -150,6 +150,17 @@ class Diffusion(Section):
     """A case or combination; or combined, the sum of the sizes of their stresses: the default with several cases."""
     weights: dict[str, float] = {}
     """combined: weight of each combination (each case, without combinations) in the sum; 1 when left out."""
+    symmetry: tuple[str, ...] = ()
+    """Symmetry that the pattern must have: x, y or z for a mirror, rot:6:z for sixths of a turn; through the centre."""
+
+    @field_validator("symmetry")
+    @classmethod
+    def _known(cls, words: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            symmetry_group(words)
+        except PatternError as error:
+            raise ValueError(str(error)) from None
+        return words
 
 
 class Family(Section):
@@ -157,16 +168,29 @@ class Family(Section):
 
     mode: Annotated[int, Ge(1), Le(50)] = 1
     """Which mode the stripes run on; 1 is the first that is not constant."""
-    frequency: Annotated[float, Gt(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end)."""
+    frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
+    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: as spacing asks."""
+    spacing: Annotated[float, Ge(0)] = 0.0
+    """Metres from the middle of one stripe to the next, in the mean over the surface. 0: as frequency says."""
     phase: float = 0.0
     """Shift of the stripes, in periods."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
     """-1 everything is material, 0 half, 1 nothing."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_of_both(cls, values: Any) -> Any:
+        if isinstance(values, dict):
+            if values.get("spacing") and "frequency" not in values:
+                return {**values, "frequency": 0.0}
+            if bool(values.get("spacing")) == bool(values.get("frequency", True)):
+                raise ValueError("give either frequency or spacing, and leave the other out or set it to 0")
+        return values
+
     @property
     def stripes(self) -> Stripes:
-        return Stripes(self.frequency, self.phase, self.threshold)
+        """The stripes; at frequency 1 where `spacing` asks for another, which takes a mode (see `frequency_for`)."""
+        return Stripes(self.frequency or 1.0, self.phase, self.threshold)
 
 
 class Width(Section):

@@ -199,6 +199,8 @@ class Previewer:
             return True
         if first != "pattern" or old.width != new.width or new.width.solid_fraction or new.width.widths(1.0).vary:
             return False
+        if new.major.spacing or new.minor.spacing:  # frequencies are solved for
+            return False
         return (old.major.mode, old.minor.mode) == (new.major.mode, new.minor.mode)
 
     def _settle(self) -> None:
@@ -206,9 +208,10 @@ class Previewer:
         ask = self._preset.pattern
         pair, width = (ask.major, ask.minor), ask.width
         by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary
+        solved = self._made.pattern.frequency
         drawn = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}.get(self._show, (1.0, 1.0))
         settings = Settings(
-            (pair[0].frequency, pair[1].frequency),
+            (pair[0].frequency or solved[0], pair[1].frequency or solved[1]),
             (pair[0].phase % 1, pair[1].phase % 1),
             (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
             (ask.keep or NO_REACH, ask.rim or NO_REACH),

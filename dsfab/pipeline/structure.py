@@ -1,12 +1,8 @@
-"""The first three steps: what is given, how it carries the load, and where material wants to run."""
+"""The first two steps: what is given, and how it carries the load."""
 
 from types import MappingProxyType
 
-import numpy as np
-
-from dsfab.arrays import Floats
-from dsfab.design import CaseResult, DiffusionResult, StaticsResult
-from dsfab.diffusion import combined_stress, diffusion_modes, diffusion_operator, diffusion_tensors
+from dsfab.design import CaseResult, StaticsResult
 from dsfab.errors import SurfaceError
 from dsfab.pipeline.answers import answers_step
 from dsfab.pipeline.loadings import loadings
@@ -22,9 +18,6 @@ PLAUSIBLE = (3.0, 1e5)
 
 USUAL = (10.0, 5e3)
 """Outside of these the user is told."""
-
-CELLS_PER_ROOT_R = 3.2
-"""Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
@@ -81,35 +74,3 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     whole = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
     return StaticsResult(whole.load, whole.equilibrium, whole.sigma, whole.answers, MappingProxyType(results))
-
-
-def _followed(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
-    sigma = {name: statics.cases[name].sigma for name in preset.followed}
-    if not preset.combines:
-        return next(iter(sigma.values()))
-    return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
-
-
-def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    ask = preset.diffusion
-    if log.progress:
-        log.progress("diffusion", f"computing {ask.modes} modes of both families")
-    with log.row("diffusion"):
-        tensors = diffusion_tensors(
-            surface, _followed(preset, surface, statics), ask.r, ask.gamma, ask.labelling, ask.isotropy
-        )
-        L_major, L_minor = (diffusion_operator(surface, D) for D in (tensors.major, tensors.minor))
-    with log.row("modes"):
-        major = diffusion_modes(surface, L_major, ask.modes)
-        minor = diffusion_modes(surface, L_minor, ask.modes)
-    edge = np.sqrt(surface.area) / (CELLS_PER_ROOT_R * np.sqrt(ask.r))
-    if surface.mean_edge > edge:
-        log.note(
-            "diffusion",
-            f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
-            "(surface.refine)",
-        )
-    if (share := tensors.isotropic @ surface.areas / surface.area) > 0.5:
-        log.note("diffusion", f"{share:.0%} of the surface has no clear stress direction; raise gamma or the loads")
-    return DiffusionResult(tensors, major, minor)
