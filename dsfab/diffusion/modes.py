@@ -8,7 +8,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from dsfab.arrays import Floats, lock
 from dsfab.errors import PatternError
-from dsfab.sparse import factorise
+from dsfab.sparse import factorise, one_blas_thread
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import pieces
@@ -67,7 +67,8 @@ def diffusion_modes(surface: Surface, L: csr_array, k: int = 5) -> Modes:
     lam, Y = _lanczos(surface, _scaled(L, root, mass), wanted)
     X = Y / root[:, None]
     keep = slice(constants, None)
-    X = _canonical(surface, lam[keep], X[:, keep], mass)[:, :k]
+    with one_blas_thread():
+        X = _canonical(surface, lam[keep], X[:, keep], mass)[:, :k]
     return Modes(lam[keep][:k], X * np.sqrt(surface.area / (4 * np.pi)))
 
 
@@ -85,7 +86,8 @@ def _lanczos(surface: Surface, A: csr_array, count: int) -> tuple[Floats, Floats
     inverse = LinearOperator(A.shape, matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(surface.n))  # fixed: the same surface gives the same modes
     try:
-        theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
+        with one_blas_thread():
+            theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
     except ArpackNoConvergence as error:
         raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
     order = np.argsort(-theta, kind="stable")

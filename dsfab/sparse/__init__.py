@@ -24,8 +24,17 @@ from dsfab.sparse.multifrontal import Fronts, Multifrontal, NotPositiveDefinite
 from dsfab.sparse.multigrid import ConvergenceError, Multigrid
 from dsfab.sparse.pardiso import Pardiso
 from dsfab.sparse.superlu import SuperLU
+from dsfab.sparse.threads import one_blas_thread
 
-__all__ = ["ConvergenceError", "Factor", "FactorMemoryError", "NotPositiveDefinite", "factorise", "solver_name"]
+__all__ = [
+    "ConvergenceError",
+    "Factor",
+    "FactorMemoryError",
+    "NotPositiveDefinite",
+    "factorise",
+    "one_blas_thread",
+    "solver_name",
+]
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
 """Called with b, (N,) or (N, k), it returns K^-1 b; `refactor(K)` takes new values on the same pattern."""

@@ -10,9 +10,7 @@ the later unknowns that they touch; what elimination leaves on the later ones is
 [Duff and Reid 1983; Liu 1992, The multifrontal method for sparse matrix solution]
 """
 
-import threading
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Self
 
 import numpy as np
@@ -20,10 +18,10 @@ import numpy.typing as npt
 from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csr_array
-from threadpoolctl import ThreadpoolController
 
 from dsfab.arrays import Floats, Ints
 from dsfab.sparse.dissection import along_a_curve, dissection_keys, point_graph
+from dsfab.sparse.threads import one_blas_thread
 
 Index = npt.NDArray[np.integer[Any]]
 """Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
@@ -31,14 +29,6 @@ Index = npt.NDArray[np.integer[Any]]
 
 class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (it names the finding, as LinAlgError does)
     """The matrix has no Cholesky factor: for a stiffness, the structure is a mechanism."""
-
-
-_ONE_AT_A_TIME = threading.Lock()
-
-
-@cache
-def _blas() -> Any:
-    return ThreadpoolController()
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +140,7 @@ class Multifrontal:
         self._factor = []
         waiting: dict[int, Floats] = {}
         where = np.empty(len(f.order), dtype=np.int64)
-        # threads cost more than they give on fronts of a few hundred (ten times the whole factorisation, on 2 cores)
-        with _ONE_AT_A_TIME, _blas().limit(limits=1, user_api="blas"):
+        with one_blas_thread():
             for s, rows in enumerate(f.rows):
                 a, b, m = f.start[s], f.start[s + 1], len(rows)
                 k = b - a
@@ -168,7 +157,7 @@ class Multifrontal:
     def __call__(self, b: Floats) -> Floats:
         start, rows = self._fronts.start, self._fronts.rows
         x = np.asarray(b, dtype=np.float64)[self._fronts.order]
-        with _ONE_AT_A_TIME, _blas().limit(limits=1, user_api="blas"):
+        with one_blas_thread():
             for s, (L, P) in enumerate(self._factor):
                 mine = slice(start[s], start[s + 1])
                 x[mine] = y = _triangular(L, x[mine], 0)
