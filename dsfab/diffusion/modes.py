@@ -11,7 +11,7 @@ from dsfab.arrays import Floats, lock
 from dsfab.diffusion.frame import reference_axes
 from dsfab.diffusion.symmetry import Symmetry
 from dsfab.errors import PatternError
-from dsfab.sparse import factorise
+from dsfab.sparse import factorise, one_blas_thread
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import pieces
@@ -81,7 +81,8 @@ def diffusion_modes(
         if len(lam) >= k:
             break
         wanted *= 2
-    X = _canonical(surface, lam, X, mass, axes)[:, :k]
+    with one_blas_thread():
+        X = _canonical(surface, lam, X, mass, axes)[:, :k]
     return Modes(lam[:k], X * np.sqrt(surface.area / (4 * np.pi)))
 
 
@@ -112,7 +113,8 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
     try:
-        theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
+        with one_blas_thread():
+            theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
     except ArpackNoConvergence as error:
         raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
     order = np.argsort(-theta, kind="stable")

@@ -9,12 +9,13 @@ from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.curvature import FACETED, facet_number
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
+from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
 from dsfab.statics.needles import flatness, needles_told
-from dsfab.statics.solve import Equilibrium, FactorOf, KeptFactor, equilibria, equilibrium, factored, flat_axis
+from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
 from dsfab.statics.supports import with_springs
@@ -32,6 +33,7 @@ __all__ = [
     "Buckling",
     "Elements",
     "Equilibrium",
+    "Factor",
     "FactorOf",
     "KeptFactor",
     "Law",

@@ -9,10 +9,11 @@ from scipy.sparse import csr_array
 
 from dsfab.errors import StaticsError
 from dsfab.statics.elements import VERDICT, Elements
+from dsfab.statics.factor import FactorOf, KeptFactor, factored
 from dsfab.statics.layers import SheetStress, sheet_stress
 from dsfab.statics.material import Law, Material
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
-from dsfab.statics.solve import Equilibrium, FactorOf, KeptFactor, equilibrium, factored, flat_axis
+from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface

@@ -10,10 +10,11 @@ from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.elements import BUBBLES, VERDICT, Elements, assembled, edge_frames
+from dsfab.statics.factor import FactorOf, factored
 from dsfab.statics.material import Law, Material
 from dsfab.statics.mechanisms import require_held
 from dsfab.statics.membrane import membrane_stiffness
-from dsfab.statics.solve import Equilibrium, FactorOf, factored
+from dsfab.statics.solve import Equilibrium
 from dsfab.statics.stress import stress
 from dsfab.statics.supports import held_on_edges, require_clampable, with_springs
 from dsfab.surface.hats import hat_gradients, tangents

@@ -1,6 +1,6 @@
 """One linear solve: displacements, reactions, compliance, and the proof that they balance."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -8,10 +8,10 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, Ints, lock, locked
+from dsfab.arrays import Bools, Floats, lock, locked
 from dsfab.errors import StaticsError
-from dsfab.sparse import NotPositiveDefinite, factorise
 from dsfab.statics.elements import PAPER, Elements, edge_frames
+from dsfab.statics.factor import FactorOf, factored, refined
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
 from dsfab.statics.needles import needles_told
 from dsfab.statics.spread import SpreadLoad
@@ -23,9 +23,9 @@ BALANCE = 1e-5
 """Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes. Rounding alone makes 1e-6
 of it where a sheet is long, thin and finely meshed: a beam of 30 widths with 8 `hhj` cells across."""
 
-RESIDUAL = 1e-6
-"""Largest accepted relative residual of the linear system, in the norm of its energy. The same beam has 1e-7, whatever
-the solver and the number of refinement steps: 16 digits of the stiffness hold no more."""
+RESIDUAL = 1e-8 if np.finfo(np.longdouble).eps < 1e-17 else 1e-6
+"""Largest accepted relative residual of the linear system, in the norm of its energy. The same beam has 1e-6 after a
+solution in double precision and 1e-10 once refined with longer numbers (see `refined`), where the machine has them."""
 
 IN_PLANE = 1e-12
 """A load with a smaller share across the plane of a flat sheet counts as lying in the plane."""
@@ -231,68 +231,6 @@ def _require_solved(surface: Surface, imbalance: float, residual: float) -> None
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Factor:
-    """A factorised stiffness.
-
-    free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
-    inner : (N, N) the stiffness of the free unknowns with a unit diagonal.
-    solve : the function b -> inner^-1 b.
-    """
-
-    free: Ints
-    scale: Floats
-    inner: csr_array
-    solve: Callable[[Floats], Floats]
-
-
-def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
-    """K without held unknowns and without those that have no stiffness (vertices of no face).
-
-    Raises StaticsError when it is not positive definite.
-    """
-    free = np.flatnonzero(~held & (K.diagonal() > 0))
-    inner = csr_array(K[free][:, free])
-    # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
-    scale = 1 / np.sqrt(inner.diagonal())
-    inner = csr_array(inner.multiply(scale[:, None]).multiply(scale[None, :]))
-    points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
-    node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
-    try:
-        return Factor(free, scale, inner, factorise(inner, points, node))
-    except NotPositiveDefinite as error:
-        raise StaticsError(
-            "the sheet is a mechanism: parts of it meet in single points or are not held; "
-            "check the mesh with `dsfab inspect` and hold more directions"
-        ) from error
-
-
-FactorOf = Callable[[Surface, csr_array, Bools], Factor]
-
-
-class KeptFactor:
-    """`factored` that remembers the last `count`: the same stiffness with the same unknowns held is factorised once."""
-
-    def __init__(self, count: int = 1) -> None:
-        self._kept: list[tuple[csr_array, Bools, Factor]] = []
-        self._count = count
-
-    def __call__(self, surface: Surface, K: csr_array, held: Bools) -> Factor:
-        """See `factored`."""
-        for matrix, same, factor in self._kept:
-            if _same(matrix, K) and np.array_equal(same, held):
-                return factor
-        del self._kept[: len(self._kept) + 1 - self._count]  # its memory is needed for the next
-        self._kept.append((K, held.copy(), factored(surface, K, held)))
-        return self._kept[-1][2]
-
-
-def _same(A: csr_array, B: csr_array) -> bool:
-    """Whether two matrices are equal entry by entry, and stored alike."""
-    pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
-    return A is B or all(np.array_equal(a, b) for a, b in pairs)
-
-
 def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of: FactorOf) -> tuple[Floats, Floats]:
     """All unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
 
@@ -302,18 +240,10 @@ def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of:
     if not (~held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])
     factor = factor_of(surface, K, held)
-    b = factor.scale[:, None] * F[factor.free]
-    x = factor.solve(b)
-    x += factor.solve(b - factor.inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
-    U[factor.free] = factor.scale[:, None] * x
-    r = b - factor.inner @ x
-    energy, off = (_column_products(*pair) for pair in ((b, x), (r, factor.solve(r))))
-    return U, np.sqrt(np.divide(np.abs(off), energy, out=np.zeros_like(off), where=energy > 0))
-
-
-def _column_products(a: Floats, b: Floats) -> Floats:
-    """(k,) products of the columns of two (N, k)."""
-    return np.array([p @ q for p, q in zip(a.T, b.T, strict=True)])
+    scale = factor.scale[:, None]
+    x, residual = refined(factor.inner, scale * F[factor.free], factor.solve)
+    U[factor.free] = scale * x
+    return U, residual
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
