@@ -20,6 +20,9 @@ LONGEST, SHORTEST = 4 / 3, 4 / 5
 ROUNDS, POLISH = 5, 10
 """Rounds that change the number of vertices, then rounds that only flip towards Delaunay and relax."""
 
+BATCHES = 10
+"""Collapses of one round are made in so many batches; what is left waits for the next round."""
+
 TURN = 0.3
 """No face may turn by more than the angle of this cosine, about 70 degrees, in one step."""
 
@@ -90,8 +93,8 @@ def _split(chart: Chart, X: Floats, F: Ints, longest: float) -> tuple[Floats, In
 
 
 def _collapsed(chart: Chart, X: Floats, F: Ints, shortest: float) -> tuple[Floats, Ints]:
-    """Edges under `shortest` collapsed to a point, as long as some can be without changing the topology."""
-    for _ in range(60):
+    """Edges under `shortest` collapsed to a point, where that keeps the topology."""
+    for _ in range(BATCHES):
         edges, n, V = edge_table(F), len(X), chart.place(X)
         border = _border(edges, n)
         a, b = edges.ends.T
