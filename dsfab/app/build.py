@@ -246,6 +246,8 @@ def versions() -> dict[str, str]:
 def _summary(design: "Design", folder: Path) -> None:
     solid, answer = design.solid, design.statics.equilibrium
     pieces = len(design.slicing.pieces)
+    if design.preset.description:
+        out(design.preset.description)
     out(caption(design))
     out(
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "

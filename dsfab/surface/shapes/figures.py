@@ -6,14 +6,18 @@ meshes; their looks are our own.
 
 import numpy as np
 
+from dsfab.arrays import Floats
 from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import Length, shape
-from dsfab.surface.shapes.solids import Field, Point, ball, blended, box, ellipsoid, limb, mirrored, skin, without
+from dsfab.surface.shapes.solids import Field, Point, ball, blended, ellipsoid, limb, mirrored, skin, without
+
+FOOT = 0.4
+"""Where the camel's neck is cut, in the coordinates that it is drawn in."""
 
 
-def _figure(field: Field, low: Point, high: Point, size: float, edge: float, floor: float | None = None) -> Surface:
+def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
     """A field drawn at size 1, as a surface `size` times as large."""
-    unit = skin(field, low, high, edge / size, floor)
+    unit = skin(field, low, high, edge / size)
     return Surface(size * unit.V, unit.F)
 
 
@@ -23,7 +27,7 @@ def _above_ground(field: Field, k: float) -> Field:
 
 
 @shape
-def camel_head(height: Length = 1.0, edge: Length = 0.021) -> Surface:
+def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
 
     height : from the boundary to about the tips of the ears, metres.
@@ -44,7 +48,9 @@ def camel_head(height: Length = 1.0, edge: Length = 0.021) -> Surface:
     mouth = limb([(0.24, 0.2, 0.632), (0.38, 0.055, 0.6), (0.54, 0.0, 0.59)], [0.008, 0.014, 0.018])
     nostril = limb([(0.455, 0.055, 0.69), (0.5, 0.025, 0.68)], [0.013, 0.018])
     head = without(without(head, mouth, 0.03), nostril, 0.015)
-    return _figure(mirrored(blended([head, _ear()], 0.05)), (-0.5, -0.3, 0), (0.6, 0.3, 1.1), height, edge, floor=0.0)
+    whole, tall = mirrored(blended([head, _ear()], 0.05)), 1.004 - FOOT
+    unit = skin(whole, (-0.5, -0.3, FOOT), (0.6, 0.3, 1.1), edge * tall / height, floor=FOOT)
+    return Surface((unit.V - [0, 0, FOOT]) * height / tall, unit.F)
 
 
 def _ear() -> Field:
@@ -69,7 +75,7 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
     default.
     """
 
-    def ring(P: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    def ring(P: Floats) -> Floats:
         x, y, z = P.T
         stretch = 1 + 0.15 * np.tanh(-3 * x) * (x < 0)
         around = np.hypot(np.hypot(x / stretch, y) - 0.265, 0.95 * z)
@@ -108,7 +114,7 @@ def climbing_hold(width: Length = 0.2, edge: Length = 0.0055) -> Surface:
 
 
 @shape
-def turkey(height: Length = 0.5, edge: Length = 0.011) -> Surface:
+def turkey(height: Length = 0.5, edge: Length = 0.016) -> Surface:
     """A turkey with its tail spread, sitting on the feathers of its base, genus 0."""
     body = ellipsoid((-0.02, 0, 0.36), (0.32, 0.25, 0.28))
     breast = ball((0.13, 0, 0.37), 0.22)
@@ -140,7 +146,9 @@ def pirate(height: Length = 1.8, edge: Length = 0.036) -> Surface:
     boot = limb([(0, -0.075, 0.4), (0.01, -0.085, 0.2), (0, -0.09, 0.05)], [0.075, 0.052, 0.045])
     cuff = ellipsoid((0.005, -0.085, 0.225), (0.075, 0.07, 0.03))
     shoe = ellipsoid((0.05, -0.092, 0.03), (0.1, 0.047, 0.045))
-    peg = limb([(0, 0.075, 0.4), (0.01, 0.085, 0.22), (0.01, 0.09, 0.14), (0.01, 0.09, 0.02)], [0.075, 0.06, 0.035, 0.03])
+    peg = limb(
+        [(0, 0.075, 0.4), (0.01, 0.085, 0.22), (0.01, 0.09, 0.14), (0.01, 0.09, 0.02)], [0.075, 0.06, 0.035, 0.03]
+    )
     body = blended([coat, shoulders, neck, boot, cuff, shoe, peg], 0.045)
     head = ellipsoid((0.015, 0, 0.855), (0.078, 0.07, 0.085))
     beard = limb([(0.055, 0, 0.82), (0.08, 0, 0.74)], [0.052, 0.028])
@@ -163,7 +171,9 @@ def _arms() -> list[Field]:
     right = limb([(0, -0.15, 0.73), (0.0, -0.265, 0.6), (0.13, -0.28, 0.55)], [0.055, 0.043, 0.038])
     hand = ball((0.15, -0.28, 0.555), 0.042)
     guard = limb([(0.17, -0.335, 0.59), (0.17, -0.225, 0.59)], [0.022, 0.022])
-    blade = limb([(0.14, -0.28, 0.5), (0.19, -0.28, 0.66), (0.27, -0.28, 0.8), (0.385, -0.28, 0.9)], [0.022, 0.026, 0.029, 0.019])
+    blade = limb(
+        [(0.14, -0.28, 0.5), (0.19, -0.28, 0.66), (0.27, -0.28, 0.8), (0.385, -0.28, 0.9)], [0.022, 0.026, 0.029, 0.019]
+    )
     left = limb([(0, 0.15, 0.73), (-0.02, 0.27, 0.6), (0.1, 0.3, 0.56)], [0.055, 0.043, 0.036])
     cup = ball((0.115, 0.3, 0.562), 0.042)
     hook = limb([(0.13, 0.3, 0.57), (0.185, 0.3, 0.6), (0.205, 0.3, 0.655), (0.165, 0.3, 0.69)], [0.022] * 4)

@@ -136,9 +136,7 @@ def _winners(touched: Ints, ends: Ints, cost: Floats, n: int, reach: int = 0) ->
     return np.asarray((best[touched] >= rank[:, None]).all(axis=1))
 
 
-def _merged(
-    chart: Chart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, border: Bools
-) -> tuple[Floats, Ints, bool]:
+def _merged(chart: Chart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, border: Bools) -> tuple[Floats, Ints, bool]:
     """Vertices b put together with a where no face turns over; says whether there were any."""
     goal = np.where((border[a] == border[b])[:, None], (X[a] + X[b]) / 2, X[np.where(border[a], a, b)])
     goal = chart.moved(goal, np.zeros((len(a), 3)), border[a] | border[b])
@@ -158,7 +156,7 @@ def _merged(
     onto = np.arange(len(X))
     onto[b] = a
     F = onto[F]
-    F = F[(F != np.roll(F, 1, axis=1)).all(axis=1)]
+    F = F[(np.roll(F, 1, axis=1) != F).all(axis=1)]
     kept, F = np.unique(F, return_inverse=True)
     return X[kept], F.reshape(-1, 3), bool(len(a))
 
@@ -237,7 +235,7 @@ def _relaxed(chart: Chart, X: Floats, F: Ints) -> Floats:
     P = V[F]
     cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
     N = np.stack([np.bincount(F.ravel(), np.repeat(cross[:, k], 3), minlength=n) for k in range(3)], axis=1)
-    N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+    N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
     step = mean - V
     step -= N * np.einsum("na,na->n", N, step)[:, None]
     return chart.moved(X, 0.8 * step, border)

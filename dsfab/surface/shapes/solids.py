@@ -14,7 +14,7 @@ from dsfab.surface.shapes.remeshing import remeshed
 Field = Callable[[Floats], Floats]
 """Takes points (q, 3), metres; gives about the distance to a solid (q,), metres, negative inside."""
 
-Point = Sequence[float]
+Point = Sequence[float] | Floats
 
 GRID = 1.3
 """Cells of the grid over the edge length: coarser ones lose details, finer ones are collapsed again."""
@@ -24,7 +24,7 @@ SHRINK = 0.9
 
 
 def _norm(Q: Floats) -> Floats:
-    return np.sqrt(np.einsum("qa,qa->q", Q, Q))
+    return np.asarray(np.sqrt(np.einsum("qa,qa->q", Q, Q)))
 
 
 def ball(centre: Point, radius: float) -> Field:
@@ -147,13 +147,13 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
 
     Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be endless.
     """
-    low, high = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
+    bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
     if floor is not None:
-        low[2] = floor
-    size = high - low
-    check_density(2 * (size[0] * size[1] + size[1] * size[2] + size[2] * size[0]), edge)
+        bottom[2] = floor
+    x, y, z = size = top - bottom
+    check_density(2 * float(x * y + y * z + z * x), edge)
     cells = np.maximum(np.ceil(size / (GRID * edge)), 4).astype(int)
-    nodes = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, cells, strict=True)]
+    nodes = [np.linspace(a, b, n + 1) for a, b, n in zip(bottom, top, cells, strict=True)]
     z, y, x = np.meshgrid(nodes[2], nodes[1], nodes[0], indexing="ij")
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     value = field(grid)

@@ -8,7 +8,10 @@ from annotated_types import Ge, Gt, Le
 from dsfab.arrays import Floats
 from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import Length, shape
-from dsfab.surface.shapes.solids import Field, blended, box, skin, smaller, without
+from dsfab.surface.shapes.solids import Field, blended, box, limb, skin, smaller, without
+
+OPENINGS = (0.22, 0.5, 0.78)
+"""Heights of the tower's openings, as shares of its own."""
 
 
 @shape
@@ -36,9 +39,8 @@ def bridge(
         below = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2 - P[:, 2]
         above = P[:, 2] - (crown - 0.16 * P[:, 0] ** 2)
         slope = 2 * (rise + 0.03) * P[:, 0] / 0.45**2
-        ends = np.abs(P[:, 0]) - 0.475
-        inside = -smaller(-below / np.sqrt(1 + slope**2), -above, 0.01)
-        return -smaller(-smaller_of_two(inside, ends), 0.028 - np.abs(P[:, 1]), 0.01)
+        inside = _both(below / np.sqrt(1 + slope**2), above)
+        return _both(_both(inside, np.abs(P[:, 0]) - 0.475), np.abs(P[:, 1]) - 0.028)
 
     whole = blended([blended([wall, arch], 0.02), deck], 0.02)
     whole = without(whole, lambda P: P[:, 2], 0.012)
@@ -46,7 +48,7 @@ def bridge(
     return Surface(span * unit.V, unit.F)
 
 
-def smaller_of_two(a: Floats, b: Floats) -> Floats:
+def _both(a: Floats, b: Floats) -> Floats:
     """The larger value with a rounded corner: the solid inside both."""
     return -smaller(-a, -b, 0.01)
 
@@ -66,19 +68,20 @@ def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
 def twisty_tower(
     height: Length = 30.0,
     twist: Annotated[float, Ge(-180), Le(180)] = 120.0,
-    edge: Length = 0.55,
+    edge: Length = 0.6,
 ) -> Surface:
-    """Four legs that wind around each other from a base to a crown, genus 3, standing on z = 0.
+    """A slab that twists as it rises, with three openings through it one above the other, genus 3, on z = 0.
 
-    twist : degrees that the crown is turned against the base.
+    twist : degrees that its top is turned against its foot.
     """
-    legs = _twisted(_legs, np.radians(twist))
-    base = box((0, 0, 0.0), (0.205, 0.205, 0.06), 0.05)
-    crown = _twisted(box((0, 0, 1.0), (0.155, 0.155, 0.06), 0.05), np.radians(twist))
-    whole = blended([legs, base, crown], 0.07)
+    slab = box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
+    openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
+    for opening in openings:
+        slab = without(slab, opening, 0.05)
+    whole = _twisted(slab, np.radians(twist))
     whole = without(whole, lambda P: P[:, 2], 0.02)
     whole = without(whole, lambda P: 1.0 - P[:, 2], 0.02)
-    unit = skin(whole, (-0.36, -0.36, -0.03), (0.36, 0.36, 1.03), edge / height)
+    unit = skin(whole, (-0.26, -0.26, -0.03), (0.26, 0.26, 1.03), edge / height)
     return Surface(height * unit.V, unit.F)
 
 
@@ -90,11 +93,3 @@ def _twisted(field: Field, turn: float) -> Field:
         return field(np.stack([c * P[:, 0] + s * P[:, 1], c * P[:, 1] - s * P[:, 0], P[:, 2]], axis=1))
 
     return field_there
-
-
-def _legs(P: Floats) -> Floats:
-    """Four upright tubes at the corners of a square that narrows upwards and swells a little in the middle."""
-    z = np.clip(P[:, 2], 0, 1)
-    corner = 0.135 - 0.035 * z + 0.03 * np.sin(np.pi * z)
-    radius = 0.068 - 0.016 * z
-    return np.asarray(np.hypot(np.abs(P[:, 0]) - corner, np.abs(P[:, 1]) - corner) - radius)
