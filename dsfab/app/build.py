@@ -217,6 +217,8 @@ def versions() -> dict[str, str]:
 def _summary(design: "Design", folder: Path) -> None:
     solid = design.solid
     pieces = len(design.slicing.pieces)
+    if design.preset.description:
+        out(design.preset.description)
     out(caption(design))
     out(
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "

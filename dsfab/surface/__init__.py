@@ -7,10 +7,11 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
 from dsfab.surface.reader import MeshFacts, describe, read_surface
 from dsfab.surface.refine import refined
-from dsfab.surface.shapes import SHAPES
+from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
 
 __all__ = [
+    "FIGURES",
     "SHAPES",
     "All",
     "Ball",
