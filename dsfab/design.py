@@ -1,25 +1,48 @@
 """`Design`: a preset and everything that was made of it, stage by stage."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from dsfab.arrays import Floats
 from dsfab.diffusion import DiffusionTensors, Modes
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet
-from dsfab.statics import Equilibrium
+from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
 from dsfab.thickening import Solid
 
 
 @dataclass(frozen=True, eq=False)
-class StaticsResult:
-    """Stage 2: the load case, its equilibrium and the stress (m, 3, 3), Pa, on the uncut surface."""
+class CaseResult:
+    """A load case or a combination: its load, its equilibrium and the stress (m, 3, 3), Pa, of the middle surface.
+
+    answers : what else the sheet tells; by other elements than `equilibrium` where these do not answer (see `Ask`).
+    factors : of the cases in a combination; None for a case.
+    """
 
     load: LoadCase
     equilibrium: Equilibrium
     sigma: Floats
+    answers: Answers
+    factors: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class StaticsResult:
+    """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, as in a `CaseResult`.
+
+    These are of all cases together, each once: what is drawn, and all there is with one case. What the pattern follows
+    is chosen out of `cases` by the next stage, so that another choice solves nothing again.
+
+    cases : the load cases by name, then the combinations.
+    """
+
+    load: LoadCase
+    equilibrium: Equilibrium
+    sigma: Floats
+    answers: Answers
+    cases: Mapping[str, CaseResult] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +61,7 @@ class PatternResult:
     fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width.
     half_widths : (n,) each: material is |frequency x + phase - k| < d, k integer, for the families; inf for the others.
     factor      : what the widths were multiplied with to reach pattern.width.solid_fraction; 1 without it.
+    frequency   : of the major and of the minor stripes, as drawn: what `spacing` became, where it was asked.
     """
 
     names: tuple[str, ...]
@@ -45,6 +69,7 @@ class PatternResult:
     levels: tuple[Floats, ...]
     half_widths: tuple[Floats, ...] = ()
     factor: float = 1.0
+    frequency: tuple[float, float] = (1.0, 1.0)
 
 
 class Piece(NamedTuple):

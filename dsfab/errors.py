@@ -1,4 +1,7 @@
-"""The one family of errors a user may meet."""
+"""The one family of errors a user may meet, and the nearest name for a misspelt one."""
+
+import difflib
+from collections.abc import Iterable
 
 
 class DsfabError(Exception):
@@ -31,3 +34,9 @@ class ExportError(DsfabError):
 
 class PresetError(DsfabError):
     """A preset with unknown keys, wrong types or impossible values."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """'; did you mean dome?' for the nearest known word, or nothing."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f"; did you mean {close[0]}?" if close else ""

@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, field_validator, model_validator
 
-from dsfab.diffusion import Labelling
+from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Rule, Stripes, Widths
-from dsfab.statics import Bending, Elements, Law, Material, Membrane
-from dsfab.surface import SHAPES, Load, Support, Surface, read_surface, refined
+from dsfab.preset_cases import case_mistakes, combines, followed
+from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
+from dsfab.surface import SHAPES, Combination, Load, Support, Surface, read_surface, refined
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -33,6 +34,8 @@ class Given(Section):
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
+    combination: tuple[Combination, ...] = ()
+    """Sums of load cases (`case` of a load), each case multiplied with its factor."""
     refine: Annotated[float, Ge(0)] = 0.0
     """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
     smooth: bool = False
@@ -109,6 +112,12 @@ class Statics(Section):
     """constant strain (the paper), or quadratic: right for slender parts too, at several times the cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
+    strength: Annotated[float, Ge(0)] = 0.0
+    """Pa that the largest stress is compared with (steel S235: 235e6); 0 compares nothing."""
+    frequencies: Annotated[int, Ge(0), Le(10)] = 0
+    """How many natural frequencies of the uncut sheet to find."""
+    buckling: Annotated[int, Ge(0), Le(10)] = 0
+    """How many load factors to find at which the uncut sheet buckles."""
 
     @property
     def material(self) -> Material:
@@ -117,6 +126,11 @@ class Statics(Section):
     @property
     def elements(self) -> Elements:
         return Elements(self.membrane, self.bending)
+
+    @property
+    def ask(self) -> Ask:
+        """With strength, frequencies or buckling, `hinge` statics are solved again by the elements of `Ask`."""
+        return Ask(self.strength, self.frequencies, self.buckling)
 
 
 class Diffusion(Section):
@@ -132,6 +146,21 @@ class Diffusion(Section):
     """Faces whose principal stresses differ by less than this share are isotropic."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Modes computed per family."""
+    follow: str | None = None
+    """A case or combination; or combined, the sum of the sizes of their stresses: the default with several cases."""
+    weights: dict[str, float] = {}
+    """combined: weight of each combination (each case, without combinations) in the sum; 1 when left out."""
+    symmetry: tuple[str, ...] = ()
+    """Symmetry that the pattern must have: x, y or z for a mirror, rot:6:z for sixths of a turn; through the centre."""
+
+    @field_validator("symmetry")
+    @classmethod
+    def _known(cls, words: tuple[str, ...]) -> tuple[str, ...]:
+        try:
+            symmetry_group(words)
+        except PatternError as error:
+            raise ValueError(str(error)) from None
+        return words
 
 
 class Family(Section):
@@ -139,16 +168,29 @@ class Family(Section):
 
     mode: Annotated[int, Ge(1), Le(50)] = 1
     """Which mode the stripes run on; 1 is the first that is not constant."""
-    frequency: Annotated[float, Gt(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end)."""
+    frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
+    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: as spacing asks."""
+    spacing: Annotated[float, Ge(0)] = 0.0
+    """Metres from the middle of one stripe to the next, in the mean over the surface. 0: as frequency says."""
     phase: float = 0.0
     """Shift of the stripes, in periods."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
     """-1 everything is material, 0 half, 1 nothing."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_of_both(cls, values: Any) -> Any:
+        if isinstance(values, dict):
+            if values.get("spacing") and "frequency" not in values:
+                return {**values, "frequency": 0.0}
+            if bool(values.get("spacing")) == bool(values.get("frequency", True)):
+                raise ValueError("give either frequency or spacing, and leave the other out or set it to 0")
+        return values
+
     @property
     def stripes(self) -> Stripes:
-        return Stripes(self.frequency, self.phase, self.threshold)
+        """The stripes; at frequency 1 where `spacing` asks for another, which takes a mode (see `frequency_for`)."""
+        return Stripes(self.frequency or 1.0, self.phase, self.threshold)
 
 
 class Width(Section):
@@ -239,6 +281,26 @@ class Preset(Section):
     slicing: Slicing = Slicing()
     thickening: Thickening = Thickening()
     export: Export = Export()
+
+    @model_validator(mode="after")
+    def _names_cases(self) -> "Preset":
+        if wrong := list(case_mistakes(*self._cases)):
+            raise ValueError("; ".join(wrong))
+        return self
+
+    @property
+    def _cases(self) -> tuple[tuple[Load, ...], tuple[Combination, ...], str | None, dict[str, float]]:
+        return self.surface.load, self.surface.combination, self.diffusion.follow, self.diffusion.weights
+
+    @property
+    def followed(self) -> dict[str, float]:
+        """Weights of the cases or combinations that the pattern follows, by name (see `dsfab.preset_cases`)."""
+        return followed(*self._cases)
+
+    @property
+    def combines(self) -> bool:
+        """Whether the pattern follows a sum of stress magnitudes rather than the stress of one case."""
+        return combines(self.surface.load, self.diffusion.follow)
 
     def first_difference(self, other: "Preset") -> str | None:
         """The first stage whose section differs, or None; name and description make no difference."""

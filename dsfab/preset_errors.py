@@ -1,16 +1,15 @@
 """One sentence for every mistake in a preset: its key as in the file, the value, what is allowed, the nearest name."""
 
 import dataclasses
-import difflib
-from collections.abc import Iterable
 from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
+from dsfab.errors import did_you_mean
 from dsfab.preset import SHAPE_SECTIONS, FileSurface, Preset
-from dsfab.surface import Load, Picker, Support
+from dsfab.surface import Combination, Load, Picker, Support
 
 
 def _by_tag(union: Any, tag: str) -> dict[str, Any]:
@@ -19,6 +18,7 @@ def _by_tag(union: Any, tag: str) -> dict[str, Any]:
 
 
 PICKERS, LOADS = _by_tag(Picker, "pick"), _by_tag(Load, "kind")
+LISTED: dict[Any, Any] = {"support": Support, "combination": Combination}
 SURFACES: dict[str, Any] = {"file": FileSurface, **SHAPE_SECTIONS}
 
 
@@ -39,7 +39,7 @@ def _sentence(detail: ErrorDetails) -> str:
     if kind.startswith("union_tag"):
         return _unknown_kind(key, detail)
     if kind == "value_error":  # keys that do not go together
-        return f"{key}: {detail['ctx']['error']}"
+        return f"{key}: {detail['ctx']['error']}" if key else str(detail["ctx"]["error"])
     hint = ""
     if kind == "literal_error":
         allowed = str(detail["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
@@ -79,15 +79,9 @@ def _known_beside(loc: tuple[int | str, ...]) -> list[str]:
     for i, part in enumerate(loc[:-1]):
         if _is_tag(loc, i):
             model = (SURFACES if i == 1 else PICKERS if loc[i - 1] == "at" else LOADS)[str(part)]
-        elif part == "support":
-            model = Support
+        elif part in LISTED:
+            model = LISTED[part]
         elif isinstance(field := getattr(model, "model_fields", {}).get(part), FieldInfo):
             model = field.annotation
     fields = getattr(model, "model_fields", None) or [field.name for field in dataclasses.fields(model)]
     return list(fields)
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """'; did you mean dome?' for the nearest known word, or nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {close[0]}?" if close else ""

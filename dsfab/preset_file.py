@@ -2,15 +2,16 @@
 
 import tomllib
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 from pydantic import ValidationError
 
-from dsfab.errors import PresetError
+from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Given, Preset
-from dsfab.preset_errors import did_you_mean, mistakes
+from dsfab.preset_errors import mistakes
 
 
 def shipped() -> dict[str, Path]:
@@ -42,7 +43,7 @@ def load_preset(
     if mesh is not None:
         _replace_surface(values, Path(mesh).absolute())
     for key, value in (overrides or {}).items():
-        _override(values, key, value)
+        _override(values, key, deepcopy(value))  # a later key may reach into this value
     surface = values.get("surface")
     if isinstance(surface, dict) and isinstance(surface.get("file"), str):
         surface["file"] = str(path.absolute().parent / surface["file"])
@@ -53,7 +54,7 @@ def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
     """`preset` with other values at dotted keys; raises PresetError as `load_preset` does."""
     values = preset.model_dump(mode="json", exclude_none=True)
     for key, value in changes.items():
-        _override(values, key, value)
+        _override(values, key, deepcopy(value))  # a later key may reach into this value
     return preset_from(values, f"preset {preset.name}")
 
 

@@ -34,12 +34,13 @@ ALLOWED: dict[str, set[str]] = {
     "surface": GROUND,
     **{stage: GROUND | {"surface"} for stage in STAGES},
     "export": GROUND | {"surface", "thickening"},
-    "preset": GROUND | {"surface"} | STAGES,
+    "preset_cases": GROUND | {"surface"},
+    "preset": GROUND | {"surface", "preset_cases"} | STAGES,
     "preset_errors": GROUND | {"preset", "surface"},
     "preset_file": GROUND | {"preset", "preset_errors"},
     "design": GROUND | {"surface", "preset"} | STAGES,
     "pipeline": GROUND | {"surface", "preset", "design"} | STAGES,
-    "study": GROUND | {"surface", "preset", "preset_errors", "preset_file", "design", "pipeline", "export"} | STAGES,
+    "study": GROUND | {"surface", "preset", "preset_file", "design", "pipeline", "export"} | STAGES,
     "app": GROUND | {"surface", "preset", "preset_file", "design", "pipeline", "study", "export"} | STAGES,
 }
 """Each part of dsfab, and the parts it may import besides itself."""
@@ -56,10 +57,11 @@ HOME = {
     "cyclopts": {"app"},
     "rich": {"app"},
     "PIL": {"app"},
+    "matplotlib": {"app"},
 }
 """Libraries that may be imported in these parts only."""
 
-LAZY = {"build123d", "OCP", "lib3mf", "pyvista", "vtk", "trimesh", "PIL"}
+LAZY = {"build123d", "OCP", "lib3mf", "pyvista", "vtk", "trimesh", "PIL", "matplotlib"}
 """Slow to import: never at the top of a module."""
 
 
@@ -127,6 +129,8 @@ def test_every_import_is_in_the_table():
         ("pipeline", "def f():\n    import pyvista"),
         ("export", "from build123d import Solid"),
         ("app", "import pyvista"),
+        ("app", "from matplotlib.figure import Figure"),
+        ("study", "def f():\n    import matplotlib"),
         ("diffusion", "from . import tensors"),
         ("newpart", "import numpy"),
     ],

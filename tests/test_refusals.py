@@ -3,6 +3,7 @@
 The list below is the place to look for what dsfab refuses; each entry is a file or an option and words of its sentence.
 """
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from dsfab import load_preset
 from dsfab.app.cli import main
+from dsfab.errors import StaticsError
+from dsfab.pipeline import draft
+from dsfab.statics import factor, solve
 from dsfab.surface import Surface
 from tests.zoo import grid, sphere
 
@@ -90,6 +95,30 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
         ["--set", "surface.support.0.at={pick='box', min=[9,9,9], max=[10,10,10]}"],
         "box",
     ),
+    "no support": (["--set", "surface.support=[]"], "add a [[surface.support]]"),
+    "no load": (["--set", "surface.load=[]"], "add a [[surface.load]]"),
+    "a load on nothing": (
+        ["--set", "surface.load.1={kind='pressure', pressure=10, at={pick='nearest', points=[[0, 0, 4]]}}"],
+        "is on no face",
+    ),
+    "a load on what is held": (
+        ["--set", "surface.load=[{kind='force', at={pick='boundary'}, force=[0, 0, -1]}]"],
+        "nothing is left for the surface to carry",
+    ),
+    "a soft material": (["--set", "statics.young=0"], "greater than 0"),
+    "a material lighter than nothing": (["--set", "statics.density=-1"], "greater than or equal to 0"),
+    "a spring that pushes": (["--set", "surface.support.0={at={pick='boundary'}, spring=[0, 0, -9]}"], "spring = ["),
+    "a support that holds nothing": (["--set", "surface.support.0.hold=''"], "it holds nothing"),
+    "clamped hinges": (["--set", "surface.support.0.clamp=true"], 'choose bending = "midedge" or "hhj"'),
+    "a case that no load has": (["--set", "diffusion.follow=laod"], "did you mean load?"),
+    "a factor for a case that no load has": (
+        ["--set", "surface.combination=[{name='uls', factors={dead=1.35}}]"],
+        "surface.combination.0.factors.dead = 1.35",
+    ),
+    "a case with nothing to carry": (
+        ["--set", "surface.load.1={kind='force', at={pick='boundary'}, force=[0, 0, -1], case='crane'}"],
+        "case crane: every load is on held vertices",
+    ),
     "supports that let it slide": (["--set", "surface.support.0.hold=z"], "move along"),
     "a mesh of a billion triangles": (["--set", "surface.edge=0.0001"], "edge"),
     "an unknown format": (["--format", "skp"], "skp"),
@@ -131,6 +160,79 @@ def test_bad_options_are_refused(what, tmp_path, monkeypatch, capsys):
     assert says in sentence(capsys)
     if "STEP" not in what:  # there the other files are whole, and are kept
         assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mechanism_is_named_with_its_piece_and_its_motion(tmp_path, monkeypatch, capsys):
+    """Two plates; the second is held along one line, about which it can turn."""
+    monkeypatch.chdir(tmp_path)
+    one = grid(4, 4, 1.0, 1.0)
+    both = Surface(np.concatenate([one.V, one.V + [3, 0, 0]]), np.concatenate([one.F, one.F + one.n]))
+    Path("two.obj").write_text(obj(both))
+    supports = "[{at={pick='box', min=[0,0,0], max=[0.3,1,0]}}, {at={pick='side', axis='x', end='max'}}]"
+    command = ["build", "roof", "--mesh", "two.obj", "--no-picture", "--set", f"surface.support={supports}"]
+    assert main(command) == 1
+    assert "piece 2 of 2 can turn about y" in sentence(capsys)
+
+
+def drafted(surface: Surface, path: Path, **changes: object) -> str:
+    """The notes of the statics of a plate that is held along its boundary."""
+    path.write_text(obj(surface))
+    return " | ".join(
+        n.text for n in draft(load_preset("roof", {"pattern.width": {}, **changes}, path)).notes if n.stage == "statics"
+    )
+
+
+def with_needles(height: float) -> Surface:
+    """A plate with a row of triangles `height` high on edges of 0.2, and one pair of them lower still."""
+    plate = grid(10, 10, 2.0, 2.0)
+    V = plate.V.copy()
+    column = np.abs(V[:, 0] - 0.4) < 1e-9
+    V[column, 0] = 0.6 - height
+    V[column & (V[:, 1] == 1.0), 0] = 0.6 - height / 2
+    return Surface(V, plate.F)
+
+
+def test_needles_are_counted_and_the_worst_is_shown(tmp_path):
+    assert "needle" not in drafted(grid(10, 10, 2.0, 2.0), tmp_path / "plate.obj")
+    assert "needle" not in drafted(with_needles(0.01), tmp_path / "flat.obj")
+    told = drafted(with_needles(0.002), tmp_path / "needles.obj")
+    assert "20 of 200 triangles are needles" in told
+    worst = re.search(r"the worst, 0\.005, is around \[(\d\.\d+), (\d\.\d+), 0\.0\] m", told)
+    assert worst
+    assert abs(float(worst[1]) - 0.6) < 0.003
+    assert abs(float(worst[2]) - 1.0) < 0.21
+    with pytest.raises(StaticsError, match=r"solved to \d.*20 of 200 triangles are needles"):
+        drafted(with_needles(0.0001), tmp_path / "needles.obj")
+
+
+def test_a_thick_sheet_is_told(tmp_path):
+    plate = grid(10, 10, 2.0, 2.0)
+    assert "is 2.83 m large and the sheet 0.3 m thick" in drafted(
+        plate, tmp_path / "thick.obj", **{"statics.thickness": 0.3}
+    )
+    assert "thick" not in drafted(plate, tmp_path / "thin.obj", **{"statics.thickness": 0.27})
+
+
+@pytest.mark.parametrize(("share", "says"), [(1 - 4e-8, "solved to 4.0e-08"), (1 - 4e-9, "")])
+def test_a_rough_solution_is_told_with_its_case_and_a_poor_one_refused(share, says, tmp_path, monkeypatch):
+    """A solver that is off by d leaves an error of d on a machine that has no longer numbers to refine with."""
+    factorise = factor.factorise
+    monkeypatch.setattr(factor, "REFINEMENTS", 0)
+    monkeypatch.setattr(solve, "RESIDUAL", 1e-6)
+
+    def careless(*args, **more):
+        exact = factorise(*args, **more)
+        return lambda b: share * exact(b)
+
+    monkeypatch.setattr(factor, "factorise", careless)
+    snow = {"kind": "snow", "pressure": 500.0, "case": "snow"}
+    told = drafted(grid(6, 6, 2.0, 2.0), tmp_path / "plate.obj", **{"surface.load": [{"kind": "self_weight"}, snow]})
+    assert (says in told) if says else not told
+    assert ("under load" in told or "under snow" in told) == bool(says)
+    monkeypatch.setattr(factor, "factorise", lambda *args, **more: lambda b: 0.99 * factorise(*args, **more)(b))
+    monkeypatch.setattr(solve, "BALANCE", 1.0)
+    with pytest.raises(StaticsError, match=r"solved to 1\.0e-02 only"):
+        drafted(grid(6, 6, 2.0, 2.0), tmp_path / "plate.obj")
 
 
 def test_there_are_more_than_twenty_kinds():

@@ -19,6 +19,7 @@ from dsfab.statics import (
     SpreadLoad,
     bending_stiffness,
     equilibrium,
+    factor,
     membrane_stiffness,
     solve,
     solve_statics,
@@ -357,24 +358,24 @@ def test_compliance_is_twice_the_energy_over_all_unknowns(elements):
     assert (answer.bubbles is None) == (elements.membrane == "constant")
 
 
-@pytest.mark.parametrize(("share", "says"), [(0.99, r"solved to 1\.0e-04 only"), (0.9999, None)])
-def test_a_poor_solution_is_refused(share, says, monkeypatch):
-    """A solver that is off by d leaves an error of d^2 after one step of refinement."""
+@pytest.mark.parametrize(("share", "says"), [(0.3, r"solved to 3\.8e-01 only"), (0.99, None)])
+def test_a_poor_solution_is_refined_or_refused(share, says, monkeypatch):
+    """A solver that is off by d leaves an error of d^k after k steps: refused where that does not halve it."""
     surface = grid(4, 4, 1.0, 1.0)
     load = case(surface, [(surface.V[:, 0] < 1e-9, "xy")], [(surface.V[:, 0] > 1 - 1e-9, (1.0, 0, 0))])
-    factorise = solve.factorise
+    factorise = factor.factorise
 
-    def careless(*args):
-        exact = factorise(*args)
+    def careless(*args, **kwargs):
+        exact = factorise(*args, **kwargs)
         return lambda b: share * exact(b)
 
-    monkeypatch.setattr(solve, "factorise", careless)
+    monkeypatch.setattr(factor, "factorise", careless)
     monkeypatch.setattr(solve, "BALANCE", 1.0)
     if says:
         with pytest.raises(StaticsError, match=says):
             solve_statics(surface, STEEL, load, H)
     else:
-        assert solve_statics(surface, STEEL, load, H).residual == pytest.approx(1e-8, rel=0.01)
+        assert solve_statics(surface, STEEL, load, H).residual < 1e-11
 
 
 def test_long_beams_of_many_cells_are_not_taken_for_mechanisms():

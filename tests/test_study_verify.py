@@ -10,8 +10,7 @@ from dsfab.app.cli import main
 from dsfab.errors import StaticsError
 from dsfab.statics import PAPER, VERDICT, Elements
 from dsfab.study.verification import PAIRS, TESTS, choose, series, verify
-from dsfab.study.verification.problem import MESHES
-from dsfab.study.verification.shells import octasphere
+from dsfab.study.verification.meshes import MESHES, octasphere
 from dsfab.surface import Surface
 
 MIDEDGE = Elements("quadratic", "midedge")
@@ -70,12 +69,31 @@ def test_ratios_are_those_measured_with_other_code(name, cells, elements, known,
     assert ratio(name, cells, elements) == pytest.approx(known, abs=within)
 
 
+MISSED = {
+    ("straight_beam_in_plane_trapezoids", 1, "diagonal"): 0.037,
+    ("straight_beam_in_plane_trapezoids", 1, "union_jack"): 0.037,
+    ("straight_beam_in_plane_parallelograms", 1, "diagonal"): 0.049,
+    ("straight_beam_in_plane_parallelograms", 1, "union_jack"): 0.039,
+    ("cook", 4, "jittered"): 0.012,
+    ("scordelis_lo", 16, "jittered"): 0.009,
+    ("pinched_cylinder", 16, "diagonal"): 0.042,
+    ("holed_hemisphere", 16, "jittered"): 0.013,
+}
+"""Targets that the pair for verdicts does not meet, and what it does instead."""
+
+
 @pytest.mark.parametrize("test", TESTS.values(), ids=lambda test: test.name)
-def test_the_pair_for_verdicts_meets_every_reference_on_its_finest_mesh(test):
+def test_the_pair_for_verdicts_meets_its_targets_and_every_reference_on_its_finest_mesh(test):
     for mesh in test.meshes:
         rows = series(test, mesh, VERDICT)
         assert rows[-1].verdict == "ok", rows[-1]
         assert rows[-1].ratio == pytest.approx(1, abs=test.tolerance)
+        assert {row.cells: row.target for row in rows if row.target} == dict(test.targets)
+        for row in rows:
+            if row.target:
+                error = abs(row.value / (test.limit or test.reference) - 1)
+                assert row.met == (error <= row.target)
+                assert error <= MISSED.get((test.name, row.cells, mesh), row.target), row
 
 
 @pytest.mark.parametrize("mesh", MESHES)
@@ -156,7 +174,7 @@ def test_rows_tell_coarse_from_off_and_from_not_run():
 def test_tests_and_elements_are_chosen_by_name():
     assert [test.name for test in choose(["plate", "cook"])] == ["plate_supported", "plate_clamped", "cook"]
     assert [test.name for test in choose(["plate_clamped"])] == ["plate_clamped"]
-    assert len(choose([])) == len(TESTS) >= 13
+    assert len(choose([])) == len(TESTS) >= 26
     with pytest.raises(StaticsError, match=r"no verification test 'spam'; the tests are plate_supported"):
         choose(["spam"])
     assert Elements.named("quadratic+hhj") == VERDICT
@@ -167,13 +185,17 @@ def test_tests_and_elements_are_chosen_by_name():
 def test_the_command_prints_a_table_json_and_a_list(capsys):
     assert main(["verify", "cook", "-e", "quadratic+hhj"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].split() == ["test", "mesh", "elements", "cells", "value", "reference", "ratio", "rate", "verdict"]
-    assert lines[-1].split()[:4] == ["cook", "union_jack", "quadratic+hhj", "16"]
-    assert lines[-1].endswith("ok")
+    assert " ".join(lines[0].split()) == ("test mesh elements cells unknowns value reference ratio rate target verdict")
+    assert lines[12].split()[:5] == ["cook", "jittered", "quadratic+hhj", "16", "2112"]
+    assert lines[12].endswith("ok")
+    assert lines[13] == "targets of quadratic+hhj: 2 of 3 met"
+    assert lines[14].startswith("widest spread between mesh patterns at 16 cells: 0.0")
+    assert lines[15].startswith("quadratic+hhj against 6 published values, at equal unknowns or cells: better 6")
     assert main(["verify", "patch", "--json", "-e", "constant+hinge", "-e", "quadratic+midedge"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert len(rows) == 2 * 2 * 3
-    assert {"test", "mesh", "cells", "value", "reference", "ratio", "source", "verdict", "rate"} <= set(rows[0])
+    keys = {"test", "mesh", "cells", "value", "reference", "ratio", "source", "verdict"}
+    assert keys | {"elements", "unknowns", "rate", "target", "met"} == set(rows[0])
     assert main(["verify", "--list"]) == 0
     assert "MacNeal and Harder 1985" in capsys.readouterr().out
     assert main(["verify", "nonsense"]) == 1

@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -22,6 +22,13 @@ ROWS = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slici
 SCALING = (10_000, 40_000, 100_000)
 """Vertices of the surfaces that `--scaling` runs."""
 
+SCALING_STATICS = (*SCALING, 250_000, 500_000)
+"""The same with `--stages statics`."""
+
+STATICS_ROWS = ("assembly", "factor", "solve", "stress", "total", "cpu")
+"""Columns of `--stages statics`, seconds. `solve` is everything of the solution but the factorisation; `cpu` is the
+processor's time for `total`, the number to compare on a busy machine."""
+
 
 def bench(
     *presets: str,
@@ -31,8 +38,16 @@ def bench(
     repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
     scaling: Annotated[
         bool,
-        Parameter(negative=(), help="Run each preset with 10, 40 and 100 thousand vertices, by changing surface.edge."),
+        Parameter(
+            negative=(),
+            help="Run each preset with 10, 40 and 100 thousand vertices, by changing surface.edge; "
+            "with --stages statics also 250 and 500 thousand.",
+        ),
     ] = False,
+    vertices: Annotated[str | None, Parameter(help="Other numbers for --scaling, such as 10000,40000.")] = None,
+    stages: Annotated[
+        Literal["all", "statics"], Parameter(help="Time every stage, or the parts of the statics alone.")
+    ] = "all",
     step: Annotated[bool, Parameter(negative=(), help="Include STEP in the export column.")] = False,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
 ) -> int:
@@ -40,14 +55,15 @@ def bench(
 
     Export writes and reads back the preset's formats, without STEP unless asked for.
     """
+    wanted = _wanted(scaling, vertices, stages)
     reporter = Reporter(quiet=json_)
     results = []
     named = presets or ("sphere",)
-    work = [(name, more) for name in named for more in (_sizes(name, set_, mesh, unit) if scaling else [()])]
+    work = [(name, more) for name in named for more in _sizes(name, set_, mesh, unit, wanted)]
     for name, more in work:
         reporter("bench", f"{' '.join((name, *more))}, {repeat} {'run' if repeat == 1 else 'runs'}")
         try:
-            runs = [_in_own_process(name, (*set_, *more), mesh, unit, step) for _ in range(max(1, repeat))]
+            runs = [_in_own_process(name, (*set_, *more), mesh, unit, step, stages) for _ in range(max(1, repeat))]
         finally:
             reporter.stop()
         results.append(_median(runs))
@@ -59,14 +75,31 @@ def bench(
     return 0
 
 
-def _sizes(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> list[tuple[str, ...]]:
-    """The overrides that give a shape about the numbers of vertices of `SCALING`: they grow with 1 / edge^2."""
+def _wanted(scaling: bool, vertices: str | None, stages: str) -> tuple[int, ...]:
+    """The numbers of vertices to run; none for the preset's own."""
+    if vertices is None:
+        return (SCALING_STATICS if stages == "statics" else SCALING) if scaling else ()
+    try:
+        wanted = tuple(int(number) for number in vertices.split(","))
+    except ValueError:
+        wanted = ()
+    if not wanted or min(wanted) < 100:
+        raise DsfabError(f"--vertices {vertices!r} is no list of numbers from 100 up; write for example 10000,40000")
+    return wanted
+
+
+def _sizes(
+    name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, wanted: tuple[int, ...]
+) -> list[tuple[str, ...]]:
+    """The overrides that give a shape about these numbers of vertices: they grow with 1 / edge^2."""
+    if not wanted:
+        return [()]
     surface = read_preset(name, changes, mesh, unit).surface
     edge = getattr(surface, "edge", None)
     if edge is None:
         raise DsfabError(f"--scaling changes surface.edge, which {name} does not have; choose a preset with a shape")
     now = surface.build().n
-    return [(f"surface.edge={edge * (now / wanted) ** 0.5:.6g}",) for wanted in SCALING]
+    return [(f"surface.edge={edge * (now / n) ** 0.5:.6g}",) for n in wanted]
 
 
 def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool) -> dict[str, Any]:
@@ -89,15 +122,47 @@ def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
         "vertices": design.surface.n,
         "triangles": design.surface.m,
         **{row: seconds[row] for row in ROWS},
-        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10),
+        "peak_mb": _peak(),
         "compliance": design.statics.equilibrium.compliance,
     }
 
 
+def measure_statics(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> dict[str, Any]:
+    """One run of the statics alone in this process: seconds per part, peak memory in MiB, and the sizes."""
+    from dsfab.pipeline.log import Log
+    from dsfab.pipeline.structure import statics_step, surface_step
+
+    preset, log = read_preset(name, changes, mesh, unit), Log(None)
+    surface = surface_step(preset, log)
+    begin = time.process_time()
+    result = statics_step(preset, surface, log)
+    cpu = time.process_time() - begin
+    took = log.seconds
+    assembly = took["membrane"] + took.get("bending", 0.0)
+    return {
+        "preset": preset.name,
+        "vertices": surface.n,
+        "triangles": surface.m,
+        "assembly": assembly,
+        "factor": took["factor"],
+        "solve": took["statics"] - took["factor"],
+        "stress": took["stress"],
+        "total": assembly + took["statics"] + took["stress"],
+        "cpu": cpu,
+        "peak_mb": _peak(),
+        "compliance": result.equilibrium.compliance,
+    }
+
+
+def _peak() -> float:
+    """Peak memory of this process, MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
 def _in_own_process(
-    name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool
+    name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool, stages: str
 ) -> dict[str, Any]:
-    request = json.dumps([name, list(changes), str(mesh) if mesh else None, unit, step])
+    request = json.dumps([name, list(changes), str(mesh) if mesh else None, unit, step, stages])
     done = subprocess.run(
         [sys.executable, "-m", "dsfab.app.bench", request], capture_output=True, text=True, check=False
     )
@@ -111,20 +176,21 @@ def _in_own_process(
 
 def _median(runs: list[dict[str, Any]]) -> dict[str, Any]:
     middle = dict(runs[0])
-    for key in (*ROWS, "peak_mb"):
-        if runs[0][key] is not None:
+    for key in (*ROWS, *STATICS_ROWS, "peak_mb"):
+        if runs[0].get(key) is not None:
             middle[key] = round(statistics.median(run[key] for run in runs), 4)
     return middle
 
 
 def _table(results: list[dict[str, Any]]) -> str:
-    head = ("preset", "|V|", "|T|", *(row.capitalize() for row in ROWS), "Peak MiB", "Compliance J")
+    shown = STATICS_ROWS if "assembly" in results[0] else ROWS
+    head = ("preset", "|V|", "|T|", *(row.capitalize() for row in shown), "Peak MiB", "Compliance J")
     rows = [
         (
             r["preset"],
             f"{r['vertices']:,}",
             f"{r['triangles']:,}",
-            *("n/a" if r[row] is None else f"{r[row]:.3f}" for row in ROWS),
+            *("n/a" if r[row] is None else f"{r[row]:.3f}" for row in shown),
             f"{r['peak_mb']:.0f}",
             f"{r['compliance']:.4g}",
         )
@@ -134,8 +200,10 @@ def _table(results: list[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
-    _name, _changes, _mesh, _unit, _step = json.loads(sys.argv[1])
+    _name, _changes, _mesh, _unit, _step, _stages = json.loads(sys.argv[1])
+    _given = (_name, tuple(_changes), Path(_mesh) if _mesh else None, _unit)
     try:
-        sys.stdout.write(json.dumps(measure(_name, tuple(_changes), Path(_mesh) if _mesh else None, _unit, _step)))
+        _result = measure(*_given, _step) if _stages == "all" else measure_statics(*_given)
+        sys.stdout.write(json.dumps(_result))
     except DsfabError as _error:
         sys.exit(str(_error))

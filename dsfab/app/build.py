@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab import __version__
+from dsfab.app.answers import answer_facts, answer_lines
+from dsfab.app.balance import case_facts, case_lines, equilibrium_facts
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.errors import DsfabError, ExportError
@@ -172,10 +174,10 @@ def facts(
         "preset": design.preset.model_dump(mode="json", exclude_none=True),
         "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
         "statics": {
-            "compliance_J": design.statics.equilibrium.compliance,
-            "largest_displacement_m": design.statics.equilibrium.largest_displacement,
-            "imbalance": design.statics.equilibrium.imbalance,
-            **_balance(design),
+            **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
+            **answer_facts(design, design.statics),
+            "cases": case_facts(design),
+            "followed": design.preset.followed,
         },
         "modes": {"major": design.diffusion.major.lam.tolist(), "minor": design.diffusion.minor.lam.tolist()},
         "sheet": {
@@ -203,37 +205,6 @@ def facts(
     }
 
 
-def _balance(design: "Design") -> dict[str, Any]:
-    """Sums of loads and reactions, moments about the origin, in all and support by support."""
-    from dsfab.statics import resultant, support_reactions
-
-    surface, answer = design.surface, design.statics.equilibrium
-    load, reaction = resultant(surface, design.load.force), resultant(surface, answer.reaction, answer.torque)
-    supports = design.preset.surface.support
-    carried = zip(supports, support_reactions(surface, supports, answer), strict=True)
-    return {
-        "load_N": load.force.tolist(),
-        "load_moment_Nm": load.moment.tolist(),
-        "reaction_N": reaction.force.tolist(),
-        "reaction_moment_Nm": reaction.moment.tolist(),
-        "supports": [
-            {"hold": support.hold, "reaction_N": part.force.tolist(), "moment_Nm": part.moment.tolist()}
-            for support, part in carried
-        ],
-    }
-
-
-def _balance_line(design: "Design") -> str:
-    """The loads' sum and what each support carries of it, in one line."""
-    balance = _balance(design)
-
-    def told(force: list[float]) -> str:
-        return f"{sum(x * x for x in force) ** 0.5:.4g} N"
-
-    parts = ", ".join(told(part["reaction_N"]) for part in balance["supports"])
-    return f"loads sum to {told(balance['load_N'])}; supports carry {parts}"
-
-
 def versions() -> dict[str, str]:
     """dsfab, Python and the libraries that a result depends on."""
     from dsfab.sparse import solver_name
@@ -244,15 +215,17 @@ def versions() -> dict[str, str]:
 
 
 def _summary(design: "Design", folder: Path) -> None:
-    solid, answer = design.solid, design.statics.equilibrium
+    solid = design.solid
     pieces = len(design.slicing.pieces)
+    if design.preset.description:
+        out(design.preset.description)
     out(caption(design))
     out(
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
-    out(f"uncut sheet: compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most")
-    out(_balance_line(design))
+    for line in (*case_lines(design), *answer_lines(design)):
+        out(line)
     for note in design.notes:
         out(f"note ({note.stage}): {note.text}")
     for path in sorted(folder.iterdir()):

@@ -15,7 +15,25 @@ if TYPE_CHECKING:
 
     from dsfab.design import Design, Draft
 
-Show = Literal["structure", "stress", "major", "minor", "loads"]
+Show = Literal[
+    "structure",
+    "stress",
+    "major",
+    "minor",
+    "loads",
+    "vonmises",
+    "utilisation",
+    "energy",
+    "displacement",
+    "buckling",
+    "frequency",
+]
+
+ANSWERS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
+"""Shown on the whole uncut sheet, that they were computed for."""
+
+DEFORMED = ("displacement", "buckling", "frequency")
+"""Of these, the ones that are drawn as a shape."""
 
 STEEPEST = 98.0
 """Colours end at this percentile of the stress: single points under loads and supports would hide the rest."""
@@ -27,19 +45,43 @@ _DIVERGING = np.array(
 )
 
 
+# nothing to much: pale to dark, so that it can be read without colours too
+_RISING = np.array(
+    [(240, 236, 228), (246, 208, 148), (232, 148, 84), (196, 80, 56), (128, 28, 52), (64, 10, 44)], dtype=np.float64
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """A scale of colours from `-limit` to `limit`, Pa."""
+    """A scale of colours.
+
+    limit  : where its colours end; both ways if it is `signed`.
+    labels : below its left end, middle and right end.        names : above its left and right end.
+    """
 
     limit: float
+    labels: tuple[str, str, str]
+    names: tuple[str, str]
+    signed: bool = False
+
+    @property
+    def colours(self) -> Floats:
+        """(k, 3) from left to right."""
+        return _DIVERGING if self.signed else _RISING
 
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """face (m, 3) bytes; bar: what explains them, if they need it."""
+    """face (m, 3) bytes; bar: what explains them, if they need it.
+
+    V     : (n, 3) where the vertices are drawn, metres; None leaves them where they are.
+    words : for the caption.
+    """
 
     face: Bytes
     bar: Bar | None = None
+    V: Floats | None = None
+    words: str = ""
 
 
 def check_show(show: str) -> None:
@@ -51,13 +93,20 @@ def check_show(show: str) -> None:
 def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring:
     """The colours of the uncut surface's faces.
 
-    stress is the principal stress of larger size on each face, tension positive.
+    stress is the principal stress of larger size on each face, tension positive; see `dsfab.app.fields` for the
+    answers of the statics. Raises DsfabError for what the preset does not ask for.
     """
+    if show in ANSWERS:
+        from dsfab.app.fields import answered
+
+        return answered(design, show)
     if show == "stress":
         principal = design.diffusion.tensors.principal
         value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
         limit = float(np.percentile(np.abs(value), STEEPEST)) or 1.0
-        return Colouring(diverging(value / limit), Bar(limit))
+        label = stress_label(limit)
+        bar = Bar(limit, (f"-{label}", "0", label), ("compression", "tension"), signed=True)
+        return Colouring(diverging(value / limit), bar)
     colour = {"major": palette.families[0], "minor": palette.families[2], "loads": palette.plain}
     one = np.array(colour.get(show, palette.members), dtype=np.uint8)
     return Colouring(np.broadcast_to(one, (design.surface.m, 3)))
@@ -65,9 +114,18 @@ def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring
 
 def diverging(share: Floats) -> Bytes:
     """(k, 3) colours for shares from -1 (compression) to 1 (tension)."""
-    place = (np.clip(share, -1, 1) + 1) / 2 * (len(_DIVERGING) - 1)
-    known = np.arange(len(_DIVERGING))
-    return np.stack([np.interp(place, known, channel) for channel in _DIVERGING.T], axis=1).astype(np.uint8)
+    return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING)
+
+
+def rising(share: Floats) -> Bytes:
+    """(k, 3) colours for shares from 0 to 1."""
+    return ramp(np.clip(share, 0, 1), _RISING)
+
+
+def ramp(share: Floats, colours: Floats) -> Bytes:
+    """(k, 3) colours for shares from 0 to 1 of the way along `colours`."""
+    place, known = share * (len(colours) - 1), np.arange(len(colours))
+    return np.stack([np.interp(place, known, channel) for channel in colours.T], axis=1).astype(np.uint8)
 
 
 def stress_label(pascals: float) -> str:
@@ -84,12 +142,12 @@ def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
     width, height = image.size
     letter = max(height / 46, 9.0)
     left, base, long = 0.035 * width, height - 6.6 * letter, round(0.22 * width)
-    ramp = np.broadcast_to(diverging(np.linspace(-1, 1, long)), (max(round(0.55 * letter), 4), long, 3))
-    image.paste(Image.fromarray(np.ascontiguousarray(ramp)), (round(left), round(base)))
+    strip = np.broadcast_to(ramp(np.linspace(0, 1, long), bar.colours), (max(round(0.55 * letter), 4), long, 3))
+    image.paste(Image.fromarray(np.ascontiguousarray(strip)), (round(left), round(base)))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=0.9 * letter)
-    top, below, label = base - 0.5 * letter, base + 1.55 * letter, stress_label(bar.limit)
-    draw.text((left, top), "compression", fill=palette.text, font=font, anchor="ls")
-    draw.text((left + long, top), "tension", fill=palette.text, font=font, anchor="rs")
-    for share, text, anchor in ((0.0, f"-{label}", "ls"), (0.5, "0", "ms"), (1.0, label, "rs")):
+    top, below = base - 0.5 * letter, base + 1.55 * letter
+    draw.text((left, top), bar.names[0], fill=palette.text, font=font, anchor="ls")
+    draw.text((left + long, top), bar.names[1], fill=palette.text, font=font, anchor="rs")
+    for share, text, anchor in zip((0.0, 0.5, 1.0), bar.labels, ("ls", "ms", "rs"), strict=True):
         draw.text((left + share * long, below), text, fill=palette.text, font=font, anchor=anchor)
     return image

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
+from dsfab.app.fields import asking
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, out, size
 from dsfab.app.variations import (
@@ -41,7 +42,13 @@ SHOWN_WIDE = 380
 """Pixels across a tile of the contact sheet."""
 
 View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]
-Show = Annotated[str, Parameter(help="structure, stress, major, minor or loads.")]
+Show = Annotated[
+    str,
+    Parameter(
+        help="structure, stress, major, minor, loads; of the uncut sheet: vonmises, utilisation, energy, "
+        "displacement, buckling, frequency."
+    ),
+]
 
 
 def preview(
@@ -68,7 +75,7 @@ def preview(
     from dsfab.app.previewer import Previewer
     from dsfab.pipeline import draft
 
-    given, pixels = read_preset(preset, set_, mesh, unit), picture_size(size_)
+    given, pixels = asking(read_preset(preset, set_, mesh, unit), show), picture_size(size_)
     path = output if output is not None else Path(f"{given.name}.png")
     if path.suffix.lower() != ".png":
         raise DsfabError(f"-o {path} does not end in .png; previews are PNG files")
@@ -120,7 +127,7 @@ def explore(
     from dsfab.app.gl import require_rendering
     from dsfab.app.palette import PAPER
 
-    given, pixels, values = read_preset(preset, set_, mesh, unit), picture_size(size_), varied(vary)
+    given, pixels, values = asking(read_preset(preset, set_, mesh, unit), show), picture_size(size_), varied(vary)
     for key, listed in values.items():
         for value in listed:  # each alone: what is wrong with a value is said before anything is made
             overridden(given, {key: value})
@@ -205,7 +212,7 @@ class _Drawing:
         from dsfab.app.previewer import Previewer
         from dsfab.pipeline import draft
 
-        if self.previewer and preset.surface == self.previewer.preset.surface:
+        if self.previewer and self.previewer.can_display(preset):
             self.previewer.display(preset)
             return self.previewer
         self.made = draft(preset, old=self.made)

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from dsfab.app import light
-from dsfab.app.colouring import check_show, coloured, with_bar
+from dsfab.app.colouring import ANSWERS, DEFORMED, check_show, coloured, with_bar
 from dsfab.app.gl import require_rendering
 from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
@@ -25,6 +25,7 @@ from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pipeline import draft
 from dsfab.preset import STAGES, Preset
 from dsfab.preset_file import overridden
+from dsfab.surface import Surface
 
 NOMINAL = (1600, 1200)
 """Pixels of a picture when nothing else is asked for."""
@@ -38,7 +39,9 @@ class Previewer:
 
     design  : a Design, or a Draft (see `dsfab.pipeline.draft`): nothing needs to be cut or thickened.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.app.view.named_side`).
-    show    : structure; stress (the structure, coloured); major or minor (one family, and what is kept); loads.
+    show    : structure; stress (the structure, coloured); major or minor (one family, and what is kept); loads; or, on
+              the whole uncut sheet, an answer of the statics: vonmises, utilisation, energy, displacement, buckling or
+              frequency (the last three exaggerated).
     marks   : whether loads, supports and a person for scale are drawn.
 
     What is seen is the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
@@ -68,13 +71,14 @@ class Previewer:
         self._views: dict[tuple[tuple[int, int], bool], View] = {}
         self._shader = StripeShader(_fields(design, self._distances(design)))
         colouring = coloured(design, show, palette)
-        self._bar = colouring.bar
-        body = Body(surface.V, surface.F, colouring.face, casts=True, shader=self._shader)
+        self._bar, self._words = colouring.bar, colouring.words
+        shape = surface if colouring.V is None else Surface(colouring.V, surface.F)
+        body = Body(shape.V, shape.F, colouring.face, casts=True, shader=self._shader)
         half = design.preset.statics.thickness / 2
         person = marks and view != "top"
         drawn = replace(palette, load=palette.text) if show == "stress" else palette  # blue is compression there
         self._palette = drawn
-        self._stage = staged(body, self._side, up, half, surface, load, drawn, NOMINAL, marks, person)
+        self._stage = staged(body, self._side, up, half, shape, load, drawn, NOMINAL, marks, person)
         if self._side.towards @ up < 0:  # from below one looks through the ground
             self._stage = replace(self._stage, level=None)
         self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
@@ -104,6 +108,11 @@ class Previewer:
         """Other values at dotted keys, e.g. {"pattern.major.frequency": 9}; see `display`."""
         self.display(overridden(self._preset, changes))
 
+    def can_display(self, preset: Preset) -> bool:
+        """Whether `display` draws it: the same geometry under the same loads."""
+        old = self._preset
+        return preset.surface == old.surface and (self._show not in DEFORMED or preset.statics == old.statics)
+
     def display(self, preset: Preset) -> None:
         """Draw another preset of the same surface from now on.
 
@@ -113,13 +122,15 @@ class Previewer:
         """
         if preset.surface != self._preset.surface:
             raise DsfabError("another [surface] has another geometry and other loads: make a new Previewer for it")
+        if not self.can_display(preset):
+            raise DsfabError(f"another [statics] has another shape of {self._show}: make a new Previewer for it")
         if not self._only_numbers(preset):
             made = draft(preset, old=self._made)
-            self._shader.replace_fields(_fields(made, self._distances(made)))
-            if self._show == "stress" and made.statics is not self._made.statics:
+            if self._show in ("stress", *ANSWERS) and made.statics is not self._made.statics:
                 colouring = coloured(made, self._show, self._palette)
                 self._shader.recolour(colouring.face)
-                self._bar = colouring.bar
+                self._bar, self._words = colouring.bar, colouring.words
+            self._shader.replace_fields(_fields(made, self._distances(made)))
             self._made = made
         self._preset = preset
         self._settle()
@@ -178,7 +189,7 @@ class Previewer:
         return file.getvalue()
 
     def _caption(self) -> str:
-        return f"{self._preset.name} - {self._show}, preview before cutting"
+        return f"{self._preset.name} - {self._words or f'{self._show}, preview before cutting'}"
 
     def _only_numbers(self, preset: Preset) -> bool:
         """Whether a preset differs from what was made in numbers of the shader only."""
@@ -188,6 +199,8 @@ class Previewer:
             return True
         if first != "pattern" or old.width != new.width or new.width.solid_fraction or new.width.widths(1.0).vary:
             return False
+        if new.major.spacing or new.minor.spacing:  # frequencies are solved for
+            return False
         return (old.major.mode, old.minor.mode) == (new.major.mode, new.minor.mode)
 
     def _settle(self) -> None:
@@ -195,15 +208,16 @@ class Previewer:
         ask = self._preset.pattern
         pair, width = (ask.major, ask.minor), ask.width
         by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary
+        solved = self._made.pattern.frequency
         drawn = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}.get(self._show, (1.0, 1.0))
         settings = Settings(
-            (pair[0].frequency, pair[1].frequency),
+            (pair[0].frequency or solved[0], pair[1].frequency or solved[1]),
             (pair[0].phase % 1, pair[1].phase % 1),
             (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
             (ask.keep or NO_REACH, ask.rim or NO_REACH),
             drawn,
         )
-        self._shader.set(WHOLE if self._show == "loads" else settings)
+        self._shader.set(WHOLE if self._show in ("loads", *ANSWERS) else settings)
 
     def _try_shader(self) -> None:
         """A driver that ignores or refuses the shader says nothing: it draws the full mesh, or none."""

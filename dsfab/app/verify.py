@@ -1,7 +1,10 @@
 """`dsfab verify`: the elements against structures with known answers."""
 
 import json
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -9,9 +12,12 @@ from cyclopts import Parameter
 from dsfab.app.report import Reporter, out, table
 
 if TYPE_CHECKING:
-    from dsfab.study.verification import Row
+    from dsfab.study.verification import Row, Test
 
-HEAD = ("test", "mesh", "elements", "cells", "value", "reference", "ratio", "rate", "verdict")
+HEAD = ("test", "mesh", "elements", "cells", "unknowns", "value", "reference", "ratio", "rate", "target", "verdict")
+
+PAGE = Path("outputs/verification")
+"""Where the page goes unless a folder is named."""
 
 
 def verify(
@@ -22,6 +28,8 @@ def verify(
     ] = (),
     list_: Annotated[bool, Parameter(name="--list", negative=(), help="List tests and sources only.")] = False,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
+    page: Annotated[bool, Parameter(negative=(), help="Write a page of plots as well: index.html.")] = False,
+    out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder of the page.")] = PAGE,
 ) -> int:
     """Solve plates, beams, shells and vessels with known answers, and say how near each pair of elements comes.
 
@@ -37,18 +45,27 @@ def verify(
 
     chosen = verification.choose(tests)
     if list_:
-        out("\n".join(f"{test.name:<27} {test.source}" for test in chosen))
+        out("\n".join(f"{test.name:<41} {test.source}" for test in chosen))
         return 0
     pairs = [Elements.named(name) for name in elements] or verification.PAIRS
     reporter = Reporter(quiet=json_)
     try:
         told = lambda test, cells: reporter("verify", f"{test}, {cells}")  # noqa: E731
         rows = list(verification.verify(chosen, pairs, told))
+        if page:
+            from dsfab.app.verify_page import write_page
+
+            reporter("page", str(out_ / "index.html"))
+            write_page(out_, chosen, rows)
     finally:
         reporter.stop()
     reporter.done()
-    out(json.dumps([asdict(row) for row in rows], indent=2) if json_ else table(HEAD, map(_cells, rows)))
-    return int(any(row.elements == str(VERDICT) and row.verdict == "off" for row in rows))
+    if json_:
+        out(json.dumps([asdict(row) for row in rows], indent=2))
+    else:
+        out(table(HEAD, map(_cells, rows)))
+        out("\n".join(_remarks(chosen, rows)))
+    return int(any(row.elements == str(VERDICT) and row.verdict in ("off", "refused") for row in rows))
 
 
 def _cells(row: "Row") -> tuple[str, ...]:
@@ -57,5 +74,26 @@ def _cells(row: "Row") -> tuple[str, ...]:
         f"{row.reference:.5g}",
         "" if row.ratio is None else f"{row.ratio:.4f}",
         "" if row.rate is None else f"{row.rate:.1f}",
+        "" if row.target is None else f"{100 * row.target:.2g} % {'met' if row.met else 'missed'}",
     )
-    return (row.test, row.mesh, row.elements, str(row.cells), *numbers, row.verdict)
+    return (row.test, row.mesh, row.elements, str(row.cells), str(row.unknowns), *numbers, row.verdict)
+
+
+def _remarks(tests: Sequence["Test"], rows: Sequence["Row"]) -> list[str]:
+    """Below the table: known shortfalls, targets, the spread between patterns, and the standing against others."""
+    from dsfab.statics import VERDICT
+    from dsfab.study.verification import pattern_spread, shortfalls, standings
+
+    lines = [f"{name}: {text}" for name, text in shortfalls(rows).items()]
+    aimed = [row for row in rows if row.met is not None]
+    if aimed:
+        lines.append(f"targets of {VERDICT}: {sum(bool(row.met) for row in aimed)} of {len(aimed)} met")
+    spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (str(VERDICT), 16)}
+    if spread:
+        widest = max(spread, key=lambda key: spread[key])
+        lines.append(f"widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]})")
+    counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
+    if counts:
+        told = ", ".join(f"{outcome} {counts[outcome]}" for outcome in ("better", "alike", "worse") if counts[outcome])
+        lines.append(f"{VERDICT} against {counts.total()} published values, at equal unknowns or cells: {told}")
+    return lines

@@ -1,7 +1,22 @@
 """Stage 3, diffusion: where material wants to run."""
 
+from dsfab.diffusion.frame import CLEAR, reference_axes
 from dsfab.diffusion.modes import Modes, diffusion_modes
 from dsfab.diffusion.operators import diffusion_operator
-from dsfab.diffusion.tensors import DiffusionTensors, Labelling, diffusion_tensors
+from dsfab.diffusion.symmetry import Symmetry, symmetry_group, symmetry_of
+from dsfab.diffusion.tensors import DiffusionTensors, Labelling, combined_stress, diffusion_tensors
 
-__all__ = ["DiffusionTensors", "Labelling", "Modes", "diffusion_modes", "diffusion_operator", "diffusion_tensors"]
+__all__ = [
+    "CLEAR",
+    "DiffusionTensors",
+    "Labelling",
+    "Modes",
+    "Symmetry",
+    "combined_stress",
+    "diffusion_modes",
+    "diffusion_operator",
+    "diffusion_tensors",
+    "reference_axes",
+    "symmetry_group",
+    "symmetry_of",
+]

@@ -1,5 +1,6 @@
 """Modes of a diffusion operator: its smallest eigenpairs, scaled, signed and ordered reproducibly."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,8 +8,10 @@ from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from dsfab.arrays import Floats, lock
+from dsfab.diffusion.frame import reference_axes
+from dsfab.diffusion.symmetry import Symmetry
 from dsfab.errors import PatternError
-from dsfab.sparse import factorise
+from dsfab.sparse import factorise, one_blas_thread
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import pieces
@@ -48,27 +51,55 @@ class Modes:
         return np.asarray(self.X[:, number - 1])
 
 
-def diffusion_modes(surface: Surface, L: csr_array, k: int = 5) -> Modes:
+def diffusion_modes(
+    surface: Surface, L: csr_array, k: int = 5, axes: Floats | None = None, symmetry: Symmetry | None = None
+) -> Modes:
     """The k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
     Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2 with one Cholesky factor. The scale is as if the area were 4 pi, so
     that frequencies mean the same at any size: on the unit sphere modes are M-normalised. Signs and the basis of a
-    repeated eigenvalue do not depend on the solver (`_canonical`).
+    repeated eigenvalue do not depend on the solver (`_canonical`), and turn with the surface if the axes do.
+
+    axes     : (3, 3) rows, what signs and bases look at; those of the surface alone (`reference_axes`) when left out.
+    symmetry : only modes that are the same at all of its images: more pairs are computed until there are k such.
 
     Raises PatternError when the mesh has too few vertices for k modes.
     """
-    constants = pieces(surface.F, surface.edges)[0]
-    wanted = k + constants + SPARE
-    if wanted >= surface.n:
-        raise PatternError(f"{k} modes need more than {wanted} vertices; the surface has {surface.n}: refine the mesh")
     mass = voronoi_mass(surface)
+    axes = reference_axes(surface) if axes is None else axes
+    constants = pieces(surface.F, surface.edges)[0]
+    pairs = _pairs(surface, L, mass)
+    wanted = k * (symmetry.order if symmetry else 1) + constants + SPARE
+    while True:
+        if wanted >= surface.n:
+            raise PatternError(
+                f"{k} modes need more than {wanted} vertices; the surface has {surface.n}: refine the mesh"
+            )
+        lam, X = (part[..., constants:] for part in pairs(wanted))
+        if symmetry:
+            lam, X = symmetry.invariant(L, X, mass)
+        if len(lam) >= k:
+            break
+        wanted *= 2
+    with one_blas_thread():
+        X = _canonical(surface, lam, X, mass, axes)[:, :k]
+    return Modes(lam[:k], X * np.sqrt(surface.area / (4 * np.pi)))
+
+
+def _pairs(surface: Surface, L: csr_array, mass: Floats) -> Callable[[int], tuple[Floats, Floats]]:
+    """Factorise once; the function gives the smallest pairs of L x = lambda M x, ascending, M-orthonormal."""
     # on a vertex of no face the mass is 0: it keeps a unit row, out of the way of the small eigenvalues
     root = np.sqrt(np.where(mass > 0, mass, surface.area))
-    lam, Y = _lanczos(surface, _scaled(L, root, mass), wanted)
-    X = Y / root[:, None]
-    keep = slice(constants, None)
-    X = _canonical(surface, lam[keep], X[:, keep], mass)[:, :k]
-    return Modes(lam[keep][:k], X * np.sqrt(surface.area / (4 * np.pi)))
+    shift = 1 / surface.area
+    A = _scaled(L, root, mass) + shift * diags_array(np.ones(surface.n))
+    # one unknown a vertex: SuperLU's factor is ready sooner than PARDISO's, and its 30 solves cost less
+    solve = factorise(csr_array(A), surface.V, solver="SuperLU")
+
+    def pairs(count: int) -> tuple[Floats, Floats]:
+        lam, Y = _lanczos(solve, surface.n, shift, count)
+        return lam, Y / root[:, None]
+
+    return pairs
 
 
 def _scaled(L: csr_array, root: Floats, mass: Floats) -> csr_array:
@@ -77,30 +108,28 @@ def _scaled(L: csr_array, root: Floats, mass: Floats) -> csr_array:
     return csr_array(inverse @ L @ inverse + unused)
 
 
-def _lanczos(surface: Surface, A: csr_array, count: int) -> tuple[Floats, Floats]:
-    """Smallest `count` eigenpairs of A, ascending: Lanczos on (A + s)^-1, s about a tenth of the first one."""
-    shift = 1 / surface.area
-    # one unknown a vertex: SuperLU's factor is ready sooner than PARDISO's, and its 30 solves cost less
-    solve = factorise(csr_array(A + shift * diags_array(np.ones(surface.n))), surface.V, solver="SuperLU")
-    inverse = LinearOperator(A.shape, matvec=solve, dtype=np.float64)
-    start = 1 + 0.5 * np.sin(np.arange(surface.n))  # fixed: the same surface gives the same modes
+def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
+    """Smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b."""
+    inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
+    start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
     try:
-        theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
+        with one_blas_thread():
+            theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
     except ArpackNoConvergence as error:
         raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
     order = np.argsort(-theta, kind="stable")
     return 1 / theta[order] - shift, Y[:, order]
 
 
-def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats) -> Floats:
+def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
     """The same eigenspaces in a basis that does not depend on the solver.
 
     Symmetric surfaces repeat eigenvalues, and any rotation within such a space is as good an answer. In each space the
-    reference fields (x, y, z, then their products) are projected one after the other and orthonormalised: the first
-    vector is the part of the space that looks most like x, and so on. A single mode only has its sign fixed this way,
-    by its own third moment where that is clear (it does not depend on the axes), else by the reference fields.
+    reference fields (x, y, z along the axes, then their products) are projected one after the other and
+    orthonormalised: the first vector is the part of the space that looks most like x, and so on. A single mode only has
+    its sign fixed this way, by its own third moment where that is clear (it needs no axes), else by these fields.
     """
-    fields = _reference_fields(surface, mass)
+    fields = _reference_fields(surface, mass, axes)
     out = X.copy()
     start = 0
     while start < len(lam):
@@ -115,9 +144,9 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats) -> Floats
     return out
 
 
-def _reference_fields(surface: Surface, mass: Floats) -> Floats:
-    """(n, 19) polynomials of the coordinates up to degree 3, centred and normalised in M."""
-    x = (surface.V - mass @ surface.V / mass.sum()) / surface.size
+def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
+    """(n, 19) polynomials of the coordinates along the axes up to degree 3, centred and normalised in M."""
+    x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
     powers = [(i, j, d - i - j) for d in (1, 2, 3) for i in range(d, -1, -1) for j in range(d - i, -1, -1)]
     fields = np.stack([x[:, 0] ** i * x[:, 1] ** j * x[:, 2] ** k for i, j, k in powers], axis=1)
     fields -= mass @ fields / mass.sum()

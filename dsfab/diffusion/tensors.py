@@ -1,5 +1,6 @@
 """From stress to two diffusion tensors per face: where gradients are penalised, stripes run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -52,7 +53,8 @@ def diffusion_tensors(
     gamma     : the paper's force magnitude: scales the stress before it is classified (statics are linear).
     labelling : `signed`, primary = algebraically larger (tension); `magnitude`, primary = larger absolute value (the
                 paper). On a sphere pressed at its pole meridian compression equals hoop tension in magnitude nearly
-                everywhere, so there `magnitude` leaves the labels to rounding and the structure falls apart.
+                everywhere, so there `magnitude` leaves the labels to rounding and the structure falls apart. Of a
+                `combined_stress`, which is nowhere negative, both choose the larger value.
     isotropy  : tolerance of the classification, against a reference stress (RMS of the principal stresses over the
                 area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude`
                 (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
@@ -69,6 +71,25 @@ def diffusion_tensors(
     tangent = along.sum(axis=1)
     excess = (weight - 1)[:, None, None]
     return DiffusionTensors(tangent + excess * along[:, 0], tangent + excess * along[:, 1], isotropic, gamma * stress)
+
+
+def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
+    """Several load cases as one tensor (m, 3, 3), Pa: the sum of weight |sigma|, |sigma| = sum |s_i| e_i e_i^T.
+
+    stresses : (m, 3, 3) each, Pa, tangent to the faces.     weights : one for each, 0 or more.
+
+    A direction counts by how much any case stresses it, in tension or compression: cases of opposite sign (wind from
+    two sides) add up where a sum of the stresses would cancel. Cases are not normalised: of two loads the larger one
+    stresses more and counts more, as it does for a structure that must carry both; weights say otherwise. Both
+    principal values are 0 or more, so that `signed` and `magnitude` order them alike. What sizes cannot tell is a
+    direction where tension and compression are equal (pure shear): there |sigma| prefers none, and faces around it
+    change their label. A single case is therefore better followed by its own stress.
+    """
+    total = np.zeros((surface.m, 3, 3))
+    for sigma, weight in zip(stresses, weights, strict=True):
+        stress, direction = _principal(surface, sigma)
+        total += np.einsum("ma,mai,maj->mij", weight * np.abs(stress), direction, direction)
+    return total
 
 
 def _principal(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:

@@ -7,6 +7,8 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.pattern.wave import half_width, wave
+from dsfab.surface.hats import hat_gradients
+from dsfab.surface.mesh import Surface
 
 
 @dataclass(frozen=True)
@@ -75,3 +77,17 @@ class Stripes:
             return np.array([x.min() - 1.0 / self.frequency])
         k = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
+
+
+def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
+    """The frequency at which the middles of stripes on a mode x (n,) are `spacing` metres apart in the mean.
+
+    The mean distance is the area over the length of the middles, the lines z = k for integers k; their length, in the
+    mean over all phases, is the integral of |grad z| (the co-area formula [Federer 1959]), so it grows with the
+    frequency. Raises PatternError for a mode that is constant.
+    """
+    gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
+    lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of them, per unit of frequency
+    if not lines * spacing > 0:
+        raise PatternError("spacing needs a mode that is not constant, and a positive length in metres")
+    return surface.area / (spacing * lines)

@@ -4,9 +4,10 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from dsfab.design import Design, Draft
+from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import pattern_step, slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
-from dsfab.pipeline.structure import diffusion_step, statics_step, surface_step
+from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
 
 __all__ = ["ROWS", "TIMED", "Progress", "draft", "revise", "run"]
@@ -16,7 +17,7 @@ TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slic
 
 ROWS = {
     "surface": ("surface",),
-    "statics": ("membrane", "bending", "statics", "stress"),
+    "statics": ("membrane", "bending", "statics", "stress", "answers"),
     "diffusion": ("diffusion", "modes"),
     "pattern": ("pattern",),
     "slicing": ("slicing",),

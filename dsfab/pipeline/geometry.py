@@ -1,5 +1,7 @@
 """The last three steps: stripes of material, the sheet cut along them, and the solid."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dsfab.arrays import Ints, first
@@ -11,6 +13,7 @@ from dsfab.pattern import (
     Widths,
     distance_to_boundary,
     distance_to_vertices,
+    frequency_for,
     mean_duty_factor,
     relative_stresses,
     solved_factor,
@@ -25,6 +28,9 @@ from dsfab.thickening import Solid, offsets, thicken
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
 
+SPRINGS_LOST = 0.005
+"""The user is told when a larger share of the stiffness of spring supports lies on removed material."""
+
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
@@ -38,6 +44,10 @@ def pattern_step(
         kept = _kept_regions(preset, surface, statics.load)
         widths = ask.width.widths(np.sqrt(surface.area))
         families = _families(preset, surface, diffusion, widths.radius)
+        for family, asked in zip(families, (ask.major, ask.minor), strict=True):
+            if asked.spacing:
+                told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
+                log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
         factor = mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0
         if ask.width.solid_fraction:
 
@@ -50,7 +60,8 @@ def pattern_step(
             log.note("pattern", _solved(preset, widths, factor))
         layers = [*kept, *(family.layer(widths, factor) for family in families)]
     names, fields, levels, half_widths = zip(*layers, strict=True)
-    return PatternResult(names, fields, levels, half_widths, factor)
+    major, minor = (family.stripes.frequency for family in families)
+    return PatternResult(names, fields, levels, half_widths, factor, (major, minor))
 
 
 def _kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
@@ -77,7 +88,10 @@ def _families(preset: Preset, surface: Surface, diffusion: DiffusionResult, radi
                 f"pattern.{name}.mode = {family.mode} but only diffusion.modes = {len(modes.lam)} are computed; "
                 "raise diffusion.modes or choose a lower mode"
             )
-        families.append(Family.on(surface, name, family.stripes, modes.mode(family.mode), along, radius))
+        x, stripes = modes.mode(family.mode), family.stripes
+        if family.spacing:
+            stripes = replace(stripes, frequency=frequency_for(surface, x, family.spacing))
+        families.append(Family.on(surface, name, stripes, x, along, radius))
     return families
 
 
@@ -141,6 +155,9 @@ def _note_slicing(
             f"{len(lost)} of {load.loaded.sum()} loaded points lie on removed material (vertices {first(lost, 3)}); "
             "set pattern.keep to protect them",
         )
+    total = load.spring.sum()
+    if total and (share := 1 - load.spring[sheet.same_vertex() >= 0].sum() / total) > SPRINGS_LOST:
+        log.note("slicing", f"{share:.0%} of the springs' stiffness is on removed material; set pattern.keep")
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:

@@ -1,25 +1,26 @@
-"""The first three steps: what is given, how it carries the load, and where material wants to run."""
+"""The first two steps: what is given, and how it carries the load."""
 
-import numpy as np
+from types import MappingProxyType
 
-from dsfab.design import DiffusionResult, StaticsResult
-from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Bools
+from dsfab.design import CaseResult, StaticsResult
 from dsfab.errors import SurfaceError
+from dsfab.pipeline.answers import answers_step
+from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.notes import note_statics
 from dsfab.preset import Preset
-from dsfab.statics import bending_stiffness, equilibrium, flat_axis, membrane_stiffness, spread_load, stress
-from dsfab.surface import LoadCase, Surface
+from dsfab.statics import Factor, FactorOf, bending_stiffness, equilibria, flat_axis, membrane_stiffness, stress
+from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
-from dsfab.units import GRAVITY
 
 PLAUSIBLE = (3.0, 1e5)
 """A surface's size over its thickness must lie between these."""
 
 USUAL = (10.0, 5e3)
 """Outside of these the user is told."""
-
-CELLS_PER_ROOT_R = 3.2
-"""Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
@@ -31,7 +32,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
     return surface
 
 
-def _check_scale(preset: Preset, surface: Surface, log: Log) -> None:
+def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     """Swapped units show in the ratio of size and thickness: refuse what no sheet has, and mention what few have."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
@@ -47,48 +48,42 @@ def _check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
-    given, sheet = preset.surface, preset.statics
-    _check_scale(preset, surface, log)
+    """All load cases from one factorisation, then their combinations, which are sums."""
+    sheet = preset.statics
+    check_scale(preset, surface, log)
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
-    weight = sheet.density * sheet.thickness * GRAVITY
-    load = LoadCase.build(surface, given.support, given.load, weight)
-    elements = sheet.elements if flat_axis(surface, load) is None else sheet.elements.in_plane
+    acting = loadings(preset, surface)
+    solved = [loading for loading in acting if loading.factors is None]
+    loads, spreads = [loading.load for loading in solved], [loading.spread for loading in solved]
+    plane = flat_axis(surface, *loads) is not None
+    elements = sheet.elements.in_plane if plane else sheet.elements
     with log.row("membrane"):
         K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
     if elements.bending:
         with log.row("bending"):
             K = K + bending_stiffness(surface, sheet.material, sheet.thickness, elements)
+    factor_of = _timed(sheet.ask.factor_of(sheet.elements), log)
     with log.row("statics"):
-        answer = equilibrium(surface, K, load, elements, spread=spread_load(surface, given.load, weight))
+        sums = [[ld.factors.get(case.name, 0.0) for case in solved] for ld in acting if ld.factors is not None]
+        found = equilibria(surface, K, loads, elements, spreads=spreads, sums=sums, factor_of=factor_of)
     with log.row("stress"):
-        sigma = stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
-    if answer.largest_displacement > 0.1 * surface.size:
-        log.note(
-            "statics",
-            f"the sheet would move by {answer.largest_displacement:.3g} m, over a tenth of its size: directions stay "
-            "right (statics are linear), but the load is too large or the sheet too thin to be built",
-        )
-    return StaticsResult(load, answer, sigma)
+        sigma = [stress(surface, sheet.material, a.u, sheet.law, a.bubbles) for a in found]
+    answers = answers_step(sheet, surface, list(zip(acting, found, strict=True)), plane, {elements: K}, factor_of, log)
+    results = {
+        ld.name: CaseResult(ld.load, e, s, a, ld.factors)
+        for ld, e, s, a in zip(acting, found, sigma, answers, strict=True)
+    }
+    whole = results.pop("", next(iter(results.values())))
+    note_statics(surface, results, log)
+    return StaticsResult(whole.load, whole.equilibrium, whole.sigma, whole.answers, MappingProxyType(results))
 
 
-def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    ask = preset.diffusion
-    if log.progress:
-        log.progress("diffusion", f"computing {ask.modes} modes of both families")
-    with log.row("diffusion"):
-        tensors = diffusion_tensors(surface, statics.sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
-        L_major, L_minor = (diffusion_operator(surface, D) for D in (tensors.major, tensors.minor))
-    with log.row("modes"):
-        major = diffusion_modes(surface, L_major, ask.modes)
-        minor = diffusion_modes(surface, L_minor, ask.modes)
-    edge = np.sqrt(surface.area) / (CELLS_PER_ROOT_R * np.sqrt(ask.r))
-    if surface.mean_edge > edge:
-        log.note(
-            "diffusion",
-            f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
-            "(surface.refine)",
-        )
-    if (share := tensors.isotropic @ surface.areas / surface.area) > 0.5:
-        log.note("diffusion", f"{share:.0%} of the surface has no clear stress direction; raise gamma or the loads")
-    return DiffusionResult(tensors, major, minor)
+def _timed(factor_of: FactorOf, log: Log) -> FactorOf:
+    """The same, its seconds in the row `factor`: they are part of the row of whoever asks."""
+
+    def timed(surface: Surface, K: csr_array, held: Bools) -> Factor:
+        with log.row("factor"):
+            return factor_of(surface, K, held)
+
+    return timed

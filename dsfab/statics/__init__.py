@@ -1,43 +1,74 @@
 """Stage 2, statics: how the surface carries the load."""
 
+from collections.abc import Mapping
+
 from dsfab.arrays import Bools
+from dsfab.errors import StaticsError
+from dsfab.statics.answers import Answers, Ask, sheet_answers
 from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
+from dsfab.statics.curvature import FACETED, facet_number
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
+from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
+from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
-from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
-from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
+from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
+from dsfab.statics.needles import flatness, needles_told
+from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
+from dsfab.statics.supports import with_springs
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
 __all__ = [
+    "FACETED",
+    "LAYERS",
     "PAPER",
     "VERDICT",
+    "Answers",
+    "Ask",
     "Bending",
     "Buckling",
     "Elements",
     "Equilibrium",
+    "Factor",
+    "FactorOf",
+    "KeptFactor",
     "Law",
+    "Layer",
     "Material",
     "Membrane",
+    "Peak",
+    "Principal",
     "Resultant",
+    "SheetStress",
     "SpreadLoad",
     "Vibration",
     "bending_stiffness",
     "buckling",
+    "equilibria",
     "equilibrium",
+    "facet_number",
+    "factored",
     "flat_axis",
+    "flatness",
     "frequencies",
     "membrane_stiffness",
+    "needles_told",
+    "plane_von_mises",
     "resultant",
+    "sheet_answers",
+    "sheet_stiffness",
+    "sheet_stress",
+    "solve_cases",
     "solve_statics",
     "spread_load",
     "stress",
     "support_reactions",
     "von_mises",
+    "with_springs",
 ]
 
 
@@ -60,10 +91,40 @@ def solve_statics(
 
     Raises StaticsError for mechanisms and for loads that act on nothing.
     """
+    spreads = None if spread is None else {"load": spread}
+    return solve_cases(surface, material, {"load": load}, thickness, law, membrane, bending, clamped, spreads)["load"]
+
+
+def solve_cases(
+    surface: Surface,
+    material: Material,
+    loads: Mapping[str, LoadCase],
+    thickness: float,
+    law: Law = "plane_stress",
+    membrane: Membrane = "constant",
+    bending: Bending = "hinge",
+    clamped: Bools | None = None,
+    spreads: Mapping[str, SpreadLoad] | None = None,
+    combinations: Mapping[str, Mapping[str, float]] | None = None,
+) -> dict[str, Equilibrium]:
+    """`solve_statics` for several load cases on the same supports, by name, from one factorisation.
+
+    spreads      : by case, see `equilibrium`; all of the cases, or None.
+    combinations : by name, the factor of each case in it; they follow the cases in the answer.
+
+    Raises StaticsError as `solve_statics` does, for cases on different supports, and for combinations of unknown cases.
+    """
+    sums = dict(combinations or {})
+    for name, factors in sums.items():
+        if unknown := [case for case in factors if case not in loads]:
+            raise StaticsError(f"combination {name} has a factor for {unknown[0]!r}; the cases are {', '.join(loads)}")
     elements = Elements(membrane, bending)
-    if flat_axis(surface, load) is not None:
+    if flat_axis(surface, *loads.values()) is not None:
         elements = elements.in_plane
     K = membrane_stiffness(surface, material, thickness, law, elements)
     if elements.bending:
         K = K + bending_stiffness(surface, material, thickness, elements)
-    return equilibrium(surface, K, load, elements, clamped, spread)
+    given = None if spreads is None else [spreads[name] for name in loads]
+    table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
+    answers = equilibria(surface, K, list(loads.values()), elements, clamped, given, table)
+    return dict(zip((*loads, *sums), answers, strict=True))

@@ -7,8 +7,8 @@ import numpy as np
 
 from dsfab.arrays import Floats, lock
 from dsfab.statics.solve import Equilibrium
-from dsfab.surface.loads import Support
 from dsfab.surface.mesh import Surface
+from dsfab.surface.supports import Support
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +36,23 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
     """What each support exerts on the sheet.
 
-    A direction of a vertex that several supports hold is shared equally; the torque of an edge that cannot turn goes to
-    the supports that pick its ends. Together they balance the loads, unless edges were clamped away from all supports.
+    A direction of a vertex that several supports hold is shared equally, one on several springs in proportion to their
+    stiffness. The torque of an edge goes to the supports that clamp it; where none does, and yet it cannot turn, to
+    those that pick its ends. Together they balance the loads, unless edges were clamped away from all supports.
     """
     fixed = np.array([support.fixed(surface) for support in supports])  # (s, n, 3)
-    forces = answer.reaction * fixed / np.maximum(fixed.sum(axis=0), 1)
+    springs = np.array([support.springs(surface) for support in supports])
+    # a spring at a held place does not stretch
+    forces = answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs))
     torques = np.zeros((len(supports), 0))
     if len(answer.torque):
-        held = np.asarray(fixed.any(axis=2))
-        ends = held[:, surface.edges.ends].sum(axis=2)  # (s, e) how many it picks
-        torques = answer.torque * ends / np.maximum(ends.sum(axis=0), 1)
+        clamped = np.array([support.clamped(surface) for support in supports])  # (s, e)
+        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # how many it holds
+        torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
     return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
+
+
+def _shares(parts: Floats) -> Floats:
+    """(s, ...) non-negative parts over their sum along the first axis; 0 where all are."""
+    total = parts.sum(axis=0)
+    return np.asarray(parts / np.where(total > 0, total, 1.0))

@@ -11,6 +11,7 @@ All elements live on the same flat triangles. Besides three displacements per ve
 
 from dataclasses import dataclass, replace
 from typing import Literal, Self, get_args
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -94,7 +95,19 @@ def half_edge_signs(surface: Surface) -> Floats:
     return np.where(np.roll(surface.F, -1, axis=1) > surface.F, 1.0, -1.0)
 
 
+_FRAMES: WeakKeyDictionary[Surface, Floats] = WeakKeyDictionary()
+
+
 def edge_frames(surface: Surface) -> Floats:
+    """`_edge_frames`, computed once for a surface that lives."""
+    found = _FRAMES.get(surface)
+    if found is None:
+        found = _FRAMES[surface] = _edge_frames(surface)
+        found.flags.writeable = False
+    return found
+
+
+def _edge_frames(surface: Surface) -> Floats:
     """(e, 3, 3) rows t, m, n of each edge: its direction, across it in the sheet, and normal to the sheet.
 
     n is the mean of the faces' normals weighted by area, after turning the second face so that the two agree: a face

@@ -28,10 +28,12 @@ def rigid_motions(points: Floats) -> Floats:
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
 
-    fixed   : (n, 3) freedoms that do not move (the supports, and the normal of a sheet solved in its plane).
+    fixed   : (n, 3) freedoms that do not move (the supports, and the normal of a sheet solved in its plane); the
+              springs of `load` stop a motion as well.
     clamped : (e,) edges that do not turn about themselves.
     """
     count, label = pieces(surface.F, surface.edges)
+    stopped = fixed | (load.spring > 0)
     unheld = [k for k in range(count) if not load.held[surface.F[label == k]].any()]
     if unheld:
         where = surface.centroids[label == unheld[0]].mean(axis=0).round(3).tolist()
@@ -47,7 +49,7 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
         if clamped is not None:
             own = np.unique(surface.edges.of[mine])
             turning = surface.edges.ends[own[clamped[own]]]
-        free = free_motions(surface.V, np.unique(surface.F[mine]), fixed, turning)
+        free = free_motions(surface.V, np.unique(surface.F[mine]), stopped, turning)
         if free:
             which = "the surface" if count == 1 else f"piece {k + 1} of {count}"
             raise StaticsError(f"{which} can {' and '.join(free)}: the supports do not stop it; hold more directions")

@@ -77,11 +77,12 @@ def bubble_strains(surface: Surface, at: Floats) -> Floats:
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    corner = corner_strains(surface)
-    blocks = np.zeros((surface.m, 15, 15))
+    # all three quadrature points below each other, B^T C B as R^T R: one product of 9 x 15 a face
+    B = np.empty((surface.m, 3, 3, 15))
+    B[..., :9] = corner_strains(surface)[:, None]
     for opposite in range(3):
-        middle = np.where(np.arange(3) == opposite, 0.0, 0.5)
-        B = np.concatenate([corner, bubble_strains(surface, middle)], axis=2)
-        blocks += B.transpose(0, 2, 1) @ (C @ B)
+        B[:, opposite, :, 9:] = bubble_strains(surface, np.where(np.arange(3) == opposite, 0.0, 0.5))
+    R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
+    blocks = R.transpose(0, 2, 1) @ R
     blocks *= (surface.areas / 3)[:, None, None]
     return assembled(blocks, elements.columns(surface, "along", "across"), elements.unknowns(surface))

@@ -10,12 +10,13 @@ from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.elements import BUBBLES, VERDICT, Elements, assembled, edge_frames
+from dsfab.statics.factor import FactorOf, factored
 from dsfab.statics.material import Law, Material
 from dsfab.statics.mechanisms import require_held
 from dsfab.statics.membrane import membrane_stiffness
-from dsfab.statics.solve import Equilibrium, factored
+from dsfab.statics.solve import Equilibrium
 from dsfab.statics.stress import stress
-from dsfab.statics.supports import held_on_edges, require_clampable
+from dsfab.statics.supports import held_on_edges, require_clampable, with_springs
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
@@ -85,19 +86,28 @@ def frequencies(
     law: Law = "plane_stress",
     elements: Elements = VERDICT,
     clamped: Bools | None = None,
+    K: csr_array | None = None,
+    factor_of: FactorOf = factored,
+    spring: Floats | None = None,
 ) -> Vibration:
     """The lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary inertia.
 
     fixed     : (n, 3) held directions.       thickness : metres; the mass is density x thickness per area.
     clamped   : (e,) edges that do not turn about themselves.
+    spring    : (n, 3) stiffness of elastic supports, newtons per metre.
+    K         : the stiffness of the sheet (without springs) by the same elements, where it has been made already.
+    factor_of : makes its factor: with the `KeptFactor` of an `equilibrium` nothing is factorised again.
 
     Raises StaticsError for a material without density, for mechanisms, and for more modes than there are unknowns.
     """
     if not material.density > 0:
         raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
     M = mass(surface, material.density * thickness, elements)
-    K = _stiffness(surface, material, thickness, law, elements)
-    inverse, shapes = _largest(surface, M, K, fixed, elements, clamped, count)
+    if K is None:
+        K = sheet_stiffness(surface, material, thickness, law, elements)
+    still, loose = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
+    held = LoadCase(fixed, still, loose, still if spring is None else spring)
+    inverse, shapes = _largest(surface, M, K, held, elements, clamped, count, factor_of)
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
 
 
@@ -111,13 +121,17 @@ def buckling(
     law: Law = "plane_stress",
     elements: Elements = VERDICT,
     clamped: Bools | None = None,
+    K: csr_array | None = None,
+    factor_of: FactorOf = factored,
 ) -> Buckling:
     """The lowest positive load factors of linear buckling: K x = factor (-K_g) x.
 
-    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet. Loads keep their
+    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet, which stands as
+             `load` says (springs and clamped edges too; `clamped` adds to these). Loads keep their
              direction (a pressure that turns with the sheet is not modelled), and displacements before buckling do not
              count: thin shells buckle well below, at a fifth to a half for cylinders under axial load
              [Koiter 1945; NASA SP-8007].
+    K, factor_of : as for `frequencies`.
 
     Raises StaticsError for mechanisms, and when the modes cannot be found.
     """
@@ -126,8 +140,11 @@ def buckling(
     if smallest >= -TENSION * np.abs(resultant).max():  # then no mode exists, and looking for it would not end
         return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
-    K = _stiffness(surface, material, thickness, law, elements)
-    inverse, shapes = _largest(surface, minus_Kg, K, load.fixed, elements, clamped, count)
+    if K is None:
+        K = sheet_stiffness(surface, material, thickness, law, elements)
+    if len(load.clamped):
+        clamped = load.clamped if clamped is None else clamped | load.clamped
+    inverse, shapes = _largest(surface, minus_Kg, K, load, elements, clamped, count, factor_of)
     return Buckling(1 / inverse, shapes)
 
 
@@ -171,7 +188,8 @@ def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_ar
     return assembled(blocks, elements.columns(surface, *names), elements.unknowns(surface))
 
 
-def _stiffness(surface: Surface, material: Material, thickness: float, law: Law, elements: Elements) -> csr_array:
+def sheet_stiffness(surface: Surface, material: Material, thickness: float, law: Law, elements: Elements) -> csr_array:
+    """K, N/m, over the unknowns of `elements`: membrane and, where they have it, bending."""
     K = membrane_stiffness(surface, material, thickness, law, elements)
     return K + bending_stiffness(surface, material, thickness, elements) if elements.bending else K
 
@@ -180,10 +198,11 @@ def _largest(
     surface: Surface,
     A: csr_array,
     K: csr_array,
-    fixed: Bools,
+    load: LoadCase,
     elements: Elements,
     clamped: Bools | None,
     count: int,
+    factor_of: FactorOf,
 ) -> tuple[Floats, Floats]:
     """The largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
 
@@ -192,9 +211,9 @@ def _largest(
     """
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None
-    require_held(surface, LoadCase(fixed, np.zeros((surface.n, 3)), np.zeros(surface.n, bool)), fixed, turning)
-    held = np.concatenate([fixed.ravel(), held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    factor = factored(surface, K, held)
+    require_held(surface, load, load.fixed, turning)
+    held = np.concatenate([load.fixed.ravel(), held_on_edges(surface, elements, load.fixed, turning).T.ravel()])
+    factor = factor_of(surface, with_springs(K, load), held)
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"{count} modes are asked for, but the sheet has {N} unknowns; ask for 1 to {N - 1}")
@@ -218,8 +237,8 @@ def _largest(
 
 
 def _normalised(shapes: Floats) -> Floats:
-    """Each shape with its longest vector 1 and the largest component positive."""
-    flat = shapes.reshape(len(shapes), -1)
+    """Each shape (k, n, 3) with its longest vector 1 and the largest component positive; k may be 0."""
+    flat = shapes.reshape(len(shapes), 3 * shapes.shape[1])
     sign = np.sign(flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)])
     longest = np.linalg.norm(shapes, axis=2).max(axis=1)
     return np.asarray(shapes * (sign / longest)[:, None, None])

@@ -1,6 +1,6 @@
 """One linear solve: displacements, reactions, compliance, and the proof that they balance."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -8,13 +8,14 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, Ints, lock, locked
+from dsfab.arrays import Bools, Floats, lock, locked
 from dsfab.errors import StaticsError
-from dsfab.sparse import NotPositiveDefinite, factorise
 from dsfab.statics.elements import PAPER, Elements, edge_frames
+from dsfab.statics.factor import FactorOf, factored, refined
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
+from dsfab.statics.needles import needles_told
 from dsfab.statics.spread import SpreadLoad
-from dsfab.statics.supports import held_on_edges, require_clampable
+from dsfab.statics.supports import held_on_edges, require_clampable, with_springs
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -22,9 +23,9 @@ BALANCE = 1e-5
 """Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes. Rounding alone makes 1e-6
 of it where a sheet is long, thin and finely meshed: a beam of 30 widths with 8 `hhj` cells across."""
 
-RESIDUAL = 1e-6
-"""Largest accepted relative residual of the linear system, in the norm of its energy. The same beam has 1e-7, whatever
-the solver and the number of refinement steps: 16 digits of the stiffness hold no more."""
+RESIDUAL = 1e-8 if np.finfo(np.longdouble).eps < 1e-17 else 1e-6
+"""Largest accepted relative residual of the linear system, in the norm of its energy. The same beam has 1e-6 after a
+solution in double precision and 1e-10 once refined with longer numbers (see `refined`), where the machine has them."""
 
 IN_PLANE = 1e-12
 """A load with a smaller share across the plane of a flat sheet counts as lying in the plane."""
@@ -35,7 +36,7 @@ class Equilibrium:
     """How a surface answers a load.
 
     u          : (n, 3) displacements, metres.
-    reaction   : (n, 3) forces of the supports on the sheet, newtons; zero where nothing is held.
+    reaction   : (n, 3) forces of the supports on the sheet, newtons, springs among them; zero where nothing is held.
     compliance : f . u over all unknowns, joules (twice the elastic energy); the smaller, the stiffer.
     imbalance  : largest component of the sum of all forces (and of their moments over the size), loads and reactions
                  together, relative to the sum of the loads' magnitudes.
@@ -75,11 +76,11 @@ class Equilibrium:
         return np.stack([self.on_edges["along"], self.on_edges["across"]], axis=1)
 
 
-def flat_axis(surface: Surface, load: LoadCase) -> int | None:
+def flat_axis(surface: Surface, *loads: LoadCase) -> int | None:
     """The coordinate axis across a flat sheet whose loads lie in its plane (then it is solved in 2D), else None."""
     for axis in range(3):
         flat = np.ptp(surface.V[:, axis]) <= 1e-9 * surface.size
-        if flat and np.abs(load.force[:, axis]).max() <= IN_PLANE * np.abs(load.force).max():
+        if flat and all(np.abs(load.force[:, axis]).max() <= IN_PLANE * np.abs(load.force).max() for load in loads):
             return axis
     return None
 
@@ -91,104 +92,158 @@ def equilibrium(
     elements: Elements = PAPER,
     clamped: Bools | None = None,
     spread: SpreadLoad | None = None,
+    factor_of: "FactorOf | None" = None,
 ) -> Equilibrium:
-    """Solve K u = f with the supported freedoms projected out.
+    """Solve K u = f with the supported freedoms projected out and the springs of supports added.
 
     K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then the edges'.
     elements : the pair that K was made with (without bending for a sheet solved in its plane).
-    clamped  : (e,) edges that may not turn about themselves.
+    clamped  : (e,) edges that may not turn about themselves, besides those of `load.clamped`.
     spread   : the part of the load that is spread over faces and edges. Its share on the vertices is in `load` already;
                it is named again because bubbles carry it as well.
+    factor_of : makes the factor: `factored`, or a `KeptFactor` for those who need it again.
 
     Raises StaticsError when the supports leave a motion free, when a load acts on nothing, when edges are clamped that
     have no rotations, or when the solution does not balance the loads.
     """
+    return equilibria(surface, K, [load], elements, clamped, [spread] if spread else None, (), factor_of)[0]
+
+
+def equilibria(
+    surface: Surface,
+    K: csr_array,
+    loads: Sequence[LoadCase],
+    elements: Elements = PAPER,
+    clamped: Bools | None = None,
+    spreads: Sequence[SpreadLoad] | None = None,
+    sums: Sequence[Sequence[float]] = (),
+    factor_of: "FactorOf | None" = None,
+) -> tuple[Equilibrium, ...]:
+    """The `equilibrium` of each load, from one factorisation: k loads on the same supports, then sums of them.
+
+    sums : what each combination multiplies the loads with, k factors each. A combination is not solved but summed, and
+           its residual is the bound that follows from those of its parts.
+
+    Raises StaticsError as `equilibrium` does, and for loads on different supports.
+    """
+    _require_same_supports(loads)
+    fixed, turning = _supported(surface, loads, elements, clamped)
+    F = np.stack([load.force.ravel() for load in loads], axis=1)
+    held = fixed.ravel()
+    if elements.on_edges:
+        given = spreads or [SpreadLoad.on(surface)] * len(loads)
+        bubbles = [spread.bubble_forces(surface, elements).T.ravel() for spread in given]
+        F = np.concatenate([F, np.stack(bubbles, axis=1)])
+        held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
+    X, residuals = _solution(surface, with_springs(K, loads[0]), F, held, factor_of or factored)
+    answers = []
+    for load, f, x, residual in zip(loads, F.T, X.T, residuals, strict=True):
+        answers.append(_answer(surface, load, elements, K @ x - f, x, held, float(f @ x), float(residual)))
+        _require_solved(surface, answers[-1].imbalance, residual)
+    return (*answers, *(_summed(surface, loads, answers, factors, F, X) for factors in sums))
+
+
+def _require_same_supports(loads: Sequence[LoadCase]) -> None:
+    first = loads[0]
+    for load in loads[1:]:
+        if not all(
+            np.array_equal(getattr(first, name), getattr(load, name)) for name in ("fixed", "spring", "clamped")
+        ):
+            raise StaticsError("load cases that are solved together need the same supports; solve these one by one")
+
+
+def _supported(
+    surface: Surface, loads: Sequence[LoadCase], elements: Elements, clamped: Bools | None
+) -> tuple[Bools, Bools | None]:
+    """(n, 3) held directions and (e,) edges that do not turn, None without rotations; raises StaticsError."""
+    first = loads[0]
+    if len(first.clamped):
+        clamped = first.clamped if clamped is None else clamped | first.clamped
     require_clampable(surface, elements, clamped)
-    fixed = load.fixed.copy()
-    if (axis := flat_axis(surface, load)) is not None:
+    fixed = first.fixed.copy()
+    if (axis := flat_axis(surface, *loads)) is not None:
         fixed[:, axis] = True
     turning = clamped if "rotation" in elements.on_edges else None
-    require_held(surface, load, fixed, turning)
-    require_loads_on_faces(surface, load)
-    f, held = load.force.ravel(), fixed.ravel()
-    if elements.on_edges:
-        bubbles = (spread or SpreadLoad.on(surface)).bubble_forces(surface, elements)
-        f = np.concatenate([f, bubbles.T.ravel()])
-        held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    x, residual = _solution(surface, K, f, held)
+    require_held(surface, first, fixed, turning)
+    for load in loads:
+        require_loads_on_faces(surface, load)
+    return fixed, turning
+
+
+def _answer(
+    surface: Surface,
+    load: LoadCase,
+    elements: Elements,
+    off: Floats,
+    x: Floats,
+    held: Bools,
+    compliance: float,
+    residual: float,
+) -> Equilibrium:
+    """What the unknowns x say; `off` is K x - f without the springs: the forces of all supports."""
     corners, edges = np.split(x, [3 * surface.n])
-    forces, on_edges = np.split(K @ x - f, [3 * surface.n])
-    reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0)
+    forces, on_edges = np.split(off, [3 * surface.n])
+    u = corners.reshape(-1, 3)
+    # springs answer with -k u; K x - f says the same but for the residual, which belongs in the imbalance
+    reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(held[3 * surface.n :], on_edges, 0.0))
-    _require_solved(imbalance, residual)
     named = zip(elements.on_edges, edges.reshape(len(elements.on_edges), -1), strict=True) if len(edges) else ()
-    return Equilibrium(corners.reshape(-1, 3), reaction, float(f @ x), imbalance, residual, dict(named), torque)
+    return Equilibrium(u, reaction, compliance, imbalance, residual, dict(named), torque)
 
 
-def _require_solved(imbalance: float, residual: float) -> None:
+def _summed(
+    surface: Surface,
+    loads: Sequence[LoadCase],
+    answers: Sequence[Equilibrium],
+    factors: Sequence[float],
+    F: Floats,
+    X: Floats,
+) -> Equilibrium:
+    """The sum of solved cases, each multiplied with its factor."""
+    parts = list(zip(factors, answers, strict=True))
+    reaction = np.sum([a * part.reaction for a, part in parts], axis=0)
+    torque = np.sum([a * part.torque for a, part in parts], axis=0)
+    on_edges = {name: np.sum([a * part.on_edges[name] for a, part in parts], axis=0) for name in answers[0].on_edges}
+    compliance = float((F @ np.array(factors)) @ (X @ np.array(factors)))
+    off = sum(abs(a) * part.residual * np.sqrt(abs(part.compliance)) for a, part in parts)
+    residual = float(off / np.sqrt(compliance)) if compliance > 0 else 0.0
+    force = np.sum([a * load.force for a, load in zip(factors, loads, strict=True)], axis=0)
+    imbalance = _imbalance(surface, force, reaction, torque)
+    return Equilibrium(
+        np.sum([a * part.u for a, part in parts], axis=0), reaction, compliance, imbalance, residual, on_edges, torque
+    )
+
+
+def _require_solved(surface: Surface, imbalance: float, residual: float) -> None:
     """Raise StaticsError for a solution that does not balance the loads or does not solve the equations."""
+    if imbalance <= BALANCE and residual <= RESIDUAL:
+        return
+    needles = f"; {told}" if (told := needles_told(surface)) else ""
     if not imbalance <= BALANCE:
         raise StaticsError(
-            f"loads and reactions differ by {imbalance:.1e} of the load: the sheet is nearly a mechanism; "
-            "hold more directions, or make it thicker or the mesh finer"
+            f"loads and reactions differ by {imbalance:.1e} of the load (the equations are solved to {residual:.1e}): "
+            f"the sheet is nearly a mechanism; hold more directions, or make it thicker or the mesh finer{needles}"
         )
-    if not residual <= RESIDUAL:
-        raise StaticsError(
-            f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too "
-            "thin for its size or nearly a mechanism; make it thicker, hold more directions, or remove needles of faces"
-        )
+    raise StaticsError(
+        f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too thin for its size "
+        f"or nearly a mechanism; make it thicker, hold more directions, or remove needles of faces{needles}"
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class Factor:
-    """A factorised stiffness.
+def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of: FactorOf) -> tuple[Floats, Floats]:
+    """All unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
 
-    free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
-    inner : (N, N) the stiffness of the free unknowns with a unit diagonal.
-    solve : the function b -> inner^-1 b.
+    Unknowns without stiffness stay where they are.
     """
-
-    free: Ints
-    scale: Floats
-    inner: csr_array
-    solve: Callable[[Floats], Floats]
-
-
-def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
-    """K without held unknowns and without those that have no stiffness (vertices of no face).
-
-    Raises StaticsError when it is not positive definite.
-    """
-    free = np.flatnonzero(~held & (K.diagonal() > 0))
-    inner = csr_array(K[free][:, free])
-    # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
-    scale = 1 / np.sqrt(inner.diagonal())
-    inner = csr_array(inner.multiply(scale[:, None]).multiply(scale[None, :]))
-    points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
-    node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
-    try:
-        return Factor(free, scale, inner, factorise(inner, points, node))
-    except NotPositiveDefinite as error:
-        raise StaticsError(
-            "the sheet is a mechanism: parts of it meet in single points or are not held; "
-            "check the mesh with `dsfab inspect` and hold more directions"
-        ) from error
-
-
-def _solution(surface: Surface, K: csr_array, f: Floats, held: Bools) -> tuple[Floats, float]:
-    """All unknowns and the relative residual; unknowns without stiffness stay where they are."""
-    u = np.zeros(len(f))
+    U = np.zeros(F.shape)
     if not (~held & (K.diagonal() > 0)).any():
-        return u, 0.0
-    factor = factored(surface, K, held)
-    b = factor.scale * f[factor.free]
-    x = factor.solve(b)
-    x += factor.solve(b - factor.inner @ x)  # one step of iterative refinement: thin sheets are badly conditioned
-    u[factor.free] = factor.scale * x
-    r = b - factor.inner @ x
-    energy = b @ x
-    return u, float(np.sqrt(abs(r @ factor.solve(r)) / energy)) if energy > 0 else 0.0
+        return U, np.zeros(F.shape[1])
+    factor = factor_of(surface, K, held)
+    scale = factor.scale[:, None]
+    x, residual = refined(factor.inner, scale * F[factor.free], factor.solve)
+    U[factor.free] = scale * x
+    return U, residual
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:

@@ -1,6 +1,6 @@
 """`SpreadLoad`: loads that are spread over faces and edges, which act on the bubbles of edges too."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -34,6 +34,13 @@ class SpreadLoad:
         """From anything that broadcasts to (m, 3) Pa and (e, 3) N/m."""
         shapes = (surface.m, 3), (len(surface.edges.ends), 3)
         return cls(*(np.broadcast_to(np.asarray(v, float), s) for v, s in zip((face, edge), shapes, strict=True)))
+
+    @classmethod
+    def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
+        """The sum of the named parts, each multiplied with its factor."""
+        weight = {name: factors.get(name, 0.0) for name in parts}
+        face, edge = (np.sum([f * getattr(parts[k], on) for k, f in weight.items()], axis=0) for on in ("face", "edge"))
+        return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
         """(n, 3) newtons: a third of each face's force to its corners, half of each edge's to its ends."""

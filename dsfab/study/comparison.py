@@ -7,7 +7,7 @@ thinner    the whole surface, uncut, as thin as the design is light
 isotropic  stripes of the same frequencies on modes that ignore the stress (r = 1): the best and the median over pairs
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -18,7 +18,7 @@ from dsfab.errors import DsfabError, PatternError
 from dsfab.pipeline import revise
 from dsfab.preset_file import overridden
 from dsfab.slicing import Sheet
-from dsfab.statics import solve_statics
+from dsfab.statics import solve_cases
 from dsfab.study.handover import sheet_load
 from dsfab.surface import LoadCase, Surface
 
@@ -45,6 +45,9 @@ class Comparison:
 
     Each value is one solve on the mesh as it is cut, with quadratic membrane and mid-edge bending elements: at four
     elements across a member typically within 3 %, good for comparing like with like, not a verdict on safety.
+
+    The loads are those that the pattern follows: one case or combination, or several, whose compliances are then added
+    with the weights of [diffusion] (1 each when left out).
     """
 
     design: Competitor
@@ -80,22 +83,28 @@ def compare(design: Design, pairs: tuple[tuple[int, int], ...] = PAIRS) -> Compa
     weight = statics.density * statics.thickness
     share = sheet.surface.area / design.surface.area
     own = Competitor("design", _on_sheet(design, sheet), weight * sheet.surface.area)
-    whole = _compliance(design, design.surface, design.load, 1.0)
+    whole = _compliance(design, design.surface, _loads(design), 1.0)
     full = Competitor("full", whole, weight * design.surface.area)
-    thinner = Competitor("thinner", _compliance(design, design.surface, design.load, share), own.mass)
+    thinner = Competitor("thinner", _compliance(design, design.surface, _loads(design), share), own.mass)
     return Comparison(own, full, thinner, tuple(_isotropic(design, pairs)))
 
 
 def _on_sheet(design: Design, sheet: Sheet) -> float:
-    return _compliance(design, sheet.surface, sheet_load(design.surface, sheet, design.load), 1.0)
+    loads = {name: sheet_load(design.surface, sheet, load) for name, load in _loads(design).items()}
+    return _compliance(design, sheet.surface, loads, 1.0)
 
 
-def _compliance(design: Design, surface: Surface, load: LoadCase, share: float) -> float:
-    """Compliance, joules, of a sheet of `share` of the design's thickness."""
+def _loads(design: Design) -> dict[str, LoadCase]:
+    """The loads of what the pattern follows, by name."""
+    return {name: design.statics.cases[name].load for name in design.preset.followed}
+
+
+def _compliance(design: Design, surface: Surface, loads: Mapping[str, LoadCase], share: float) -> float:
+    """Compliance, joules, of a sheet of `share` of the design's thickness: the weighted sum over what is followed."""
     statics = design.preset.statics
     thickness = share * statics.thickness
-    answer = solve_statics(surface, statics.material, load, thickness, statics.law, "quadratic", "midedge")
-    return answer.compliance
+    answers = solve_cases(surface, statics.material, loads, thickness, statics.law, "quadratic", "midedge")
+    return sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
 
 
 def _isotropic(design: Design, pairs: tuple[tuple[int, int], ...]) -> Iterator[Competitor]:
@@ -103,7 +112,7 @@ def _isotropic(design: Design, pairs: tuple[tuple[int, int], ...]) -> Iterator[C
     weight = design.preset.statics.density * design.preset.statics.thickness
     blind = {
         "diffusion.r": 1.0,
-        "diffusion.modes": max(design.preset.diffusion.modes, *(max(pair) for pair in pairs)),
+        "diffusion.modes": max([design.preset.diffusion.modes, *(max(pair) for pair in pairs)]),
         "pattern.width": {"solid_fraction": design.sheet.surface.area / design.surface.area},
     }
     last = design

@@ -1,10 +1,13 @@
 """The load case of a cut sheet: what the uncut surface carried, handed to the material that is left."""
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from dsfab.arrays import Bools
 from dsfab.errors import StaticsError
 from dsfab.slicing import Sheet
+from dsfab.slicing.sheet import ON_SIMPLEX
 from dsfab.surface import LoadCase, Surface
 
 REACH = 0.1
@@ -14,16 +17,21 @@ REACH = 0.1
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """The supports and loads of the uncut surface on a kept sheet of it.
 
-    Supports hold what is left of them. A force on a vertex that the sheet still has stays there; any other goes to the
-    nearest vertex of the sheet, so that resultants are kept exactly and moments up to the distance moved.
+    Supports hold what is left of them: springs keep the share of their stiffness that was on vertices which the sheet
+    still has, and edges do not turn that lie within such an edge of the uncut surface. A force on a vertex that the
+    sheet still has stays there; any other goes to the nearest vertex of the sheet, so that resultants are kept exactly
+    and moments up to the distance moved.
 
     Raises StaticsError when no supported vertex is left, or when a load finds no material near it.
     """
-    fixed = sheet.between(load.fixed)
-    if not fixed.any():
+    fixed, same = sheet.between(load.fixed), sheet.same_vertex()
+    kept = np.flatnonzero(same >= 0)
+    spring = np.zeros((sheet.surface.n, 3))
+    np.add.at(spring, same[kept], load.spring[kept])
+    if not (fixed.any() or spring.any()):
         raise StaticsError("no supported vertex is left on the sheet; set pattern.keep to protect the supports")
     acting = np.flatnonzero((load.force != 0).any(axis=1))
-    at = sheet.same_vertex()[acting]
+    at = same[acting]
     lost = at < 0
     if lost.any():
         found = cKDTree(sheet.surface.V).query(surface.V[acting[lost]])
@@ -35,4 +43,21 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
             )
     force = np.zeros((sheet.surface.n, 3))
     np.add.at(force, at, load.force[acting])
-    return LoadCase(fixed, force, sheet.between(load.loaded))
+    clamped = _within(surface, sheet, load.clamped) if load.clamped.any() else load.clamped[:0]
+    return LoadCase(fixed, force, sheet.between(load.loaded), spring, clamped)
+
+
+def _within(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
+    """(e',) edges of the sheet that lie within marked edges (e,) of the uncut surface."""
+    ends = sheet.surface.edges.ends
+    both = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
+    both.data[both.data < 1 - ON_SIMPLEX] = 0.0
+    both.eliminate_zeros()
+    both.sort_indices()
+    on_edge = np.flatnonzero(np.diff(both.indptr) == 2)
+    first = both.indptr[on_edge]
+    key = both.indices[first].astype(np.int64) * surface.n + both.indices[first + 1]
+    sought = np.sort(surface.edges.ends[marked], axis=1)
+    found = np.zeros(len(ends), dtype=bool)
+    found[on_edge[np.isin(key, sought[:, 0] * surface.n + sought[:, 1])]] = True
+    return found

@@ -1,19 +1,23 @@
 """Stage 1, what is given: the mesh, its supports and its loads."""
 
+from dsfab.surface.cases import Combination, load_cases, together
 from dsfab.surface.climate import Snow, Wind
-from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight, Support
+from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
 from dsfab.surface.reader import MeshFacts, describe, read_surface
 from dsfab.surface.refine import refined
-from dsfab.surface.shapes import SHAPES
+from dsfab.surface.shapes import FIGURES, SHAPES
+from dsfab.surface.supports import Support
 
 __all__ = [
+    "FIGURES",
     "SHAPES",
     "All",
     "Ball",
     "Boundary",
     "Box",
+    "Combination",
     "Facing",
     "Force",
     "Line",
@@ -31,6 +35,8 @@ __all__ = [
     "Vertices",
     "Wind",
     "describe",
+    "load_cases",
     "read_surface",
     "refined",
+    "together",
 ]

@@ -9,7 +9,7 @@ from pydantic import ConfigDict
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.pickers import STRICT, All, Picker, Real, Vector, unit_vector
+from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
 
 EDGE_ON = 1e-12
 """Faces whose normal has a smaller part along a direction are parallel to it."""
@@ -29,6 +29,7 @@ class Snow:
     direction: Vector = (0.0, 0.0, -1.0)
     at: Picker = field(default_factory=All)
     kind: Literal["snow"] = "snow"
+    case: CaseName = "load"
 
     def traction(self, surface: Surface) -> Floats:
         """(m, 3) Pa on each face; times the areas it sums to `pressure` times the plan area of the faces."""
@@ -65,6 +66,7 @@ class Wind:
     leeward: Real = 0.5
     at: Picker = field(default_factory=All)
     kind: Literal["wind"] = "wind"
+    case: CaseName = "load"
 
     def traction(self, surface: Surface) -> Floats:
         """(m, 3) Pa on each face."""

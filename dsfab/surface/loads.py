@@ -1,7 +1,7 @@
-"""`LoadCase`: what holds the surface and what presses on it, and the supports and loads it is built from."""
+"""`LoadCase`: what holds the surface and what presses on it, and the loads it is built from."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -11,23 +11,8 @@ from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import SurfaceError
 from dsfab.surface.climate import Snow, Wind, picked_faces, to_corners
 from dsfab.surface.mesh import Surface
-from dsfab.surface.pickers import STRICT, All, Picker, Real, Vector, unit_vector
-
-
-@dataclass(frozen=True)
-class Support:
-    """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
-
-    hold : the directions that are held, in metres of the surface's own axes.
-    """
-
-    __pydantic_config__: ClassVar[ConfigDict] = STRICT
-    at: Picker
-    hold: Literal["xyz", "xy", "xz", "yz", "x", "y", "z"] = "xyz"
-
-    def fixed(self, surface: Surface) -> Bools:
-        """(n, 3) what it holds."""
-        return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in self.hold for axis in "xyz"]))
+from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
+from dsfab.surface.supports import Support
 
 
 @dataclass(frozen=True)
@@ -41,6 +26,7 @@ class Force:
     at: Picker
     force: Vector
     kind: Literal["force"] = "force"
+    case: CaseName = "load"
 
     def on(self, surface: Surface, weight: float) -> Floats:
         """(n, 3) newtons; they sum to `force`."""
@@ -63,6 +49,7 @@ class Pressure:
     pressure: Real
     at: Picker = field(default_factory=All)
     kind: Literal["pressure"] = "pressure"
+    case: CaseName = "load"
 
     def on(self, surface: Surface, weight: float) -> Floats:
         """(n, 3) newtons; they sum to -pressure times the vector area of the faces."""
@@ -80,6 +67,7 @@ class SelfWeight:
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     direction: Vector = (0.0, 0.0, -1.0)
     kind: Literal["self_weight"] = "self_weight"
+    case: CaseName = "load"
 
     def on(self, surface: Surface, weight: float) -> Floats:
         """(n, 3) newtons for a sheet of `weight` newtons per square metre; they sum to weight times area."""
@@ -104,6 +92,7 @@ class Line:
     per_metre: Vector
     edges: Literal["boundary", "all"] = "boundary"
     kind: Literal["line"] = "line"
+    case: CaseName = "load"
 
     def on_edges(self, surface: Surface) -> Floats:
         """(e, 3) newtons per metre; times the lengths it sums to `per_metre` times the length of the line."""
@@ -140,16 +129,24 @@ class LoadCase:
     force  : (n, 3) force on each vertex, newtons.
     loaded : (n,) True at the vertices under a concentrated load (a force or a line; not what is spread over faces),
              which the pattern may protect with `keep`.
+    spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; none when left out.
+    clamped: (e,) edges that may not turn about themselves; empty, as when left out, for none.
     """
 
     fixed: Bools
     force: Floats
     loaded: Bools
+    spring: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    clamped: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
     def __post_init__(self) -> None:
         lock(self, "fixed", np.bool_, (None, 3))
         lock(self, "force", np.float64, (len(self.fixed), 3))
         lock(self, "loaded", np.bool_, (len(self.fixed),))
+        if not len(self.spring):
+            object.__setattr__(self, "spring", np.zeros((len(self.fixed), 3)))
+        lock(self, "spring", np.float64, (len(self.fixed), 3))
+        lock(self, "clamped", np.bool_, (None,))
 
     @classmethod
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
@@ -179,9 +176,14 @@ class LoadCase:
                 loaded |= load.at.vertices(surface)
             elif isinstance(load, Line):
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
-        return cls(fixed, force, loaded)
+        spring = np.sum([support.springs(surface) for support in supports], axis=0)
+        return cls(fixed, force, loaded, spring, np.logical_or.reduce([s.clamped(surface) for s in supports]))
 
     @property
     def held(self) -> Bools:
-        """(n,) vertices with any support."""
-        return np.asarray(self.fixed.any(axis=1))
+        """(n,) vertices with any support, springs among them."""
+        return np.asarray((self.fixed | (self.spring > 0)).any(axis=1))
+
+    def loading(self, force: Floats, loaded: Bools | None = None) -> Self:
+        """The same supports under other forces (n, 3), newtons."""
+        return replace(self, force=force, loaded=self.loaded if loaded is None else loaded)

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
-from pydantic import AllowInfNan, ConfigDict, Field
+from pydantic import AllowInfNan, ConfigDict, Field, StringConstraints
 
 from dsfab.arrays import Bools, Floats, first
 from dsfab.errors import SurfaceError
@@ -16,6 +16,7 @@ from dsfab.surface.mesh import Surface
 
 Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
+CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 TOUCH = 1e-6
 """Share of the surface's size by which a picker reaches further than it says: coordinates are rounded."""

@@ -36,7 +36,7 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
             V, F = igl.loop(V, F, 1)
         else:
             _check_count(len(F) + int(long[edges.of].sum()), target)
-            V, F = _halved(V, F, edges, long)
+            V, F = halved(V, F, edges, long)
         edges = edge_table(F)
     return surface if F is surface.F else Surface(V, F)
 
@@ -51,7 +51,7 @@ def _lengths(V: Floats, edges: EdgeTable) -> Floats:
     return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
 
-def _halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints]:
+def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints]:
     """Faces divided along the midpoints of the (e,) edges that are halved: their longest and none, one or both others.
 
                  c                             c                          c

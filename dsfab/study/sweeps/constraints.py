@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isnan
 
-from dsfab.errors import PresetError
-from dsfab.preset_errors import did_you_mean
+from dsfab.errors import PresetError, did_you_mean
 from dsfab.study.sweeps.metrics import METRICS
 from dsfab.units import METRES_PER
 

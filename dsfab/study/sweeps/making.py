@@ -10,7 +10,7 @@ from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log
 from dsfab.preset import STAGES, Preset
 from dsfab.slicing import Sheet
-from dsfab.statics import Equilibrium, solve_statics
+from dsfab.statics import Bending, Equilibrium, Membrane, solve_cases
 from dsfab.study.handover import sheet_load
 from dsfab.surface import LoadCase, Surface
 from dsfab.thickening import Solid
@@ -75,7 +75,7 @@ class Making:
         return self.solid.volume * self.preset.statics.density
 
     @cached_property
-    def carried(self) -> Equilibrium:
+    def carried(self) -> dict[str, Equilibrium]:
         """How the cut sheet carries the loads, by the elements that compare well; made once for all who ask."""
         return carried(self)
 
@@ -97,16 +97,18 @@ class Making:
         )
 
 
-def carried(made: Design | Making, membrane: str = "quadratic", bending: str = "midedge") -> Equilibrium:
-    """Equilibrium of a design's cut sheet under its loads; raises StaticsError when it does not carry them."""
-    statics, sheet = made.preset.statics, made.sheet
-    load = sheet_load(made.surface, sheet, made.load)
-    return solve_statics(
-        sheet.surface,
-        statics.material,
-        load,
-        statics.thickness,
-        statics.law,
-        membrane,  # type: ignore[arg-type]
-        bending,  # type: ignore[arg-type]
-    )
+def loads_on(made: Design | Making) -> dict[str, LoadCase]:
+    """By name, the loads that the pattern follows, on the cut sheet; raises StaticsError where nothing carries them."""
+    cases = made.statics.cases
+    return {name: sheet_load(made.surface, made.sheet, cases[name].load) for name in made.preset.followed}
+
+
+def carried(
+    made: Design | Making, membrane: Membrane = "quadratic", bending: Bending = "midedge"
+) -> dict[str, Equilibrium]:
+    """By name, equilibria of a design's cut sheet under the loads that its pattern follows.
+
+    Raises StaticsError when it does not carry them.
+    """
+    statics, sheet = made.preset.statics, made.sheet.surface
+    return solve_cases(sheet, statics.material, loads_on(made), statics.thickness, statics.law, membrane, bending)

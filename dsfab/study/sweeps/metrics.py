@@ -8,8 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.design import Design
 from dsfab.statics import VERDICT, Equilibrium, buckling
-from dsfab.study.handover import sheet_load
-from dsfab.study.sweeps.making import Making, carried
+from dsfab.study.sweeps.making import Making, carried, loads_on
 from dsfab.surface.hats import hat_gradients
 
 Metric = Callable[[Design], float]
@@ -43,13 +42,14 @@ def _loose(made: Design | Making) -> float:
 def _min_width(made: Design | Making) -> float:
     """Across the stripes, 2 d / |grad z| on every face where a family is material; the lesser of both families."""
     draft = made.draft if isinstance(made, Making) else made
-    families = ((made.preset.pattern.major, draft.diffusion.major), (made.preset.pattern.minor, draft.diffusion.minor))
+    ask, pattern = made.preset.pattern, draft.pattern
+    families = ((ask.major, draft.diffusion.major), (ask.minor, draft.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
-    for (family, modes), name in zip(families, ("major", "minor"), strict=True):
-        index = draft.pattern.names.index(name)
+    for (family, modes), name, frequency in zip(families, ("major", "minor"), pattern.frequency, strict=True):
+        index = pattern.names.index(name)
         cells = made.sheet.family == index
         faces = made.sheet.parent[cells]
-        z, d = family.stripes.phases(modes.mode(family.mode)), draft.pattern.half_widths[index]
+        z, d = frequency * modes.mode(family.mode), pattern.half_widths[index]
         slope = _slopes(made, z)[faces]
         width.append(2 * d[made.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
         area.append(made.sheet.surface.areas[cells])
@@ -71,24 +71,23 @@ def _lower_share(values: Floats, weights: Floats, share: float) -> float:
     return float(values[order][place])
 
 
-def _answer(made: Design | Making) -> Equilibrium:
+def _answers(made: Design | Making) -> Mapping[str, Equilibrium]:
     return made.carried if isinstance(made, Making) else carried(made)
 
 
+def _compliance(made: Design | Making, answers: Mapping[str, Equilibrium]) -> float:
+    """The weighted sum over what the pattern follows, as `dsfab.compare` has it."""
+    return sum(weight * answers[name].compliance for name, weight in made.preset.followed.items())
+
+
 def _buckling(made: Design | Making) -> float:
-    statics, sheet = made.preset.statics, made.sheet
-    load = sheet_load(made.surface, sheet, made.load)
-    found = buckling(
-        sheet.surface,
-        statics.material,
-        load,
-        _answer(made),
-        statics.thickness,
-        count=1,
-        law=statics.law,
-        elements=VERDICT,
-    )
-    return float(found.factor[0]) if len(found.factor) else float("inf")
+    """The lowest factor of all loads that the pattern follows."""
+    statics, sheet = made.preset.statics, made.sheet.surface
+    given, loads, lowest = (statics.material, statics.thickness, statics.law), loads_on(made), float("inf")
+    for name, answer in _answers(made).items():
+        found = buckling(sheet, given[0], loads[name], answer, given[1], count=1, law=given[2], elements=VERDICT)
+        lowest = min([lowest, *found.factor.tolist()])
+    return lowest
 
 
 METRICS: dict[str, Named] = {
@@ -103,9 +102,9 @@ METRICS: dict[str, Named] = {
     "loose": _loose,
     "pinches": lambda made: float(made.slicing.pinches),
     "min_width": _min_width,
-    "compliance": lambda made: _answer(made).compliance,
-    "compliance_quick": lambda made: carried(made, "constant", "midedge").compliance,
-    "displacement": lambda made: _answer(made).largest_displacement,
+    "compliance": lambda made: _compliance(made, _answers(made)),
+    "compliance_quick": lambda made: _compliance(made, carried(made, "constant")),
+    "displacement": lambda made: max(answer.largest_displacement for answer in _answers(made).values()),
     "buckling": _buckling,
 }
 """What a sweep can measure, in SI units: functions of a Design; see `ABOUT` for what each is worth."""

@@ -5,8 +5,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le, MinLen
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
 
-from dsfab.errors import PresetError
-from dsfab.preset_errors import did_you_mean
+from dsfab.errors import PresetError, did_you_mean
 from dsfab.study.sweeps.constraints import Constraint
 from dsfab.study.sweeps.metrics import METRICS
 from dsfab.study.sweeps.values import Axis, Range, axes, flat

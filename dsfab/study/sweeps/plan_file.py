@@ -9,9 +9,8 @@ import tomli_w
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from dsfab.errors import PresetError
+from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Preset
-from dsfab.preset_errors import did_you_mean
 from dsfab.preset_file import load_preset
 from dsfab.study.sweeps.plan import Plan, Search
 from dsfab.study.sweeps.values import Range

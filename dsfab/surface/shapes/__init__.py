@@ -8,27 +8,52 @@ grid whose diagonals all run one way steers the pattern.
 from collections.abc import Callable
 
 from dsfab.surface.mesh import Surface
+from dsfab.surface.shapes.boys import boys_surface
 from dsfab.surface.shapes.closed import sphere, torus
+from dsfab.surface.shapes.figures import camel_head, climbing_hold, duck_ring, mouse, pirate, turkey
 from dsfab.surface.shapes.pavilions import pavilion
 from dsfab.surface.shapes.roofs import barrel_vault, hypar, plate
+from dsfab.surface.shapes.structures import bridge, twisty_tower
 from dsfab.surface.shapes.turned import catenoid, cylinder, dome, tower
 
-SHAPES: dict[str, Callable[..., Surface]] = {
+FIGURES: dict[str, Callable[..., Surface]] = {
     shape.__name__: shape
-    for shape in (plate, barrel_vault, hypar, dome, pavilion, catenoid, cylinder, tower, sphere, torus)
+    for shape in (
+        *(camel_head, duck_ring, mouse, climbing_hold, turkey, pirate),
+        *(bridge, twisty_tower, boys_surface),
+    )
+}
+"""Stand-ins for the paper's models, remeshed: a second or more each."""
+
+SHAPES: dict[str, Callable[..., Surface]] = {
+    **{
+        shape.__name__: shape
+        for shape in (plate, barrel_vault, hypar, dome, pavilion, catenoid, cylinder, tower, sphere, torus)
+    },
+    **FIGURES,
 }
 """Every shape by its name in a preset, `shape = "dome"`."""
 
 __all__ = [
+    "FIGURES",
     "SHAPES",
     "barrel_vault",
+    "boys_surface",
+    "bridge",
+    "camel_head",
     "catenoid",
+    "climbing_hold",
     "cylinder",
     "dome",
+    "duck_ring",
     "hypar",
+    "mouse",
     "pavilion",
+    "pirate",
     "plate",
     "sphere",
     "torus",
     "tower",
+    "turkey",
+    "twisty_tower",
 ]

@@ -1,0 +1,167 @@
+"""`dsfab export`: one file of a preset, or of a folder that was built, in a format of choice."""
+
+import difflib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
+from dsfab.app.report import Reporter, length, out, size
+from dsfab.errors import ExportError
+
+if TYPE_CHECKING:
+    from dsfab.preset import Preset
+    from dsfab.study.check_model import CheckModel
+    from dsfab.surface import Surface
+    from dsfab.thickening import Solid
+
+CALCULIX = "calculix"
+SUFFIX = ".inp"
+
+Which = Literal["uncut", "cut"]
+
+
+@dataclass(frozen=True)
+class Ask:
+    """What is wanted: the format by its suffix, the file, and which sheet (None: the solid; for calculix the uncut)."""
+
+    suffix: str
+    path: Path
+    sheet: Which | None
+
+
+def export(
+    preset: str,
+    /,
+    *,
+    to: Annotated[
+        str | None, Parameter(help="calculix, stl, 3mf, step, obj, ply or glb [as the suffix of -o].")
+    ] = None,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="The file [outputs/NAME/NAME.ext].")] = None,
+    sheet: Annotated[
+        Which | None,
+        Parameter(help="The uncut or the cut sheet, in place of the solid; for calculix the uncut one if not given."),
+    ] = None,
+    set_: Set = (),
+    mesh: Mesh = None,
+    unit: Unit = None,
+    quiet: Quiet = False,
+) -> int:
+    """Write one file: the solid, a sheet, or a finite element model to check the statics with (--to calculix).
+
+    Parameters
+    ----------
+    preset
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
+    """
+    given, folder = _source(preset, set_, mesh, unit)
+    ask = _asked(to, output, folder, given.name, sheet)
+    reporter = Reporter(quiet)
+    try:
+        told = (_model if ask.suffix == SUFFIX else _mesh)(given, ask, reporter)
+        reporter.done()
+    finally:
+        reporter.stop()
+    if not quiet:
+        for line in told:
+            out(line)
+        out(f"  {ask.path}  {size(ask.path.stat().st_size)}")
+    return 0
+
+
+def _source(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> tuple["Preset", Path]:
+    """The preset, and the folder its files go to: the folder that was named, or that of `dsfab build`."""
+    from dsfab.preset_file import shipped
+
+    folder = Path(name)
+    if (folder / "preset.toml").is_file():
+        return read_preset(str(folder / "preset.toml"), changes, mesh, unit), folder
+    if folder.is_dir() and name not in shipped():
+        raise ExportError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")
+    given = read_preset(name, changes, mesh, unit)
+    return given, Path("outputs") / given.name
+
+
+def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> Ask:
+    """Check what was asked for before any work begins."""
+    from dsfab.export.formats import FORMATS
+
+    known = {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
+    if to is None and output is None:
+        raise ExportError(f"nothing says what to write; add --to {', '.join(known)}")
+    word = (to if to is not None else output.suffix if output else "").lower().removeprefix(".")
+    suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
+    if suffix is None:
+        near = difflib.get_close_matches(word, known, n=1)
+        hint = f"did you mean {near[0]}? " if near else ""
+        raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(known)}")
+    path = output if output is not None else folder / f"{name}{suffix}"
+    if path.suffix.lower() != suffix:
+        raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")
+    if sheet is not None and suffix != SUFFIX and not FORMATS[suffix].sheets:
+        holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets)
+        raise ExportError(f"a {suffix} file holds solids only; leave out --sheet, or write {holds}")
+    return Ask(suffix, path, sheet)
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ExportError(f"cannot make the folder {path.parent}: {error.strerror}; choose another with -o") from None
+
+
+def _model(given: "Preset", ask: Ask, reporter: Reporter) -> list[str]:
+    """Write the .inp file; returns what to tell about it."""
+    from dsfab.export.calculix import write_calculix
+    from dsfab.pipeline import run
+    from dsfab.study.check_model import cut_model, uncut_model
+
+    made = cut_model(run(given, reporter), reporter) if ask.sheet == "cut" else uncut_model(given, reporter)
+    reporter("export", f"writing {ask.path.name}")
+    _make_folder(ask.path)
+    write_calculix(made.model, ask.path)
+    return _told(made, ask)
+
+
+def _told(made: "CheckModel", ask: Ask) -> list[str]:
+    model = made.model
+    lines = [f"warning: {text}" for text in made.warnings]
+    kind = "six-node shells" if model.element == "S6" else "six-node triangles in plane stress"
+    lines.append(
+        f"{ask.sheet or 'uncut'} sheet: {len(model.triangles):,} {kind} ({model.element}), {len(model.nodes):,} nodes; "
+        "metres, newtons, pascals"
+    )
+    for name, answer in made.answers.items():
+        lines.append(
+            f"{name}: dsfab finds a largest displacement of {length(answer.largest_displacement)} and an internal "
+            f"energy of {answer.compliance / 2:.4g} J (half of the compliance)"
+        )
+    where = "" if ask.path.parent == Path() else f"cd {ask.path.parent} && "
+    lines.append(f"compare: {where}ccx {ask.path.stem}, then read {ask.path.stem}.dat")
+    return lines
+
+
+def _mesh(given: "Preset", ask: Ask, reporter: Reporter) -> list[str]:
+    """Write the solid or a sheet; returns what to tell about it."""
+    from dsfab.export import write
+    from dsfab.pipeline import run
+    from dsfab.slicing.corners import outline_corners
+
+    told: list[str] = []
+    step: dict[str, Any] = {}
+    if ask.sheet == "uncut":
+        reporter("surface", "making the surface")
+        thing: Solid | Surface = given.surface.build()
+    else:
+        design, how = run(given, reporter), given.export
+        thing = design.solid if ask.sheet is None else design.sheet.surface
+        corners = outline_corners(design.sheet, design.surface)
+        step = {"step_faces": how.step_faces, "step": how.step, "step_tolerance": how.step_tolerance}
+        step |= {"corners": corners, "note": told.append}
+    reporter("export", f"writing and reading back {ask.path.name}")
+    _make_folder(ask.path)
+    write(thing, ask.path, name=given.name, **step)
+    return told

@@ -1,0 +1,216 @@
+"""Symmetry on request: mirrors and rotations that a surface, its supports and its loads must have, and modes that do.
+
+A mesh is seldom as symmetric as the surface it stands for. So an image of a vertex is a point of the surface, and
+fields are read there by linear interpolation: exact where vertices fall on vertices.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from scipy.sparse import csr_array, eye_array
+
+from dsfab.arrays import Bools, Floats, Ints, lock
+from dsfab.errors import PatternError
+from dsfab.surface.loads import LoadCase
+from dsfab.surface.mesh import Surface
+
+LARGEST = 240
+"""Elements of the largest group that is accepted: twice those of the icosahedron, and some room."""
+
+OFF = 0.25
+"""Images of vertices may be off the surface by this share of the mean edge."""
+
+OFF_SUPPORT = 1.0
+"""Images of held vertices may be off the held ones by this share of the mean edge: a region is picked to one edge."""
+
+OFF_LOAD = (0.3, 0.02)
+"""How far loads may differ from their images: smoothed over a few edges, newtons over newtons; and in resultants."""
+
+SMOOTHING = 6
+"""Rounds of averaging over neighbours before loads are compared: a spread of about two edges."""
+
+INVARIANT = 0.5
+"""Singular values of the averaging over a group are 0 or 1, up to the mesh: in between lies the border."""
+
+SNAP = 1e-6
+"""Barycentric coordinates closer than this to a vertex are on it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """A finite group of rotations and mirrors about a surface's centroid, and where they take its points.
+
+    R     : (g, 3, 3) orthogonal, the first the identity.
+    maps  : g sparse (n, n); maps[i] @ x reads a field x at the images R[i] V of the vertices.
+    faces : (g, m) the face that the image of each face's centroid lies on.
+    """
+
+    R: Floats
+    maps: tuple[csr_array, ...]
+    faces: Ints
+
+    def __post_init__(self) -> None:
+        lock(self, "R", np.float64, (None, 3, 3))
+        lock(self, "faces", np.int64, (len(self.R), None))
+
+    @property
+    def order(self) -> int:
+        """Elements of the group."""
+        return len(self.R)
+
+    def mean(self, x: Floats) -> Floats:
+        """The mean of a field (n, ...) over the group: the same at all images, up to interpolation."""
+        return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
+
+    def stress(self, sigma: Floats) -> Floats:
+        """The mean over the group of tensors (m, 3, 3) on the faces, each turned back: R^T sigma(R x) R."""
+        total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
+        return np.asarray(total / self.order)
+
+    def asymmetry(self, surface: Surface, x: Floats) -> float:
+        """The largest difference of a field (n,) from its images, over its own size, RMS over the area."""
+        mass = surface.vertex_areas
+        size = float(np.sqrt(mass @ x**2))
+        return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
+
+    def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
+        """Of the space of modes X (n, k) the part that is the same at all images: eigenvalues, and M-orthonormal modes.
+
+        The means of the modes over the group span it: their singular values are 1 or 0 on a symmetric mesh. In that
+        space L is diagonalised again (Rayleigh and Ritz).
+        """
+        Y = self.mean(X)
+        share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
+        keep = share > INVARIANT**2
+        B = Y @ (C[:, keep] / np.sqrt(share[keep]))
+        lam, Q = np.linalg.eigh(B.T @ (L @ B))
+        return lam, B @ Q
+
+
+def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
+    """The group that the words generate: `x` mirrors x, `rot:6:z` turns by a sixth about z, through the centroid.
+
+    Raises PatternError for other words, and when the surface, its supports or one of the loads have another symmetry.
+    """
+    R = symmetry_group(words)
+    centre = surface.areas @ surface.centroids / surface.area
+    maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
+    for g in R[1:]:
+        off, T = _point_map(surface, (surface.V - centre) @ g.T + centre)
+        if off > OFF * edge:
+            raise _refused(words, f"the surface is not: its image is up to {off:.3g} m off it")
+        maps.append(T)
+        image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
+        faces.append(igl.point_mesh_squared_distance(image, surface.V, surface.F)[1])
+    found = Symmetry(R, tuple(maps), np.stack(faces))
+    for load in loads:
+        _check_supports(surface, found, words, load, centre)
+        _check_loads(surface, found, words, load.force, centre)
+    return found
+
+
+def _refused(words: Sequence[str], what: str) -> PatternError:
+    return PatternError(f"diffusion.symmetry = {list(words)}, but {what}; correct it, or ask for less symmetry")
+
+
+def _generator(word: str) -> Floats:
+    """(3, 3) the mirror or the rotation that a word names."""
+    kind, *rest = word.split(":")
+    if kind in ("x", "y", "z") and not rest:
+        return np.diag([-1.0 if axis == kind else 1.0 for axis in "xyz"])
+    if kind == "rot" and len(rest) == 2 and rest[0].isdigit() and rest[1] in ("x", "y", "z"):
+        turns, axis = int(rest[0]), "xyz".index(rest[1])
+        if 2 <= turns <= LARGEST:
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            angle, R = 2 * np.pi / turns, np.eye(3)
+            R[[i, j, i, j], [i, j, j, i]] = np.array([np.cos(angle)] * 2 + [-np.sin(angle), np.sin(angle)])
+            return R
+    raise PatternError(
+        f"{word!r} is no symmetry; write x, y or z for a mirror, or rot:6:z for a sixth of a turn "
+        f"about z (2 to {LARGEST} parts)"
+    )
+
+
+def symmetry_group(words: Sequence[str]) -> Floats:
+    """(g, 3, 3) all products of what the words name, the identity first; raises PatternError for other words."""
+    generators = [_generator(word) for word in words]
+    found = [np.eye(3)]
+    for R in found:  # grows while it is walked
+        for g in generators:
+            new = g @ R
+            if not any(np.abs(new - old).max() < SNAP for old in found):
+                found.append(new)
+        if len(found) > LARGEST:
+            raise PatternError(f"symmetry = {list(words)} makes over {LARGEST} images; ask for fewer")
+    return np.stack(found)
+
+
+def _point_map(surface: Surface, points: Floats) -> tuple[float, csr_array]:
+    """The largest distance of points (p, 3) from the surface, and (p, n) the interpolation at the nearest ones."""
+    squared, face, near = igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, surface.F)
+    corner = surface.F[face]
+    a, b, c = (np.ascontiguousarray(surface.V[corner[:, i]]) for i in range(3))
+    weight = np.clip(igl.barycentric_coordinates(near, a, b, c), 0, 1)
+    weight[weight < SNAP] = 0
+    weight /= weight.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(len(points)), 3)
+    T = csr_array((weight.ravel(), (rows, corner.ravel())), shape=(len(points), surface.n))
+    T.eliminate_zeros()
+    return float(np.sqrt(squared.max())), T
+
+
+def _check_supports(surface: Surface, found: Symmetry, words: Sequence[str], load: LoadCase, centre: Floats) -> None:
+    """Held vertices fall on what is held, along the same directions."""
+    kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
+    for R in found.R[1:]:
+        for i, holds in enumerate(kinds):
+            at = kind.ravel() == i
+            if not holds.any():
+                continue
+            turned = R @ np.diag(holds.astype(float)) @ R.T
+            alike = [j for j, other in enumerate(kinds) if np.abs(turned - np.diag(other.astype(float))).max() < SNAP]
+            if not alike:
+                raise _refused(words, f"the supports are not: they hold {_axes(holds)} only, which turns with it")
+            image = (surface.V[at] - centre) @ R.T + centre
+            off = _distance(image, surface, np.isin(kind.ravel(), alike))
+            if off > OFF_SUPPORT * surface.mean_edge:
+                raise _refused(words, f"the supports are not: the image of one is {off:.3g} m from any support like it")
+
+
+def _axes(holds: Bools) -> str:
+    return "".join(axis for axis, held in zip("xyz", holds, strict=True) if held)
+
+
+def _distance(points: Floats, surface: Surface, marked: Bools) -> float:
+    """The largest distance of points (p, 3) from the nearest of the marked vertices."""
+    if not marked.any():
+        return float("inf")
+    near = np.flatnonzero(marked)[:, None]
+    return float(np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, near)[0].max()))
+
+
+def _check_loads(surface: Surface, found: Symmetry, words: Sequence[str], force: Floats, centre: Floats) -> None:
+    """The force field is that of its images: smoothed over the mesh's own irregularity, and in its resultants."""
+    total = float(np.linalg.norm(force, axis=1).sum())
+    arm = surface.V - centre
+    for R, T in zip(found.R[1:], found.maps[1:], strict=True):
+        change = T.T @ (force @ R.T) - force
+        sum_off = float(np.linalg.norm(change.sum(axis=0)))
+        moment_off = float(np.abs(arm.T @ change).max()) / (surface.size / 2)
+        if (off := max(sum_off, moment_off) / total) > OFF_LOAD[1]:
+            raise _refused(words, f"the loads are not: their resultants differ by {off:.0%}")
+        if (off := float(np.linalg.norm(_smoothed(surface, change), axis=1).sum()) / total) > OFF_LOAD[0]:
+            raise _refused(words, f"the loads are not: {min(off / 2, 1):.0%} of them lie elsewhere")
+
+
+def _smoothed(surface: Surface, force: Floats) -> Floats:
+    """Forces (n, 3) handed to neighbours a few times; their sum stays."""
+    ends = surface.edges.ends
+    neighbours = np.maximum(np.bincount(ends.ravel(), minlength=surface.n), 1)[:, None]
+    for _ in range(SMOOTHING):
+        share, force = force / (2 * neighbours), force / 2
+        for a, b in ((0, 1), (1, 0)):
+            np.add.at(force, ends[:, a], share[ends[:, b]])
+    return force

@@ -1,0 +1,93 @@
+"""What a sheet tells besides its displacements, as [statics] asks, and notes on what to make of it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from scipy.sparse import csr_array
+
+from dsfab.pipeline.loadings import Loading
+from dsfab.pipeline.log import Log
+from dsfab.preset import Statics
+from dsfab.statics import (
+    FACETED,
+    Answers,
+    Elements,
+    Equilibrium,
+    FactorOf,
+    KeptFactor,
+    facet_number,
+    sheet_answers,
+    sheet_stiffness,
+)
+from dsfab.surface import Surface
+
+
+def answers_step(
+    sheet: Statics,
+    surface: Surface,
+    solved: Sequence[tuple[Loading, Equilibrium]],
+    plane: bool,
+    made: dict[Elements, csr_array],
+    factor_of: FactorOf,
+    log: Log,
+) -> list[Answers]:
+    """Stress, energy, frequencies and buckling of a solved sheet, under each loading.
+
+    plane : whether it was solved in its plane.
+    made  : stiffnesses by their elements; others that are needed are added to it.
+    """
+
+    def stiffness(elements: Elements) -> csr_array:
+        if elements not in made:
+            made[elements] = sheet_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
+        return made[elements]
+
+    ask, again = sheet.ask, KeptFactor(2)
+    if ask and log.progress:
+        log.progress("statics", f"answering by {ask.elements(sheet.elements)} elements")
+    given = surface, sheet.material, sheet.thickness, sheet.law, sheet.elements
+    found: list[Answers] = []
+    with log.row("answers"):
+        for loading, answer in solved:
+            # loads do not change how the sheet swings
+            asked = replace(ask, frequencies=0) if found else ask
+            one = sheet_answers(*given, loading.load, loading.spread, answer, stiffness, asked, factor_of, again, plane)
+            found.append(replace(one, vibration=found[0].vibration) if found else one)
+    told = [(loading.name, answers) for (loading, _), answers in zip(solved, found, strict=True)]
+    _note([(name, answers) for name, answers in told if name], sheet, surface, log)
+    return found
+
+
+def _note(told: Sequence[tuple[str, Answers]], sheet: Statics, surface: Surface, log: Log) -> None:
+    """What the answers mean for somebody who wants to build this."""
+    elements = told[0][1].elements
+    if sheet.ask and sheet.bending == "hinge":
+        log.note(
+            "statics",
+            f"stress, energy, frequencies and buckling are those of {elements} elements on the same mesh: "
+            "hinge bending is fit for directions only",
+        )
+    facets = facet_number(surface, sheet.thickness)
+    if sheet.ask and elements.bending == "hhj" and facets > FACETED:
+        log.note(
+            "statics",
+            f"flat faces bend by themselves under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
+            f"under {FACETED}): the largest stress is too high by up to that share; make the mesh finer (surface.edge, "
+            "or surface.refine with smooth)",
+        )
+    for name, answers in told:
+        _note_case(f" under {name}" if len(told) > 1 else "", answers, sheet, log)
+
+
+def _note_case(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
+    for refusal in answers.refusals:
+        aside = "" if answers.elements.bending else " (it was solved in its plane, but vibrates and buckles out of it)"
+        log.note("statics", refusal + under + aside)
+    if answers.buckling is not None and not len(answers.buckling.factor):
+        log.note("statics", f"the load compresses no part of the uncut sheet{under}: it does not buckle")
+    elif answers.buckling is not None and answers.buckling.factor[0] < 1:
+        log.note(
+            "statics", f"the uncut sheet buckles{under} before it carries the load; make it thicker or the load smaller"
+        )
+    if sheet.strength and answers.stress.peak.stress > sheet.strength:
+        log.note("statics", f"the largest stress in the uncut sheet{under} exceeds the strength")

@@ -1,0 +1,71 @@
+"""The third step: where material wants to run."""
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.design import DiffusionResult, StaticsResult
+from dsfab.diffusion import (
+    CLEAR,
+    combined_stress,
+    diffusion_modes,
+    diffusion_operator,
+    diffusion_tensors,
+    reference_axes,
+    symmetry_of,
+)
+from dsfab.pipeline.log import Log
+from dsfab.preset import Preset
+from dsfab.surface import LoadCase, Surface
+
+CELLS_PER_ROOT_R = 3.2
+"""Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
+
+
+def _followed(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
+    """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
+    sigma = {name: statics.cases[name].sigma for name in preset.followed}
+    if not preset.combines:
+        return next(iter(sigma.values()))
+    return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
+
+
+def _axes(surface: Surface, load: LoadCase) -> Floats:
+    """What signs and bases of modes look at: the loads and the supports, and so they turn with the design."""
+    sizes = np.linalg.norm(load.force, axis=1)
+    density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
+    resultant = load.force.sum(axis=0)
+    clear = np.linalg.norm(resultant) > CLEAR * sizes.sum()
+    return reference_axes(surface, (density, load.held.astype(float)), (resultant,) if clear else ())
+
+
+def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
+    ask = preset.diffusion
+    if log.progress:
+        log.progress("diffusion", f"computing {ask.modes} modes of both families")
+    with log.row("diffusion"):
+        loads = [statics.cases[name].load for name in preset.followed]
+        symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
+        sigma = _followed(preset, surface, statics)
+        sigma = symmetry.stress(sigma) if symmetry else sigma
+        tensors = diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+        L_major, L_minor = (diffusion_operator(surface, D) for D in (tensors.major, tensors.minor))
+    with log.row("modes"):
+        axes = _axes(surface, statics.load)
+        major, minor = (diffusion_modes(surface, L, ask.modes, axes, symmetry) for L in (L_major, L_minor))
+    if symmetry:
+        off = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
+        log.note(
+            "diffusion",
+            f"modes are the same at {symmetry.order} images ({', '.join(ask.symmetry)}), to {off:.1g} of their size "
+            "on this mesh",
+        )
+    edge = np.sqrt(surface.area) / (CELLS_PER_ROOT_R * np.sqrt(ask.r))
+    if surface.mean_edge > edge:
+        log.note(
+            "diffusion",
+            f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
+            "(surface.refine)",
+        )
+    if (share := tensors.isotropic @ surface.areas / surface.area) > 0.5:
+        log.note("diffusion", f"{share:.0%} of the surface has no clear stress direction; raise gamma or the loads")
+    return DiffusionResult(tensors, major, minor)

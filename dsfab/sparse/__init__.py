@@ -1,0 +1,88 @@
+"""Factorisation of sparse symmetric positive definite matrices, the one heavy kernel that statics and modes share.
+
+The ladder, from the first step that can be taken:
+
+1. PARDISO (extra `fast`): the fastest, on all cores.
+2. Multifrontal Cholesky over the BLAS that numpy and scipy bring: about PARDISO's time on one core, a quarter of
+   SuperLU's, and less memory than SuperLU, which keeps L and U. It works wherever scipy does.
+3. Multigrid (extra `amg`) where the factor, whose size the analysis tells, is larger than the free memory. For three
+   unknowns a point, and only if the rigid motions are given; slower, and its true residual is checked at each solve.
+
+SuperLU can be asked for by name: its solves with one right-hand side are the quickest for one unknown a point.
+"""
+
+import importlib.util
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Floats, Ints
+from dsfab.sparse import multigrid
+from dsfab.sparse.memory import FactorMemoryError, require_memory
+from dsfab.sparse.multifrontal import Fronts, Multifrontal, NotPositiveDefinite
+from dsfab.sparse.multigrid import ConvergenceError, Multigrid
+from dsfab.sparse.pardiso import Pardiso
+from dsfab.sparse.superlu import SuperLU
+from dsfab.sparse.threads import one_blas_thread
+
+__all__ = [
+    "ConvergenceError",
+    "Factor",
+    "FactorMemoryError",
+    "NotPositiveDefinite",
+    "factorise",
+    "one_blas_thread",
+    "solver_name",
+]
+
+Factor = Pardiso | Multifrontal | SuperLU | Multigrid
+"""Called with b, (N,) or (N, k), it returns K^-1 b; `refactor(K)` takes new values on the same pattern."""
+
+
+def solver_name() -> str:
+    """The back end in use, for reports: 'PARDISO' or 'multifrontal'."""
+    return "PARDISO" if importlib.util.find_spec("pypardiso") else "multifrontal"
+
+
+def factorise(
+    K: csr_array, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
+) -> Factor:
+    """The function b -> K^-1 b for a symmetric positive definite K (N, N) with all its diagonal.
+
+    points : (n, 3) positions; they only steer the elimination order.
+    node   : (N,) the point that each unknown sits on; unknown i on point i when left out.
+    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; when left out, the first of the ladder that fits.
+    rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
+
+    Raises NotPositiveDefinite when the factorisation meets a pivot that is not positive, and FactorMemoryError when the
+    factor would not fit and multigrid cannot be used.
+    """
+    node = np.arange(K.shape[0]) if node is None else node
+    build = _BUILDERS[solver or solver_name()]
+    try:
+        return build(K, points, node, rigid)
+    except FactorMemoryError:
+        if solver or rigid is None or not multigrid.installed() or np.bincount(node).max() > 3:
+            raise
+        return Multigrid(K, node, rigid)
+
+
+def _multifrontal(K: csr_array, points: Floats, node: Ints, _rigid: Floats | None) -> Multifrontal:
+    fronts = Fronts.of(K, points, node)
+    require_memory(8 * fronts.peak)
+    return Multifrontal(K, fronts)
+
+
+def _multigrid(K: csr_array, _points: Floats, node: Ints, rigid: Floats | None) -> Multigrid:
+    if rigid is None:
+        raise ValueError("multigrid needs the rigid motions")
+    return Multigrid(K, node, rigid)
+
+
+_BUILDERS: dict[str, Callable[[csr_array, Floats, Ints, Floats | None], Factor]] = {
+    "PARDISO": lambda K, _points, _node, _rigid: Pardiso(K),
+    "multifrontal": _multifrontal,
+    "SuperLU": lambda K, points, node, _rigid: SuperLU(K, points, node),
+    "multigrid": _multigrid,
+}

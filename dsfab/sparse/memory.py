@@ -1,0 +1,42 @@
+"""How much memory a factor may take."""
+
+import os
+from pathlib import Path
+from typing import Self
+
+from dsfab.errors import DsfabError
+
+MEMINFO = Path("/proc/meminfo")
+
+
+class FactorMemoryError(DsfabError, MemoryError):
+    """A factor would not fit into the memory of the machine."""
+
+    @classmethod
+    def of(cls, needed: int | None, free: int | None = None) -> Self:
+        """needed, free : bytes, where they are known."""
+        need = "more memory than there is" if needed is None else f"{needed / 2**30:.1f} GiB"
+        there = "" if free is None else f", {free / 2**30:.1f} GiB are free"
+        return cls(
+            f"factorising the stiffness needs {need}{there}; use a coarser mesh or simpler elements, close other "
+            "programs, or install dsfab[amg], which needs a tenth (constant+hinge elements only)"
+        )
+
+
+def free_memory() -> int | None:
+    """Bytes that can still be had without swapping; None where the system does not say."""
+    if MEMINFO.exists():
+        for line in MEMINFO.read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024 * int(line.split()[1])
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def require_memory(needed: int) -> None:
+    """Raise FactorMemoryError when `needed` bytes are more than what is free."""
+    free = free_memory()
+    if free is not None and needed > free:
+        raise FactorMemoryError.of(needed, free)

@@ -1,0 +1,209 @@
+"""Sparse Cholesky by fronts: a tree of small dense matrices, so that all the work is done by BLAS and LAPACK.
+
+Unknowns of one part of the nested dissection are eliminated together. Their front is a dense matrix over them and over
+the later unknowns that they touch; what elimination leaves on the later ones is added to the front of the parent:
+
+          root                     F = [ A  . ]  own unknowns      L L^T = A,   P = B L^-T
+         /    \\                        [ B  C ]  touched later     C - P P^T goes to the parent
+      part    part
+
+[Duff and Reid 1983; Liu 1992, The multifrontal method for sparse matrix solution]
+"""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
+from scipy.linalg.lapack import dpotrf
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Floats, Ints
+from dsfab.sparse.dissection import along_a_curve, dissection_keys, point_graph
+from dsfab.sparse.threads import one_blas_thread
+
+Index = npt.NDArray[np.integer[Any]]
+"""Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
+
+
+class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (it names the finding, as LinAlgError does)
+    """The matrix has no Cholesky factor: for a stiffness, the structure is a mechanism."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fronts:
+    """What the pattern of a matrix says about its factor; values play no part.
+
+    order    : (N,) unknowns in the order of elimination. Everything below counts in that order.
+    start    : (fronts + 1,) own unknowns of front s are start[s] to start[s + 1].
+    rows     : per front, the later unknowns that it touches, ascending.
+    children : per front, the fronts that add to it; they come before it.
+    entry    : where the lower triangle's values stand in K.data, column by column.
+    row, column : of each entry.     pointer : (N + 1,) where each column begins.
+    """
+
+    order: Ints
+    start: Ints
+    rows: list[Ints]
+    children: list[list[int]]
+    entry: Index
+    row: Index
+    column: Index
+    pointer: Ints
+
+    @classmethod
+    def of(cls, K: csr_array, points: Floats, node: Ints) -> Self:
+        """Analyse K (N, N), whose unknown i sits on point node[i]: on points, not unknowns, since those share rows."""
+        used, node = np.unique(node, return_inverse=True)
+        points, n, N = points[used], len(used), K.shape[0]
+        keys = dissection_keys(point_graph(K, node, n), points, N)
+        # along a curve: what a child touches is then a few runs of a separator, which are added as blocks
+        sequence = np.lexsort((along_a_curve(points), keys))
+        rank = np.empty(n, dtype=np.int32)
+        rank[sequence] = np.arange(n)
+        order = np.argsort(rank[node], kind="stable")
+        place = np.empty(N, dtype=np.int32)
+        place[order] = np.arange(N)
+        row, column = np.repeat(place, np.diff(K.indptr)), place[K.indices]
+        entry = np.flatnonzero(row >= column)
+        entry = entry[np.argsort(column[entry], kind="stable")].astype(np.int32 if K.nnz < 2**31 else np.int64)
+        row, column = row[entry], column[entry]
+        pointer = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=N))])
+        first = np.concatenate([[0], np.flatnonzero(np.diff(keys[sequence])) + 1, [n]])
+        on = rank[node[order]]
+        touched, children = _touched_points(on[row], on[column], first)
+        unknowns = np.concatenate([[0], np.cumsum(np.bincount(on, minlength=n))])
+        rows = [_expanded(unknowns, at) for at in touched]
+        return cls(order, unknowns[first], rows, children, entry, row, column, pointer)
+
+    @property
+    def entries(self) -> int:
+        """Numbers that the factor holds, 8 bytes each."""
+        own = np.diff(self.start)
+        return int(sum(k * (k + len(rows)) for k, rows in zip(own.tolist(), self.rows, strict=True)))
+
+    @property
+    def peak(self) -> int:
+        """Numbers held at the worst moment of the factorisation: the factor so far, updates waiting, and a front."""
+        held = waiting = worst = 0
+        for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
+            m = len(rows)
+            held += k * (k + m)
+            worst = max(worst, held + waiting + m * m + k * (k + m))
+            waiting += m * m - sum(len(self.rows[c]) ** 2 for c in children)
+        return worst
+
+
+def _touched_points(row: Index, column: Index, first: Ints) -> tuple[list[Ints], list[list[int]]]:
+    """Per front the later points that it touches, fill included, and its children.
+
+    row, column : the points of every entry below the diagonal.   first : (fronts + 1,) where the fronts' points begin.
+    """
+    n = int(first[-1])
+    front = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    outside = front[row] != front[column]
+    at, point = np.divmod(np.unique(front[column[outside]] * n + row[outside]), n)
+    direct = np.split(point, np.searchsorted(at, np.arange(1, len(first) - 1)))
+    touched: list[Ints] = []
+    children: list[list[int]] = [[] for _ in direct]
+    for s, points in enumerate(direct):
+        inherited = [touched[c][np.searchsorted(touched[c], first[s + 1]) :] for c in children[s]]
+        touched.append(np.unique(np.concatenate([points, *inherited])) if inherited else points)
+        if len(touched[s]):
+            children[front[touched[s][0]]].append(s)
+    return touched, children
+
+
+def _expanded(begin: Ints, points: Ints) -> Ints:
+    """The unknowns of `points`: begin[p] to begin[p + 1] of each, in a row."""
+    count = begin[points + 1] - begin[points]
+    return np.asarray(np.arange(count.sum()) + np.repeat(begin[points] - (np.cumsum(count) - count), count))
+
+
+class Multifrontal:
+    """The factor of a symmetric positive definite matrix; called with b, (N,) or (N, k), it returns K^-1 b.
+
+    Raises NotPositiveDefinite when a pivot is not positive.
+    """
+
+    def __init__(self, K: csr_array, fronts: Fronts) -> None:
+        self._fronts = fronts
+        self._factor: list[tuple[Floats, Floats]] = []
+        self.refactor(K)
+
+    def refactor(self, K: csr_array) -> None:
+        """Take the values of K, whose pattern must be that of the matrix analysed."""
+        f = self._fronts
+        if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
+            raise ValueError("the pattern of the matrix has changed")
+        self._factor = []
+        waiting: dict[int, Floats] = {}
+        where = np.empty(len(f.order), dtype=np.int64)
+        with one_blas_thread():
+            for s, rows in enumerate(f.rows):
+                a, b, m = f.start[s], f.start[s + 1], len(rows)
+                k = b - a
+                where[a:b] = np.arange(k)
+                where[rows] = np.arange(k, k + m)
+                own, rest = np.zeros((k, k + m)), np.zeros((m, m))
+                mine = slice(f.pointer[a], f.pointer[b])
+                own[f.column[mine] - a, where[f.row[mine]]] = K.data[f.entry[mine]]
+                for child in f.children[s]:
+                    _add(own, rest, waiting.pop(child), where[f.rows[child]])
+                L, P, waiting[s] = _eliminated(own, rest)
+                self._factor.append((L, P))
+
+    def __call__(self, b: Floats) -> Floats:
+        start, rows = self._fronts.start, self._fronts.rows
+        x = np.asarray(b, dtype=np.float64)[self._fronts.order]
+        with one_blas_thread():
+            for s, (L, P) in enumerate(self._factor):
+                mine = slice(start[s], start[s + 1])
+                x[mine] = y = _triangular(L, x[mine], 0)
+                x[rows[s]] -= P @ y
+            for s in range(len(self._factor) - 1, -1, -1):
+                L, P = self._factor[s]
+                mine = slice(start[s], start[s + 1])
+                x[mine] = _triangular(L, x[mine] - P.T @ x[rows[s]], 1)
+        solution = np.empty_like(x)
+        solution[self._fronts.order] = x
+        return solution
+
+
+def _add(own: Floats, rest: Floats, update: Floats, to: Ints) -> None:
+    """Add a child's update (c, c), upper triangle, to rows and columns `to` (c,) of the parent's front.
+
+    Column by run of neighbouring columns: rows of consecutive numbers are copied several times faster than one by one.
+    """
+    k = len(own)
+    inner = int(np.searchsorted(to, k))
+    ends = np.flatnonzero((np.diff(to) != 1) | (to[1:] == k)) + 1
+    for a, b in zip([0, *ends.tolist()], [*ends.tolist(), len(to)], strict=True):
+        if a == b:
+            continue
+        column, top = int(to[a]), min(inner, b)
+        own[to[:top], column : column + b - a] += update[:top, a:b]
+        if b > inner:
+            rest[to[inner:b] - k, column - k : column - k + b - a] += update[inner:b, a:b]
+
+
+def _eliminated(own: Floats, rest: Floats) -> tuple[Floats, Floats, Floats]:
+    """L (k, k), P (m, k) and the update (m, m), whose upper triangle counts, of a front [own; own^T rest]."""
+    k = len(own)
+    if not k:
+        return np.zeros((0, 0)), np.zeros((len(rest), 0)), rest
+    L, info = dpotrf(np.ascontiguousarray(own[:, :k]).T, lower=1, overwrite_a=1)
+    if info:
+        raise NotPositiveDefinite("a pivot is not positive")
+    if not len(rest):
+        return L, np.zeros((0, k)), rest
+    P = dtrsm(1.0, L, np.ascontiguousarray(own[:, k:]).T, side=1, lower=1, trans_a=1, overwrite_b=1)
+    return L, P, dsyrk(-1.0, P, beta=1.0, c=rest.T, lower=1, overwrite_c=1).T
+
+
+def _triangular(L: Floats, b: Floats, transposed: int) -> Floats:
+    if not len(L):
+        return b
+    solve = dtrsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else dtrsm(1.0, L, b, lower=1, trans_a=transposed)
+    return np.asarray(solve)

@@ -1,0 +1,130 @@
+"""The factor of a stiffness, kept where it is needed again, and solutions that are refined to what the numbers hold."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.errors import StaticsError
+from dsfab.sparse import NotPositiveDefinite, factorise
+from dsfab.statics.mechanisms import rigid_motions
+from dsfab.surface.mesh import Surface
+
+ACCURATE = 1e-9
+"""Solutions with a larger residual are refined: a tenth of what is promised, for the residual is itself rounded."""
+
+REFINEMENTS = 6
+"""Steps at most; two or three reach what the numbers hold."""
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A factorised stiffness.
+
+    free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
+    inner : (N, N) the stiffness of the free unknowns with a unit diagonal.
+    solve : the function b -> inner^-1 b.
+    """
+
+    free: Ints
+    scale: Floats
+    inner: csr_array
+    solve: Callable[[Floats], Floats]
+
+
+def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
+    """K without held unknowns and without those that have no stiffness (vertices of no face).
+
+    Raises StaticsError when it is not positive definite.
+    """
+    diagonal = K.diagonal()
+    moves = ~held & (diagonal > 0)
+    free = np.flatnonzero(moves)
+    # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
+    scale = 1 / np.sqrt(diagonal[free])
+    inner = _restricted(K, moves, scale)
+    points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
+    node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
+    rigid = None
+    if K.shape[0] == 3 * surface.n:
+        rigid = rigid_motions(surface.V).reshape(-1, 6)[free] / scale[:, None]
+    try:
+        return Factor(free, scale, inner, factorise(inner, points, node, rigid=rigid))
+    except NotPositiveDefinite as error:
+        raise StaticsError(
+            "the sheet is a mechanism: parts of it meet in single points or are not held; "
+            "check the mesh with `dsfab inspect` and hold more directions"
+        ) from error
+
+
+FactorOf = Callable[[Surface, csr_array, Bools], Factor]
+
+
+class KeptFactor:
+    """`factored` that remembers the last `count`: the same stiffness with the same unknowns held is factorised once."""
+
+    def __init__(self, count: int = 1) -> None:
+        self._kept: list[tuple[csr_array, Bools, Factor]] = []
+        self._count = count
+
+    def __call__(self, surface: Surface, K: csr_array, held: Bools) -> Factor:
+        """See `factored`."""
+        for matrix, same, factor in self._kept:
+            if _same(matrix, K) and np.array_equal(same, held):
+                return factor
+        del self._kept[: len(self._kept) + 1 - self._count]  # its memory is needed for the next
+        self._kept.append((K, held.copy(), factored(surface, K, held)))
+        return self._kept[-1][2]
+
+
+def _same(A: csr_array, B: csr_array) -> bool:
+    """Whether two matrices are equal entry by entry, and stored alike."""
+    pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
+    return A is B or all(np.array_equal(a, b) for a, b in pairs)
+
+
+def _restricted(K: csr_array, moves: Bools, scale: Floats) -> csr_array:
+    """diag(scale) K diag(scale) on the unknowns that move: in one pass over the entries, without copies between."""
+    number, every = np.cumsum(moves, dtype=K.indices.dtype) - 1, np.zeros(len(moves))
+    every[moves] = scale
+    row = np.repeat(np.arange(len(moves), dtype=K.indices.dtype), np.diff(K.indptr))
+    keep = moves[row] & moves[K.indices]
+    row, column = row[keep], K.indices[keep]
+    data = K.data[keep] * every[row] * every[column]
+    begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(moves))[moves])])
+    return csr_array((data, number[column], begin.astype(K.indptr.dtype)), shape=(len(scale), len(scale)))
+
+
+def refined(K: csr_array, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+    """x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r / b . x).
+
+    A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with x and residual in the longest
+    floating-point numbers of the machine: K is badly conditioned for thin sheets, and a residual in its own precision
+    would be all rounding. The residual told is that of x as it is returned, rounded to double.
+    """
+    x = solve(b)
+    r = b - K @ x
+    error = _energy_share(r, solve(r), b, x)
+    if not (error > ACCURATE).any():
+        return x, error
+    long = K.astype(np.longdouble)
+    exact, best = x.astype(np.longdouble), np.inf
+    for _ in range(REFINEMENTS):
+        r = (b - long @ exact).astype(np.float64)
+        step = solve(r)
+        error = _energy_share(r, step, b, x)
+        if not error.max() < best / 2:
+            break
+        best, exact = error.max(), exact + step
+    x = exact.astype(np.float64)
+    r = (b - long @ x).astype(np.float64)
+    return x, _energy_share(r, solve(r), b, x)
+
+
+def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
+    """sqrt(|r . K^-1 r| / b . x) of each column; 0 where the load does no work."""
+    energy = np.sum(b * x, axis=0)
+    share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
+    return np.asarray(np.sqrt(share))

@@ -1,0 +1,111 @@
+"""Tests solved: one row for each mesh and pair of elements, with its ratio, its rate and its verdict."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from dsfab.errors import StaticsError
+from dsfab.statics import VERDICT, Elements
+from dsfab.study.verification.meshes import Mesh
+from dsfab.study.verification.problem import Problem, Test
+
+
+@dataclass(frozen=True)
+class Row:
+    """One mesh of one test with one pair of elements.
+
+    unknowns : size of the system that is solved, supports taken off.
+    ratio    : value over reference; None (like `value`) where the elements cannot hold what the test holds.
+    rate     : observed order of convergence of the value, from this mesh and the two before, without the reference;
+               None on the first two and where the value does not change any more. Jittered meshes are not nested and
+               make it rough; so does a value that swings about its limit.
+    verdict  : `ok` within the test's tolerance; `coarse` not, but a finer mesh of the series is; `off` not, and the
+               finest is not either; `not run`: the test clamps edges and hinges have no rotations; `refused`: the
+               solver did not trust its own answer (a sheet too thin for sixteen digits).
+    target   : relative error that the pair for verdicts is meant to stay below on this mesh, if there is one.
+    met      : whether it does.
+    """
+
+    test: str
+    mesh: str
+    elements: str
+    cells: int
+    unknowns: int
+    value: float | None
+    reference: float
+    ratio: float | None
+    rate: float | None
+    source: str
+    verdict: str
+    target: float | None = None
+    met: bool | None = None
+
+
+def series(test: Test, mesh: Mesh, elements: Elements) -> list[Row]:
+    """All refinements of one test on one pattern with one pair of elements."""
+    problems = [test.problem(cells, mesh) for cells in test.cells]
+    if elements.bending == "hinge" and any(problem.needs_rotations for problem in problems):
+        values: list[float | None] = [None] * len(problems)
+        missing = "not run"
+    else:
+        values = [_value(problem, elements) for problem in problems]
+        missing = "refused"
+    ratios = [None if value is None else value / test.reference for value in values]
+    rows = []
+    for k, cells in enumerate(test.cells):
+        verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
+        target = test.targets.get(cells) if elements == VERDICT else None
+        rows.append(
+            Row(
+                test.name,
+                mesh,
+                str(elements),
+                cells,
+                problems[k].unknowns(elements),
+                values[k],
+                test.reference,
+                ratios[k],
+                observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
+                test.source,
+                verdict,
+                target,
+                None if target is None else _met(test, values[k], target),
+            )
+        )
+    return rows
+
+
+def observed_rate(values: Sequence[float | None]) -> float | None:
+    """log2 of the ratio of the last two steps of three values on meshes of 1, 1/2, 1/4 the size; None at round-off."""
+    if any(value is None for value in values):
+        return None
+    a, b, c = (value for value in values if value is not None)
+    first, second, smallest = abs(a - b), abs(b - c), 1e-8 * abs(c)
+    return math.log2(first / second) if first > smallest and second > smallest else None
+
+
+def pattern_spread(rows: Iterable[Row]) -> dict[tuple[str, str, int], float]:
+    """Largest over smallest value, less 1, among the patterns of each (test, elements, cells) run on several."""
+    values: dict[tuple[str, str, int], list[float]] = {}
+    for row in rows:
+        if row.value is not None:
+            values.setdefault((row.test, row.elements, row.cells), []).append(row.value)
+    return {key: max(found) / min(found) - 1 for key, found in values.items() if len(found) > 1}
+
+
+def _value(problem: Problem, elements: Elements) -> float | None:
+    try:
+        return problem.solve(elements)
+    except StaticsError:
+        return None
+
+
+def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
+    """Of the first of some ratios, on meshes from this one to the finest."""
+    near = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
+    return "ok" if near[0] else "coarse" if near[-1] else "off"
+
+
+def _met(test: Test, value: float | None, target: float) -> bool:
+    aim = test.reference if test.limit is None else test.limit
+    return value is not None and abs(value / aim - 1) <= target

@@ -1,0 +1,180 @@
+"""Stand-ins for the figures of the paper: smooth unions of simple solids, facing +x, z up unless said.
+
+They are drawn at size 1 and scaled, so that `edge` and the size are in metres. Their topology is that of the paper's
+meshes; their looks are our own.
+"""
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.surface.mesh import Surface
+from dsfab.surface.shapes.meshing import Length, shape
+from dsfab.surface.shapes.solids import Field, Point, ball, blended, ellipsoid, limb, mirrored, skin, without
+
+FOOT = 0.4
+"""Where the camel's neck is cut, in the coordinates that it is drawn in."""
+
+
+def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
+    """A field drawn at size 1, as a surface `size` times as large."""
+    unit = skin(field, low, high, edge / size)
+    return Surface(size * unit.V, unit.F)
+
+
+def _above_ground(field: Field, k: float) -> Field:
+    """The part of a solid over z = 0, with a flat foot whose edge is rounded by k."""
+    return without(field, lambda P: P[:, 2], k)
+
+
+@shape
+def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
+    """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
+
+    height : from the boundary to about the tips of the ears, metres.
+    """
+    neck = limb([(-0.26, 0, -0.15), (-0.25, 0, 0.06), (-0.17, 0, 0.3), (-0.09, 0, 0.55), (-0.05, 0, 0.74)],
+        [0.165, 0.155, 0.135, 0.12, 0.11], 0.1)  # fmt: skip
+    skull = ellipsoid((0.02, 0, 0.79), (0.17, 0.115, 0.105))
+    muzzle = limb([(0.08, 0, 0.785), (0.28, 0, 0.72), (0.4, 0, 0.672)], [0.1, 0.08, 0.075])
+    lip = ellipsoid((0.435, 0.02, 0.645), (0.075, 0.062, 0.066))
+    jaw = limb([(0.02, 0, 0.685), (0.26, 0, 0.605), (0.385, 0, 0.565)], [0.075, 0.055, 0.046])
+    cheek = ellipsoid((0.05, 0.055, 0.72), (0.11, 0.06, 0.09))
+    brow = limb([(0.06, 0.085, 0.862), (0.14, 0.1, 0.842)], [0.036, 0.034])
+    eye = ball((0.115, 0.1, 0.808), 0.033)
+    tuft = ellipsoid((-0.06, 0, 0.875), (0.1, 0.075, 0.055))
+    head = blended([neck, skull, muzzle, jaw, cheek, tuft], 0.09)
+    head = blended([head, brow, eye], 0.025)
+    head = blended([head, lip], 0.03)
+    mouth = limb([(0.24, 0.2, 0.632), (0.38, 0.055, 0.6), (0.54, 0.0, 0.59)], [0.008, 0.014, 0.018])
+    nostril = limb([(0.455, 0.055, 0.69), (0.5, 0.025, 0.68)], [0.013, 0.018])
+    head = without(without(head, mouth, 0.03), nostril, 0.015)
+    whole, tall = mirrored(blended([head, _ear()], 0.05)), 1.004 - FOOT
+    unit = skin(whole, (-0.5, -0.3, FOOT), (0.6, 0.3, 1.1), edge * tall / height, floor=FOOT)
+    return Surface((unit.V - [0, 0, FOOT]) * height / tall, unit.F)
+
+
+def _ear() -> Field:
+    """A pointed leaf, hollow in front."""
+    along = np.array([-0.45, 0.6, 0.66])
+    along /= np.linalg.norm(along)
+    front = np.array([0.9, 0.3, 0.2])
+    front -= along * (front @ along)
+    front /= np.linalg.norm(front)
+    axes = np.stack([along, np.cross(front, along), front])
+    centre = np.array([-0.105, 0.15, 0.93])
+    leaf = ellipsoid(centre, (0.095, 0.055, 0.036), axes)
+    hollow = ellipsoid(centre + 0.042 * front, (0.068, 0.034, 0.026), axes)
+    return without(leaf, hollow, 0.02)
+
+
+@shape
+def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
+    """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
+
+    length : from beak to tail, metres. A stand-in for Bob of Keenan Crane's 3D Model Repository, about as large at the
+    default.
+    """
+
+    def ring(P: Floats) -> Floats:
+        x, y, z = P.T
+        stretch = 1 + 0.15 * np.tanh(-3 * x) * (x < 0)
+        around = np.hypot(np.hypot(x / stretch, y) - 0.265, 0.95 * z)
+        return np.asarray(around - 0.135)
+
+    neck = limb([(-0.3, 0, 0.05), (-0.31, 0, 0.22)], [0.125, 0.105])
+    head = ball((-0.31, 0, 0.255), 0.128)
+    beak = limb([(-0.38, 0, 0.245), (-0.465, 0, 0.205)], [0.07, 0.04])
+    tail = limb([(0.33, 0, 0.03), (0.41, 0, 0.12), (0.43, 0, 0.2)], [0.1, 0.06, 0.03])
+    body = blended([ring, neck, tail], 0.12)
+    body = without(body, lambda P: P[:, 2] + 0.125, 0.05)
+    whole = blended([body, blended([head, beak], 0.05)], 0.06)
+    made = _figure(whole, (-0.6, -0.5, -0.25), (0.6, 0.5, 0.5), length, edge)
+    return Surface(made.V[:, [0, 2, 1]] * [1, 1, -1], made.F)
+
+
+@shape
+def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
+    """A computer mouse with two buttons and a wheel, genus 0: the buttons in front at +x, the left one at +y."""
+    shell = blended([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
+    slot = limb([(0.08, 0, 0.35), (0.3, 0, 0.27), (0.55, 0, 0.1)], [0.03, 0.05, 0.05])
+    wheel = ellipsoid((0.28, 0, 0.195), (0.075, 0.03, 0.07))
+    body = blended([without(shell, slot, 0.05), wheel], 0.03)
+    return _figure(_above_ground(body, 0.06), (-0.6, -0.4, -0.1), (0.6, 0.4, 0.5), length, edge)
+
+
+@shape
+def climbing_hold(width: Length = 0.2, edge: Length = 0.0055) -> Surface:
+    """A jug to climb on, genus 1: its back on the wall at x = 0, a hole for the bolt along x, the grip at the top."""
+    lump = blended([ellipsoid((0.03, 0, -0.06), (0.3, 0.5, 0.3)), ellipsoid((0.2, 0, 0.14), (0.16, 0.4, 0.15))], 0.12)
+    grip = limb([(0.13, -0.4, 0.33), (0.09, 0, 0.26), (0.13, 0.4, 0.33)], [0.1, 0.11, 0.1])
+    lump = without(lump, grip, 0.06)
+    lump = without(lump, lambda P: P[:, 0], 0.05)
+    hole = limb([(-0.3, 0, -0.1), (0.16, 0, -0.1), (0.5, 0, -0.1)], [0.065, 0.065, 0.16])
+    return _figure(without(lump, hole, 0.04), (-0.1, -0.6, -0.5), (0.5, 0.6, 0.5), width, edge)
+
+
+@shape
+def turkey(height: Length = 0.5, edge: Length = 0.016) -> Surface:
+    """A turkey with its tail spread, sitting on the feathers of its base, genus 0."""
+    body = ellipsoid((-0.02, 0, 0.36), (0.32, 0.25, 0.28))
+    breast = ball((0.13, 0, 0.37), 0.22)
+    base = ellipsoid((-0.03, 0, 0.05), (0.27, 0.23, 0.16))
+    wing = ellipsoid((-0.06, 0.24, 0.38), (0.25, 0.06, 0.15))
+    neck = limb([(0.2, 0, 0.48), (0.33, 0, 0.66), (0.34, 0, 0.84)], [0.14, 0.075, 0.055])
+    body = blended([body, breast, base, wing, neck], 0.08)
+    head = ellipsoid((0.37, 0, 0.89), (0.085, 0.06, 0.066))
+    beak = limb([(0.43, 0, 0.885), (0.515, 0, 0.85)], [0.034, 0.018])
+    wattle = limb([(0.43, 0, 0.84), (0.435, 0, 0.74)], [0.026, 0.034])
+    bird = blended([body, head, beak, wattle], 0.035)
+    fan = [limb([(-0.2, 0, 0.38), *_feather(angle)], [0.06, 0.05, 0.068]) for angle in np.radians(range(0, 91, 15))]
+    return _figure(
+        _above_ground(mirrored(blended([bird, *fan], 0.045)), 0.04), (-0.75, -0.8, -0.1), (0.65, 0.8, 1.1), height, edge
+    )
+
+
+def _feather(angle: float) -> list[Point]:
+    """Middle and tip of a tail feather at an angle from upright, the fan leaning back."""
+    return [(-0.2 - 0.22 * r, 0.58 * r * np.sin(angle), 0.38 + 0.58 * r * np.cos(angle)) for r in (0.5, 1.0)]
+
+
+@shape
+def pirate(height: Length = 1.8, edge: Length = 0.036) -> Surface:
+    """A pirate with a cocked hat, a cutlass, a hook and a wooden leg, genus 0, standing on two feet at z = 0."""
+    coat = limb([(-0.01, 0, 0.42), (0, 0, 0.56), (0, 0, 0.7)], [0.12, 0.088, 0.1])
+    shoulders = ellipsoid((0, 0, 0.725), (0.08, 0.16, 0.06))
+    neck = limb([(0, 0, 0.75), (0.01, 0, 0.84)], [0.05, 0.045])
+    boot = limb([(0, -0.075, 0.4), (0.01, -0.085, 0.2), (0, -0.09, 0.05)], [0.075, 0.052, 0.045])
+    cuff = ellipsoid((0.005, -0.085, 0.225), (0.075, 0.07, 0.03))
+    shoe = ellipsoid((0.05, -0.092, 0.03), (0.1, 0.047, 0.045))
+    peg = limb(
+        [(0, 0.075, 0.4), (0.01, 0.085, 0.22), (0.01, 0.09, 0.14), (0.01, 0.09, 0.02)], [0.075, 0.06, 0.035, 0.03]
+    )
+    body = blended([coat, shoulders, neck, boot, cuff, shoe, peg], 0.045)
+    head = ellipsoid((0.015, 0, 0.855), (0.078, 0.07, 0.085))
+    beard = limb([(0.055, 0, 0.82), (0.08, 0, 0.74)], [0.052, 0.028])
+    nose = ball((0.1, 0, 0.855), 0.022)
+    hat = blended([ellipsoid((0.005, 0, 0.93), (0.085, 0.085, 0.05)), _brim()], 0.02)
+    body = blended([body, blended([head, beard, nose], 0.03), *_arms()], 0.03)
+    whole = _above_ground(blended([body, hat], 0.02), 0.02)
+    return _figure(whole, (-0.3, -0.5, -0.05), (0.5, 0.5, 1.15), height, edge)
+
+
+def _brim() -> Field:
+    """A hat's brim, turned up in front and behind to a crescent from ear to ear."""
+    crescent = limb([(0, -0.19, 0.9), (0, -0.1, 0.955), (0, 0, 0.975), (0, 0.1, 0.955), (0, 0.19, 0.9)],
+        [0.022, 0.045, 0.05, 0.045, 0.022], 1.0)  # fmt: skip
+    return lambda P: crescent(P * [0.75, 1, 1])
+
+
+def _arms() -> list[Field]:
+    """The right arm, at -y, with a cutlass; the left one ends in a hook."""
+    right = limb([(0, -0.15, 0.73), (0.0, -0.265, 0.6), (0.13, -0.28, 0.55)], [0.055, 0.043, 0.038])
+    hand = ball((0.15, -0.28, 0.555), 0.042)
+    guard = limb([(0.17, -0.335, 0.59), (0.17, -0.225, 0.59)], [0.022, 0.022])
+    blade = limb(
+        [(0.14, -0.28, 0.5), (0.19, -0.28, 0.66), (0.27, -0.28, 0.8), (0.385, -0.28, 0.9)], [0.022, 0.026, 0.029, 0.019]
+    )
+    left = limb([(0, 0.15, 0.73), (-0.02, 0.27, 0.6), (0.1, 0.3, 0.56)], [0.055, 0.043, 0.036])
+    cup = ball((0.115, 0.3, 0.562), 0.042)
+    hook = limb([(0.13, 0.3, 0.57), (0.185, 0.3, 0.6), (0.205, 0.3, 0.655), (0.165, 0.3, 0.69)], [0.022] * 4)
+    return [right, hand, guard, blade, left, cup, hook]

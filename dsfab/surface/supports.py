@@ -1,0 +1,82 @@
+"""`Support`: what holds the surface, rigidly or on springs, `[[surface.support]]` in a preset."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import ConfigDict
+
+from dsfab.arrays import Bools, Floats
+from dsfab.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.pickers import STRICT, Picker, Vector
+
+Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
+
+
+class SupportError(SurfaceError, ValueError):
+    """A support that contradicts itself; being a ValueError too, pydantic collects it with the key that it is at."""
+
+
+@dataclass(frozen=True)
+class Support:
+    """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
+
+    hold   : the directions that are held, of the surface's own axes: all of them when it is left out, none when there
+             is a `spring` instead.
+    spring : stiffness along x, y and z, newtons per metre: the whole of it, shared over the picked vertices in
+             proportion to their areas as a force is. 0 leaves a direction free (or to `hold`).
+    clamp  : whether the edges that have both ends picked cannot turn about themselves either. Edges across an ear of
+             the mesh (a face with two boundary edges) lie inside and stay free.
+
+    Raises SupportError for a support that holds nothing, a negative spring, or one along a held direction.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    at: Picker
+    hold: Hold | None = None
+    spring: Vector | None = None
+    clamp: bool = False
+
+    def __post_init__(self) -> None:
+        stiff = self.spring or (0.0, 0.0, 0.0)
+        if self.hold is None:
+            object.__setattr__(self, "hold", "" if any(stiff) else "xyz")
+        if not all(0 <= k < np.inf for k in stiff):
+            raise SupportError(f"spring = {list(stiff)} must be newtons per metre, 0 or more in each direction")
+        both = [axis for axis, k in zip("xyz", stiff, strict=True) if k and axis in (self.hold or "")]
+        if both:
+            raise SupportError(
+                f"hold = {self.hold!r} and spring = {list(stiff)} both act along {', '.join(both)}; take one of the two"
+            )
+        if not (self.hold or any(stiff) or self.clamp):
+            raise SupportError(
+                "it holds nothing; give hold = 'xyz' or some of its letters, spring = [kx, ky, kz] in newtons per "
+                "metre, or clamp = true"
+            )
+
+    def fixed(self, surface: Surface) -> Bools:
+        """(n, 3) what it holds rigidly."""
+        return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
+
+    def springs(self, surface: Surface) -> Floats:
+        """(n, 3) newtons per metre; they sum to `spring`. Raises SurfaceError on vertices without faces."""
+        if self.spring is None:
+            return np.zeros((surface.n, 3))
+        share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
+        if not share.any():
+            raise SurfaceError("a spring is on vertices without faces; pick vertices of the surface")
+        return np.asarray((share / share.sum())[:, None] * np.array(self.spring))
+
+    def clamped(self, surface: Surface) -> Bools:
+        """(e,) edges that it keeps from turning about themselves; raises SurfaceError when `clamp` finds none."""
+        if not self.clamp:
+            return np.zeros(len(surface.edges.ends), dtype=bool)
+        edges = surface.edges
+        ear = edges.boundary[edges.of].sum(axis=1) > 1
+        across = np.zeros(len(edges.ends), dtype=bool)
+        across[edges.of[ear]] = True
+        found = np.asarray(self.at.vertices(surface)[edges.ends].all(axis=1) & ~(across & ~edges.boundary))
+        if not found.any():
+            raise SurfaceError("clamp = true is on no edge: none has both ends picked; pick two neighbours at least")
+        return found

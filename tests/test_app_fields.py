@@ -1,0 +1,118 @@
+"""Answers of the statics in pictures: colours, bars and captions, exaggerated shapes, and what is refused."""
+
+import numpy as np
+import pytest
+
+from dsfab import load_preset
+from dsfab.app.colouring import ANSWERS, rising
+from dsfab.app.fields import MOVES, YIELDS, answered, asking, energy_label
+from dsfab.app.light import QUICK
+from dsfab.app.previewer import TRIAL, Previewer
+from dsfab.design import Draft
+from dsfab.errors import DsfabError
+from dsfab.pipeline import draft
+
+SMALL = {"surface.edge": 0.7, "diffusion.modes": 5, "statics.bending": "midedge"}
+
+
+def made(**changes) -> Draft:
+    return draft(load_preset("dome", {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
+
+
+@pytest.fixture(scope="module")
+def dome() -> Draft:
+    return made(strength=20e6, frequencies=1, buckling=1)
+
+
+@pytest.mark.parametrize("show", ["vonmises", "energy"])
+def test_the_most_stressed_faces_are_darkest(dome, show):
+    shown = answered(dome, show)
+    value = {"vonmises": dome.statics.answers.stress.largest, "energy": dome.statics.answers.stress.energy}[show]
+    order = np.argsort(value)
+    light = shown.face.astype(int).sum(axis=1)[order]
+    assert (np.diff(light) <= 2).all()  # but for rounding to bytes
+    assert light[0] > light[-1] + 300
+    assert shown.bar.names[1] == "and more"
+    assert shown.bar.limit == pytest.approx(np.percentile(value, 98))
+    assert shown.V is None
+    assert "constant+midedge" in shown.words
+
+
+def test_utilisation_is_a_percentage_and_faces_beyond_the_strength_stand_out(dome):
+    shown, stress = answered(dome, "utilisation"), dome.statics.answers.stress
+    assert f"largest {stress.peak.stress / 20e6:.0%}" in shown.words
+    assert shown.bar.labels[2].endswith("%")
+    assert not (shown.face == YIELDS).all(axis=1).any()
+    weak = made(strength=float(np.median(stress.largest)))
+    beyond = (answered(weak, "utilisation").face == YIELDS).all(axis=1)
+    assert np.array_equal(beyond, weak.statics.answers.stress.largest > weak.preset.statics.strength)
+    assert 0.4 < beyond.mean() < 0.6
+
+
+def test_shapes_are_exaggerated_to_a_share_of_the_size(dome):
+    V, size = dome.surface.V, dome.surface.size
+    moved = answered(dome, "displacement")
+    u = dome.statics.equilibrium.u
+    factor = np.linalg.norm(moved.V - V, axis=1).max() / np.linalg.norm(u, axis=1).max()
+    assert np.allclose(moved.V - V, factor * u)
+    assert 0.4 * MOVES < np.linalg.norm(moved.V - V, axis=1).max() / size <= MOVES
+    assert f"drawn {factor:,.0f} x" in moved.words
+    for show in ("buckling", "frequency"):
+        mode = answered(dome, show)
+        assert np.linalg.norm(mode.V - V, axis=1).max() == pytest.approx(MOVES * size)
+        assert "exaggerated" in mode.words
+    down = answered(dome, "buckling").V - V
+    assert np.einsum("ni,ni->", down, dome.load.force) > 0  # the way the load pushes
+    assert f"{dome.statics.answers.buckling.factor[0]:.3g} x the load" in answered(dome, "buckling").words
+
+
+def test_what_was_not_asked_is_refused_in_a_sentence_or_asked_for(dome):
+    plain = made()
+    with pytest.raises(DsfabError, match="utilisation needs a strength"):
+        answered(plain, "utilisation")
+    for show, key in (("buckling", "buckling"), ("frequency", "frequencies")):
+        with pytest.raises(DsfabError, match=f"ask for it with --set statics.{key}=1"):
+            answered(plain, show)
+        assert getattr(asking(plain.preset, show).statics, key) == 1
+    assert asking(dome.preset, "buckling") is dome.preset
+    assert asking(plain.preset, "vonmises") is plain.preset
+    flapping = draft(load_preset("cantilever", {"surface.edge": 0.1, "statics.buckling": 1}))
+    with pytest.raises(DsfabError, match="no shape of buckling to show: no buckling factors: the surface can turn"):
+        answered(flapping, "buckling")
+
+
+@pytest.mark.parametrize("show", ANSWERS)
+def test_every_answer_is_drawn_on_the_whole_sheet(dome, show):
+    with Previewer(dome, show=show, marks=False) as previewer:
+        assert np.ptp(previewer.picture(TRIAL, quality=QUICK).reshape(-1, 3).astype(int), axis=0).min() > 50
+        before = previewer.mask(TRIAL)
+        previewer.set(
+            {"pattern.major.threshold": 0.9, "pattern.width.solid_fraction": 0.0, "pattern.width.rule": "plain"}
+        )
+        assert np.array_equal(previewer.mask(TRIAL), before)
+
+
+def test_other_statics_recolour_fields_and_are_refused_for_shapes(dome):
+    with Previewer(dome, show="vonmises", marks=False) as previewer:
+        limit, words = previewer._bar.limit, previewer._caption()
+        previewer.set({"statics.thickness": 0.12})
+        assert previewer._bar.limit < 0.9 * limit
+        assert previewer._caption() != words
+    with Previewer(dome, show="displacement", marks=False) as previewer:
+        assert not previewer.can_display(made(thickness=0.12).preset)
+        with pytest.raises(DsfabError, match="another shape of displacement: make a new Previewer"):
+            previewer.set({"statics.thickness": 0.12})
+
+
+def test_labels_and_ramp():
+    assert [energy_label(x) for x in (0.0, 2.5e-5, 0.04, 12.0, 3100.0, 4e6)] == [
+        "0 uJ/m2",
+        "25 uJ/m2",
+        "40 mJ/m2",
+        "12 J/m2",
+        "3.1 kJ/m2",
+        "4 MJ/m2",
+    ]
+    colours = rising(np.linspace(-0.5, 1.5, 9)).astype(int).sum(axis=1)
+    assert (np.diff(colours) <= 2).all()
+    assert colours[0] == colours[2]

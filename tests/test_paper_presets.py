@@ -1,0 +1,76 @@
+"""The paper's figures as presets: Table 1 to the letter, and what each gives on a coarser mesh."""
+
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab.preset_file import headline, shipped
+from dsfab.study.paper import FIGURES
+
+COARSER = 2.2
+"""The presets' edges times this: a fifth of the vertices."""
+
+RECORDED: dict[str, tuple[float, int, int, float, float]] = {
+    "pavilion": (0.831, 2, 43, 107.54, 181.68),
+    "hanging_bar": (0.801, 1, 49, 16.89, 16.89),
+    "corner_held": (0.775, 1, 106, 84.092, 23.072),
+    "rollers": (0.720, 1, 88, 23.39, 91.833),
+    "bridge": (0.751, 1, 1631, 23.69, 24.731),
+    "camel_none": (0.796, 1, 54, 12.119, 12.119),
+    "camel_head": (0.811, 1, 114, 120.52, 108.31),
+    "camel_nose": (0.728, 3, 64, 126.8, 115.68),
+    "camel_ears": (0.723, 1, 181, 90.163, 173.58),
+    "pirate": (0.729, 1, 412, 114.82, 116.5),
+    "climbing_hold": (0.734, 1, 245, 71.226, 147.57),
+    "paper_bob": (0.795, 1, 472, 148.42, 103.32),
+    "mouse": (0.803, 1, 45, 75.811, 77.977),
+    "boys_surface": (0.778, 1, 537, 81.08, 158.85),
+    "twisty_tower": (0.824, 1, 152, 15.197, 70.797),
+    "paper_sphere": (0.757, 1, 157, 25.161, 184.34),
+    "turkey": (0.769, 2, 769, 116.48, 183.29),
+}
+"""Share kept, pieces, genus of the solid, first eigenvalue of both families times the area."""
+
+
+@pytest.mark.parametrize("figure", [f for f in FIGURES if f.row], ids=lambda f: f.preset)
+def test_presets_hold_the_row_of_table_1(figure):
+    preset, row = dsfab.load_preset(figure.preset), figure.row
+    pair = (preset.pattern.major, preset.pattern.minor)
+    assert (preset.diffusion.gamma, preset.diffusion.r) == (row.gamma, row.r)
+    assert tuple(f.mode for f in pair) == row.modes
+    assert tuple(f.frequency for f in pair) == row.frequencies
+    assert tuple(f.phase for f in pair) == row.phases
+    assert tuple(f.threshold for f in pair) == row.thresholds
+    assert preset.pattern.width.rule == "plain"
+
+
+def test_table_1_has_sixteen_rows_and_every_figure_its_preset():
+    assert sum(f.row is not None for f in FIGURES) == 16
+    assert len({f.preset for f in FIGURES}) == len(FIGURES) == 17
+    assert {f.preset for f in FIGURES} <= set(shipped())
+    assert len({f.timings for f in FIGURES}) == 12
+
+
+@pytest.mark.parametrize("figure", [f for f in FIGURES if "mesh" in f.stand_in], ids=lambda f: f.preset)
+def test_a_stand_in_says_so_in_the_preset(figure):
+    file = shipped()[figure.preset]
+    assert "stand-in" in headline(file)
+    assert f"({figure.timings.vertices})" in file.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("figure", FIGURES, ids=lambda f: f.preset)
+def test_figures_keep_their_recorded_numbers_on_a_coarser_mesh(figure):
+    name = figure.preset
+    edge = dsfab.load_preset(name).surface.edge
+    design = dsfab.run(dsfab.load_preset(name, {"surface.edge": COARSER * edge}))
+    surface, load = design.surface, design.load
+    kept, pieces, genus, major, minor = RECORDED[name]
+    assert design.statics.equilibrium.imbalance < 1e-8
+    assert design.sheet.surface.area / surface.area == pytest.approx(kept, abs=0.03)
+    assert len(design.slicing.pieces) == pieces
+    assert design.solid.genus == pytest.approx(genus, rel=0.15, abs=4)
+    lam = design.diffusion.major.lam[0] * surface.area, design.diffusion.minor.lam[0] * surface.area
+    assert lam == pytest.approx((major, minor), rel=0.05)
+    carried = [piece.loaded for piece in design.slicing.pieces if piece.held]
+    assert any(carried) == load.loaded.any()
+    assert np.isfinite(design.solid.V).all()

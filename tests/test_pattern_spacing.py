@@ -1,0 +1,98 @@
+"""Spacing in metres: the middles of the stripes lie as far apart as asked, measured along the lines themselves."""
+
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab.errors import PatternError, PresetError
+from dsfab.pattern import Stripes, frequency_for
+from dsfab.pipeline import draft
+from dsfab.preset_file import preset_toml
+from dsfab.surface import Surface
+from tests.zoo import grid, jittered
+
+SMALL = {"surface.edge": 0.08, "pattern.major": {"spacing": 0.07, "phase": 0.3}, "pattern.minor": {"spacing": 0.11}}
+
+
+def line_length(surface: Surface, z: np.ndarray) -> float:
+    """Metres of the lines z = k, k integer: in each face a straight piece between the two edges that it crosses."""
+    total = 0.0
+    for k in range(int(np.floor(z.min())), int(np.ceil(z.max())) + 1):
+        value, V = (z - k - 1e-9)[surface.F], surface.V[surface.F]
+        points, crossed = [], []
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            crossed.append(value[:, i] * value[:, j] < 0)
+            share = value[:, i] / np.where(crossed[-1], value[:, i] - value[:, j], 1)
+            points.append(V[:, i] + share[:, None] * (V[:, j] - V[:, i]))
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            both = crossed[a] & crossed[b]
+            total += np.linalg.norm(points[a][both] - points[b][both], axis=1).sum()
+    return total
+
+
+def tube(cells: int = 48) -> Surface:
+    """An open cylinder of radius 1 and height 2."""
+    flat = grid(cells, cells // 2, 2 * np.pi, 2.0)
+    keep = np.flatnonzero(flat.V[:, 0] < 2 * np.pi - 1e-9)
+    home = np.r_[keep, np.arange(flat.n - len(keep))]
+    V = np.c_[np.cos(flat.V[:, 0]), np.sin(flat.V[:, 0]), flat.V[:, 1]][keep]
+    return Surface(V, home[flat.F])
+
+
+@pytest.mark.parametrize("spacing", [0.05, 0.13])
+def test_stripes_on_a_linear_mode_are_as_far_apart_as_asked(spacing):
+    plate = jittered(grid(20, 12, 2.0, 1.0))
+    assert frequency_for(plate, plate.V @ [3.0, 4.0, 0.0], spacing) == pytest.approx(1 / (5 * spacing), rel=1e-12)
+
+
+def test_the_mean_spacing_is_area_over_the_length_of_the_middles():
+    """Modes that flatten: cos on the plate, and a tilted mode on the cylinder; over four phases."""
+    plate, pipe = jittered(grid(48, 24, 2.0, 1.0)), tube()
+    angle = np.arctan2(pipe.V[:, 1], pipe.V[:, 0])
+    cases = [(plate, np.cos(np.pi * plate.V[:, 0] / 2)), (pipe, np.cos(np.pi * pipe.V[:, 2] / 2) + 0.5 * np.sin(angle))]
+    for surface, x in cases:
+        for spacing in (0.06, 0.15):
+            f = frequency_for(surface, x, spacing)
+            lengths = [line_length(surface, Stripes(f, phase).phases(x)) for phase in (0, 0.25, 0.5, 0.75)]
+            assert surface.area / np.mean(lengths) == pytest.approx(spacing, rel=0.02)
+            assert surface.area / np.array(lengths) == pytest.approx(np.full(4, spacing), rel=0.1)
+
+
+def test_a_design_has_the_asked_spacing_and_says_what_the_frequency_became():
+    made = draft(dsfab.load_preset("cantilever", {**SMALL, "surface.edge": 0.04}))
+    for k, (name, spacing) in enumerate((("major", 0.07), ("minor", 0.11))):
+        x = getattr(made.diffusion, name).mode(1)
+        f = made.pattern.frequency[k]
+        assert made.surface.area / line_length(made.surface, f * x + [0.3, 0.0][k]) == pytest.approx(spacing, rel=0.1)
+        told = f"spacing {spacing:g} m: frequency of the {name} stripes became {f:.4g}"
+        assert told in [note.text for note in made.notes if note.stage == "pattern"]
+
+
+def test_spacing_is_a_frequency_that_is_solved_for():
+    solved = draft(dsfab.load_preset("cantilever", SMALL))
+    written = {f"pattern.{name}.spacing": 0 for name in ("major", "minor")}
+    written |= {f"pattern.{n}.frequency": f for n, f in zip(("major", "minor"), solved.pattern.frequency, strict=True)}
+    again = draft(dsfab.load_preset("cantilever", SMALL | written))
+    for a, b in zip(solved.pattern.fields, again.pattern.fields, strict=True):
+        assert np.array_equal(a, b)
+    assert again.pattern.frequency == solved.pattern.frequency
+
+
+@pytest.mark.parametrize(
+    "family", [{"spacing": 0.1, "frequency": 8.0}, {"frequency": 0.0}, {"spacing": 0.0, "frequency": 0}]
+)
+def test_frequency_and_spacing_exclude_each_other(family):
+    with pytest.raises(PresetError, match=r"pattern\.major: give either frequency or spacing, and leave the other out"):
+        dsfab.load_preset("cantilever", {"pattern.major": family})
+
+
+def test_a_preset_with_spacing_survives_being_written_and_read(tmp_path):
+    preset = dsfab.load_preset("cantilever", SMALL)
+    (tmp_path / "again.toml").write_text(preset_toml(preset))
+    assert dsfab.load_preset(tmp_path / "again.toml") == preset
+
+
+def test_a_constant_mode_has_no_spacing():
+    plate = grid(3, 3, 1.0, 1.0)
+    with pytest.raises(PatternError, match="a mode that is not constant"):
+        frequency_for(plate, np.ones(plate.n), 0.1)

@@ -1,0 +1,189 @@
+"""The sparse solvers: every step of the ladder against a dense factorisation, and how the ladder chooses."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array, diags_array
+
+from dsfab import sparse
+from dsfab.sparse import ConvergenceError, FactorMemoryError, NotPositiveDefinite, factorise, memory, multigrid
+from dsfab.sparse.dissection import dissection_keys, point_graph
+from dsfab.sparse.multifrontal import Fronts, Multifrontal
+from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
+from dsfab.statics.factor import factored
+from dsfab.statics.mechanisms import rigid_motions
+from tests.test_statics import STEEL
+from tests.zoo import ZOO, grid, jittered, lifted, zoo
+
+DIRECT = ["multifrontal", "SuperLU", "PARDISO"]
+direct = pytest.mark.parametrize("solver", DIRECT)
+
+
+def require(solver: str) -> None:
+    if solver == "PARDISO":
+        pytest.importorskip("pypardiso", reason="the optional solver is not installed")
+
+
+def system(surface, elements=None, shift=1e-3):
+    """A positive definite matrix on a surface's points, and the point of each unknown."""
+    elements = elements or Elements()
+    h = 0.01 * surface.size
+    K = membrane_stiffness(surface, STEEL, h, elements=elements) + bending_stiffness(surface, STEEL, h, elements)
+    scale = 1 / np.sqrt(K.diagonal())
+    K = csr_array(diags_array(scale) @ K @ diags_array(scale) + shift * diags_array(np.ones(len(scale))))
+    points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
+    i = np.arange(K.shape[0])
+    return K, points, np.where(i < 3 * surface.n, i // 3, surface.n + (i - 3 * surface.n) % len(surface.edges.ends))
+
+
+@zoo
+@direct
+def test_every_solver_agrees_with_a_dense_factorisation(name, solver):
+    require(solver)
+    K, points, node = system(ZOO[name]())
+    b = np.random.default_rng(0).standard_normal((K.shape[0], 3))
+    solve = factorise(K, points, node, solver)
+    expected = cho_solve(cho_factor(K.toarray()), b)
+    assert_allclose(solve(b), expected, atol=1e-9 * np.abs(expected).max())
+    assert_allclose(solve(b[:, 1]), expected[:, 1], atol=1e-9 * np.abs(expected).max())
+    assert solve(b[:, 1]).shape == (K.shape[0],)
+
+
+@pytest.mark.parametrize("pair", ["constant+midedge", "quadratic+midedge", "quadratic+hhj"])
+def test_edges_may_carry_unknowns(pair):
+    K, points, node = system(ZOO["dome"](), Elements.named(pair))
+    b = np.ones(K.shape[0])
+    assert_allclose(factorise(K, points, node, "multifrontal")(b), factorise(K, points, node, "SuperLU")(b), rtol=1e-7)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6), cells=st.integers(2, 30), missing=st.floats(0, 0.6), one=st.booleans())
+def test_any_mesh_any_unknowns_missing(seed, cells, missing, one):
+    """Random positive definite values on the pattern of a mesh from which unknowns were struck out."""
+    rng = np.random.default_rng(seed)
+    K, points, node = system(jittered(grid(cells, cells, 1.0, 1.0), seed=seed))
+    keep = rng.random(K.shape[0]) >= missing
+    if one:
+        keep &= np.arange(K.shape[0]) % 3 == 0
+    keep[0] = True
+    K = csr_array(K[keep][:, keep])
+    b = rng.standard_normal(K.shape[0])
+    solve = Multifrontal(K, Fronts.of(K, points, node[keep]))
+    assert np.linalg.norm(K @ solve(b) - b) <= 1e-9 * np.linalg.norm(b)
+    values = csr_array(diags_array(rng.uniform(1, 2, len(b))) + K)
+    solve.refactor(values)
+    assert np.linalg.norm(values @ solve(b) - b) <= 1e-9 * np.linalg.norm(b)
+
+
+@direct
+def test_new_values_on_the_same_pattern(solver):
+    require(solver)
+    K, points, node = system(ZOO["saddle"]())
+    b = np.ones(K.shape[0])
+    solve = factorise(K, points, node, solver)
+    before = solve(b)
+    solve.refactor(csr_array(4 * K))
+    assert_allclose(solve(b), before / 4, rtol=1e-12)
+
+
+@pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
+def test_another_pattern_is_refused(solver):
+    require(solver)
+    K, points, node = system(ZOO["saddle"]())
+    solve = factorise(K, points, node, solver)
+    with pytest.raises(ValueError, match="pattern"):
+        solve.refactor(csr_array(diags_array(np.ones(K.shape[0]))))
+
+
+@direct
+@pytest.mark.parametrize("name", ["flat", "closed", "two pieces"])
+def test_indefinite_matrices_are_refused(solver, name):
+    require(solver)
+    K, points, node = system(ZOO[name](), shift=-1e-2)
+    with pytest.raises(NotPositiveDefinite):
+        factorise(K, points, node, solver)
+
+
+def test_a_factor_is_repeated_bit_for_bit():
+    K, points, node = system(ZOO["dome"]())
+    b = np.ones(K.shape[0])
+    assert np.array_equal(*(factorise(K, points, node, "multifrontal")(b) for _ in range(2)))
+
+
+def test_separators_separate():
+    """Points of different parts of any level do not touch: their keys differ first in a separator's digit or not."""
+    surface = jittered(grid(40, 40, 1.0, 1.0))
+    K, points, node = system(surface)
+    i, j = point_graph(K, node, surface.n)
+    keys = dissection_keys((i, j), points[: surface.n], K.shape[0])
+    levels = int(np.ceil(np.log2(K.shape[0] / 192)))
+    for level in range(levels):
+        a, b = (keys[k] // 4 ** (levels - 1 - level) for k in (i, j))
+        siblings = a // 4 == b // 4
+        assert not (siblings & (a % 4 == 0) & (b % 4 == 1)).any()
+    assert len(np.unique(keys)) > 20
+
+
+def test_counted_memory_is_that_of_the_factor():
+    K, points, node = system(jittered(grid(30, 30, 1.0, 1.0)))
+    fronts = Fronts.of(K, points, node)
+    assert fronts.entries == sum(L.size + P.size for L, P in Multifrontal(K, fronts)._factor)
+    assert fronts.entries < fronts.peak < 3 * fronts.entries
+
+
+@pytest.mark.parametrize(("found", "name"), [(object(), "PARDISO"), (None, "multifrontal")])
+def test_the_name_is_that_of_the_solver_used(found, name, monkeypatch):
+    if found:
+        require("PARDISO")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: found)
+    assert sparse.solver_name() == name
+    K, points, node = system(ZOO["flat"]())
+    assert type(factorise(K, points, node)).__name__.lower() == name.lower()
+
+
+@pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
+def test_a_factor_that_does_not_fit_is_refused(solver, monkeypatch):
+    require(solver)
+    for module in (sparse, sparse.pardiso):
+        monkeypatch.setattr(module, "require_memory", memory.require_memory)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+    monkeypatch.setattr(sparse, "solver_name", lambda: solver)
+    K, points, node = system(ZOO["flat"]())
+    with pytest.raises(FactorMemoryError, match=r"needs 0\.\d GiB, 0\.0 GiB are free; use a coarser mesh"):
+        factorise(K, points, node)
+
+
+def held_dome(cells=10):
+    surface = lifted(lambda x, y: 16 * x * (1 - x) * y * (1 - y), cells)
+    K = membrane_stiffness(surface, STEEL, 0.02) + bending_stiffness(surface, STEEL, 0.02)
+    held = np.repeat(surface.V[:, 2] < 1e-9, 3)
+    held[3 * np.flatnonzero(surface.V[:, 2] > 0.5)[0] + 1] = True  # a point with two unknowns
+    return surface, K, held
+
+
+def test_multigrid_stands_in_where_the_factor_does_not_fit(monkeypatch):
+    pytest.importorskip("pyamg", reason="the optional solver is not installed")
+    surface, K, held = held_dome()
+    direct = factored(surface, K, held)
+    b = np.random.default_rng(0).standard_normal((len(direct.free), 2))
+    monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+    iterative = factored(surface, K, held)
+    assert isinstance(iterative.solve, multigrid.Multigrid)
+    expected = direct.solve(b)
+    assert_allclose(iterative.solve(b), expected, atol=1e-7 * np.abs(expected).max())
+
+
+def test_multigrid_refuses_what_it_could_not_solve(monkeypatch):
+    pytest.importorskip("pyamg", reason="the optional solver is not installed")
+    surface, K, held = held_dome(24)
+    factor = factored(surface, K, held)
+    rigid = rigid_motions(surface.V).reshape(-1, 6)[factor.free] / factor.scale[:, None]
+    monkeypatch.setattr(multigrid, "ITERATIONS", 1)
+    solve = factorise(factor.inner, surface.V, factor.free // 3, "multigrid", rigid)
+    with pytest.raises(ConvergenceError, match="stopped at a relative residual"):
+        solve(np.random.default_rng(0).standard_normal(len(factor.free)))

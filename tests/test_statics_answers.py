@@ -1,0 +1,217 @@
+"""What [statics] can be asked: by which elements, from how many factorisations, in notes, numbers and lines."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from dsfab import load_preset
+from dsfab.app.build import build
+from dsfab.errors import PresetError
+from dsfab.pipeline import draft
+from dsfab.statics import (
+    PAPER,
+    VERDICT,
+    Ask,
+    Elements,
+    KeptFactor,
+    buckling,
+    factor,
+    factored,
+    frequencies,
+    sheet_stiffness,
+    solve_statics,
+    spread_load,
+)
+from dsfab.statics.modes import _normalised
+from dsfab.units import GRAVITY
+from tests.test_statics_modes import STEEL, hold, rim
+from tests.zoo import grid
+
+SMALL = {"surface.edge": 0.9, "diffusion.modes": 5, "pattern.minor.mode": 2}
+ALL = {"statics.strength": 235e6, "statics.frequencies": 2, "statics.buckling": 3}
+
+
+@pytest.fixture
+def factorisations(monkeypatch):
+    """Sizes of the matrices that statics factorise; modes of the pattern have their own."""
+    made = []
+    original = factor.factorise
+
+    def counted(K, *rest, **more):
+        made.append(K.shape[0])
+        return original(K, *rest, **more)
+
+    monkeypatch.setattr(factor, "factorise", counted)
+    return made
+
+
+def small(**changes):
+    return draft(load_preset("dome", {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
+
+
+def test_midedge_answers_everything_from_the_one_factor_of_the_statics(factorisations):
+    made = small(bending="midedge", frequencies=2, buckling=3)
+    assert len(factorisations) == 1
+    answers, sheet, s = made.statics.answers, made.preset.statics, made.surface
+    assert answers.elements == sheet.elements
+    assert answers.equilibrium is made.statics.equilibrium
+    again = frequencies(s, sheet.material, made.load.fixed, sheet.thickness, 2, elements=sheet.elements)
+    factors = buckling(s, sheet.material, made.load, answers.equilibrium, sheet.thickness, 3, elements=sheet.elements)
+    assert_allclose(answers.vibration.hertz, again.hertz, rtol=1e-7)
+    assert_allclose(answers.buckling.factor, factors.factor, rtol=1e-7)
+    assert answers.vibration.shapes.shape == (2, s.n, 3)
+    assert answers.buckling.shapes.shape == (3, s.n, 3)
+
+
+def test_hinges_leave_the_answers_to_the_most_accurate_elements_and_say_so(factorisations):
+    made = small(strength=235e6, frequencies=2, buckling=1)
+    assert len(factorisations) == 2
+    assert factorisations[0] < factorisations[1]
+    answers, sheet = made.statics.answers, made.preset.statics
+    assert answers.elements == VERDICT
+    weight = sheet.density * sheet.thickness * GRAVITY
+    spread = spread_load(made.surface, made.preset.surface.load, weight)
+    rich = solve_statics(
+        made.surface, sheet.material, made.load, sheet.thickness, sheet.law, "quadratic", "hhj", spread=spread
+    )
+    assert answers.equilibrium.compliance == pytest.approx(rich.compliance, rel=1e-9)
+    assert 2 * answers.stress.energy @ made.surface.areas == pytest.approx(rich.compliance, rel=1e-9)
+    assert made.statics.equilibrium.compliance != pytest.approx(rich.compliance, rel=0.02)
+    assert any("are those of quadratic+hhj elements" in note.text for note in made.notes)
+    assert any("flat faces bend by themselves" in note.text for note in made.notes)
+
+
+def test_what_is_not_asked_costs_no_solve(factorisations):
+    made = small()
+    assert len(factorisations) == 1
+    answers = made.statics.answers
+    assert answers.elements == PAPER
+    assert answers.equilibrium is made.statics.equilibrium
+    assert answers.vibration is None
+    assert answers.buckling is None
+    assert 2 * answers.stress.energy @ made.surface.areas == pytest.approx(answers.equilibrium.compliance, rel=1e-9)
+    assert not any("elements" in note.text for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("ask", "given", "wanted"),
+    [
+        (Ask(), PAPER, PAPER),
+        (Ask(1e6), PAPER, VERDICT),
+        (Ask(0.0, 1), PAPER, VERDICT),
+        (Ask(0.0, 0, 1), Elements("quadratic", "hinge"), VERDICT),
+        (Ask(1e6, 3, 3), Elements("constant", "midedge"), Elements("constant", "midedge")),
+    ],
+)
+def test_which_elements_answer(ask, given, wanted):
+    assert ask.elements(given) == wanted
+    assert isinstance(ask.factor_of(given), KeptFactor) == (bool(ask.modes) and wanted == given)
+
+
+def test_a_kept_factor_is_made_again_for_another_stiffness_or_other_supports(factorisations):
+    s = grid(4, 4, 1.0, 1.0)
+    K, other = (sheet_stiffness(s, STEEL, h, "plane_stress", PAPER) for h in (0.01, 0.02))
+    held = hold(s, (rim(s), "xyz")).ravel()
+    less = held.copy()
+    less[0] = False
+    keep = KeptFactor()
+    first = keep(s, K, held)
+    assert keep(s, K, held) is first
+    assert keep(s, K.copy(), held.copy()) is first
+    b = np.ones(len(first.free))
+    for stiffness, fixed in ((other, held), (other, less), (K, held)):
+        fresh = keep(s, stiffness, fixed)
+        assert fresh is not first
+        x = fresh.solve(np.ones(len(fresh.free)))
+        assert_allclose(x, factored(s, stiffness, fixed).solve(np.ones(len(fresh.free))), rtol=1e-12)
+    assert_allclose(keep(s, K, held).solve(b), first.solve(b), rtol=1e-12)
+
+
+def test_modes_that_cannot_be_found_are_notes_and_the_design_is_made():
+    """Held along a line, a sheet that was solved in its plane flaps about it; without density nothing vibrates."""
+    made = draft(load_preset("cantilever", {"surface.edge": 0.1, "statics.frequencies": 1, "statics.buckling": 1}))
+    answers = made.statics.answers
+    assert answers.elements == VERDICT.in_plane
+    assert answers.vibration is None
+    assert answers.buckling is None
+    assert [text.partition(":")[0] for text in answers.refusals] == ["no natural frequencies", "no buckling factors"]
+    assert any("the surface can turn about y" in n.text and "solved in its plane" in n.text for n in made.notes)
+    point = {"kind": "force", "at": {"pick": "nearest", "points": [[0.0, 0.0, 4.0]]}, "force": [0.0, 0.0, -5e4]}
+    asked = {**SMALL, "surface.load": [point], "statics.density": 0.0, "statics.frequencies": 1}
+    light = draft(load_preset("dome", asked))
+    assert any("need a material with a density" in note.text for note in light.notes)
+
+
+def test_a_sheet_in_its_plane_buckles_out_of_it(factorisations):
+    """Held over a strip of faces, it cannot turn about their edge."""
+    strip = {"at": {"pick": "box", "min": [-1.0, -0.5, -1.0], "max": [-0.85, 0.5, 1.0]}, "hold": "xyz"}
+    asked = {"surface.edge": 0.1, "surface.support": [strip], "statics.buckling": 2, "statics.frequencies": 1}
+    made = draft(load_preset("cantilever", asked))
+    answers = made.statics.answers
+    assert answers.elements == VERDICT.in_plane
+    assert (
+        len(factorisations) == 3
+    )  # by the paper's elements, by those that answer, and out of the plane for both modes
+    assert answers.buckling.factor[0] > 1
+    assert np.abs(answers.buckling.shapes[0][:, 2]).max() > 0.99
+    assert answers.stress.peak.layer == "middle"
+
+
+def test_what_is_only_stretched_does_not_buckle():
+    end = {"pick": "side", "axis": "x", "end": "min"}
+    pull = {"kind": "line", "at": {"pick": "side", "axis": "x", "end": "max"}, "per_metre": [1e4, 0.0, 0.0]}
+    supports = [{"at": end, "hold": "x"}, {"at": {"pick": "all"}, "hold": "yz"}]
+    asked = {"surface.edge": 0.1, "surface.support": supports, "surface.load": [pull], "statics.poisson": 0.0}
+    plain = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.width.min_width": 0.0}
+    made = draft(load_preset("cantilever", {**asked, **plain, "pattern.width.min_gap": 0.0, "statics.buckling": 2}))
+    assert len(made.statics.answers.buckling.factor) == 0
+    assert any("does not buckle" in note.text for note in made.notes)
+    assert made.statics.answers.stress.largest == pytest.approx(1e6)
+    assert _normalised(np.zeros((0, 5, 3))).shape == (0, 5, 3)  # when none of the modes found presses anything
+
+
+def test_a_load_beyond_strength_or_buckling_is_told():
+    made = small(thickness=0.02, strength=1e3, buckling=1, bending="midedge", young=1e6)
+    texts = [note.text for note in made.notes]
+    assert any("exceeds the strength" in text for text in texts)
+    assert any("buckles before it carries the load" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("strength", -1.0), ("frequencies", 11), ("frequencies", -1), ("buckling", 11)]
+)
+def test_presets_ask_within_reason(key, value):
+    with pytest.raises(PresetError, match=key):
+        load_preset("dome", {f"statics.{key}": value})
+
+
+def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
+    sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, **ALL, "export.formats": ["stl"]}.items()]
+    assert build("dome", set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
+    facts = json.loads((tmp_path / "out" / "design.json").read_text())["statics"]
+    assert facts["answered_by"] == "quadratic+hhj"
+    assert facts["utilisation"] == pytest.approx(facts["largest_von_mises_Pa"] / 235e6)
+    assert facts["strength_Pa"] == 235e6
+    assert facts["largest_von_mises_at"]["layer"] in ("top", "bottom")
+    assert np.linalg.norm(np.array(facts["largest_von_mises_at"]["point_m"]) - [0, 0, 4]) < 0.7  # under the point load
+    energy = facts["membrane_energy_J"] + facts["bending_energy_J"]
+    assert energy == pytest.approx(facts["answered_compliance_J"] / 2, rel=1e-8)
+    assert facts["answered_largest_displacement_m"] > 0
+    assert len(facts["frequencies_hz"]) == 2
+    assert len(facts["buckling_factors"]) == 3
+    told = capsys.readouterr().out
+    assert f"{facts['utilisation']:.0%} of the strength" in told
+    assert f"buckles at {facts['buckling_factors'][0]:.3g}, " in told
+    assert f"lowest frequencies {facts['frequencies_hz'][0]:.3g}, " in told
+
+
+def test_a_build_that_asks_nothing_tells_no_stress_by_hinges(tmp_path, capsys):
+    sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, "export.formats": ["stl"]}.items()]
+    assert build("dome", set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
+    facts = json.loads((tmp_path / "out" / "design.json").read_text())["statics"]
+    assert facts["answered_by"] == "constant+hinge"
+    assert "utilisation" not in facts
+    assert "frequencies_hz" not in facts
+    assert "largest stress" not in capsys.readouterr().out

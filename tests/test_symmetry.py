@@ -1,0 +1,181 @@
+"""Symmetry on request: exactly symmetric patterns, and refusals that say what is off and by how much."""
+
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors, symmetry_group, symmetry_of
+from dsfab.errors import PatternError, PresetError
+from dsfab.pipeline import draft
+from dsfab.slicing import cut
+from dsfab.surface import LoadCase, Surface
+from dsfab.surface.hats import voronoi_mass
+from tests.zoo import grid, jittered
+
+BRIDGE = {
+    "surface": {
+        "shape": "plate",
+        "length": 2.0,
+        "width": 1.0,
+        "edge": 0.06,
+        "support": [{"at": {"pick": "side", "axis": "x", "end": end}} for end in ("min", "max")],
+        "load": [
+            {"kind": "force", "at": {"pick": "ball", "center": [0, 0.5, 0], "radius": 0.2}, "force": [0, -1e3, 0]}
+        ],
+    }
+}
+DOME = {"surface.edge": 0.45}
+
+
+def square(jitter: float = 0.0) -> tuple[Surface, LoadCase]:
+    """A square plate held along its rim and pressed, about the origin."""
+    plate = jittered(grid(12, 12, 2.0, 2.0), jitter)
+    plate = Surface(plate.V - [1, 1, 0], plate.F)
+    held = np.abs(plate.V).max(axis=1) > 1 - 1e-9
+    force = np.outer(plate.vertex_areas, [0, 0, -1.0])
+    return plate, LoadCase(np.repeat(held[:, None], 3, axis=1), force, np.zeros(plate.n, dtype=bool))
+
+
+def eccentric(load: LoadCase, plate: Surface, shift: float) -> LoadCase:
+    """A further force beside the centre."""
+    near = np.linalg.norm(plate.V - [shift, 0, 0], axis=1) < 0.3
+    return LoadCase(load.fixed, load.force + np.outer(near, [0, 0, -0.1]), load.loaded)
+
+
+@pytest.mark.parametrize(
+    ("words", "order"),
+    [(["x"], 2), (["x", "y"], 4), (["rot:6:z"], 6), (["rot:6:z", "x"], 12), (["rot:2:x", "rot:2:y"], 4)],
+)
+def test_words_generate_their_group(words, order):
+    R = symmetry_group(words)
+    assert len(R) == order
+    assert np.array_equal(R[0], np.eye(3))
+    assert np.allclose(R @ R.transpose(0, 2, 1), np.eye(3))
+    products = np.einsum("aij,bjk->abik", R, R).reshape(-1, 3, 3)
+    assert all(np.abs(R - p).max(axis=(1, 2)).min() < 1e-9 for p in products)
+
+
+@pytest.mark.parametrize("words", [["x"], ["x", "y"], ["rot:4:z"]])
+def test_where_vertices_fall_on_vertices_modes_are_symmetric_to_rounding_and_still_modes(words):
+    plate, load = square()
+    found = symmetry_of(plate, words, load)
+    L = diffusion_operator(plate, diffusion_tensors(plate, np.zeros((plate.m, 3, 3)), r=1).major)
+    L = (sum(T.T @ L @ T for T in found.maps) / found.order).tocsr()  # the diagonals of a grid have no such symmetry
+    modes = diffusion_modes(plate, L, 4, symmetry=found)
+    assert max(found.asymmetry(plate, x) for x in modes.X.T) < 1e-9
+    mass = voronoi_mass(plate)
+    mass = found.mean(mass)
+    every = diffusion_modes(plate, L, 40)
+    assert all(np.abs(every.lam / value - 1).min() < 1e-2 for value in modes.lam)
+
+
+def test_an_uneven_mesh_is_symmetric_to_its_resolution_and_it_gets_better():
+    off = []
+    for cells in (10, 20, 40):
+        plate = jittered(grid(cells, cells, 2.0, 2.0))
+        load = LoadCase(
+            np.ones((plate.n, 3), dtype=bool), np.outer(plate.vertex_areas, [0, 0, -1.0]), np.zeros(plate.n)
+        )
+        found = symmetry_of(plate, ["x"], load)
+        L = diffusion_operator(plate, diffusion_tensors(plate, np.zeros((plate.m, 3, 3)), r=1).major)
+        off.append(max(found.asymmetry(plate, x) for x in diffusion_modes(plate, L, 3, symmetry=found).X.T))
+    assert off[0] > 2 * off[1] > 4 * off[2]
+    assert off[2] < 2e-3
+
+
+def clipped(surface: Surface, *normals: list[float]) -> float:
+    """Area on the positive side of planes through the origin, cut exactly."""
+    for normal in normals:
+        surface = cut(surface, [surface.V @ normal], [[0.0]], snap=0.0).kept().surface
+    return surface.area
+
+
+def shares(design, turns: int) -> np.ndarray:
+    """Material area of each sector about z over their mean."""
+    area = []
+    for k in range(turns):
+        low, high = 2 * np.pi * k / turns, 2 * np.pi * (k + 1) / turns
+        planes = [-np.sin(low), np.cos(low), 0], [np.sin(high), -np.cos(high), 0]
+        area.append(clipped(design.sheet.surface, *planes))
+    return np.array(area) / np.mean(area)
+
+
+@pytest.mark.parametrize(("turns", "tolerance"), [(6, 2e-4), (5, 0.01)])
+def test_sectors_of_a_dome_keep_the_same_area(turns, tolerance):
+    """The mesh of the dome has six equal sectors and no five: there the pattern is symmetric to the width of a face."""
+    changes = DOME | {"diffusion.symmetry": [f"rot:{turns}:z"], "diffusion.modes": 3, "pattern.minor.mode": 2}
+    design = dsfab.run(dsfab.load_preset("dome", changes))
+    assert np.abs(shares(design, turns) - 1).max() < tolerance
+    assert f"modes are the same at {turns} images (rot:{turns}:z)" in " ".join(note.text for note in design.notes)
+
+
+def test_a_bridge_is_the_same_left_and_right():
+    changes = BRIDGE | {"diffusion.symmetry": ["x"], "pattern.rim": 0.0}
+    design = dsfab.run(dsfab.load_preset("cantilever", changes))
+    halves = [clipped(design.sheet.surface, [side, 0, 0]) for side in (1, -1)]
+    assert halves[0] == pytest.approx(halves[1], rel=1e-3)
+    without = draft(dsfab.load_preset("cantilever", {**changes, "diffusion.symmetry": []}))
+    found = symmetry_of(design.surface, ["x"], design.load)
+    assert max(found.asymmetry(design.surface, x) for x in without.diffusion.major.X.T) > 1  # some are odd
+    assert max(found.asymmetry(design.surface, x) for x in design.diffusion.major.X.T) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("words", "shift", "says"),
+    [
+        (["rot:6:z"], 0.0, r"the surface is not: its image is up to 0\.\d+ m off it"),
+        (["x"], 0.5, r"the loads are not: their resultants differ by \d+%"),
+        (["rot:4:z"], 0.5, "the loads are not: their resultants differ"),
+    ],
+)
+def test_what_is_not_symmetric_is_refused_with_what_is_off(words, shift, says):
+    plate, load = square()
+    with pytest.raises(PatternError, match=says):
+        symmetry_of(plate, words, eccentric(load, plate, shift) if shift else load)
+
+
+def test_loads_whose_resultants_agree_but_that_lie_elsewhere_are_refused():
+    """Two forces on a line through the centre: a quarter of a turn keeps force and moment, and moves them."""
+    plate, load = square()
+    corners = np.zeros((plate.n, 3))
+    for angle in (0.3, 0.3 + np.pi):
+        near = np.linalg.norm(plate.V[:, :2] - 0.6 * np.array([np.cos(angle), np.sin(angle)]), axis=1) < 0.25
+        corners = corners + np.outer(near / near.sum(), [0, 0, -1.0])
+    with pytest.raises(PatternError, match=r"the loads are not: \d+% of them lie elsewhere"):
+        symmetry_of(plate, ["rot:4:z"], LoadCase(load.fixed, corners, load.loaded))
+    assert symmetry_of(plate, ["rot:2:z"], LoadCase(load.fixed, corners, load.loaded)).order == 2
+
+
+def test_supports_are_compared_by_place_and_by_direction():
+    plate, load = square()
+    one_side = LoadCase(load.fixed & (plate.V[:, :1] < 0), load.force, load.loaded)
+    with pytest.raises(PatternError, match=r"the supports are not: the image of one is [\d.]+ m from any"):
+        symmetry_of(plate, ["x"], one_side)
+    assert symmetry_of(plate, ["y"], one_side).order == 2
+    rollers = LoadCase(load.fixed & [True, False, True], load.force, load.loaded)
+    assert symmetry_of(plate, ["x", "y"], rollers).order == 4
+    with pytest.raises(PatternError, match="they hold xz only, which turns with it"):
+        symmetry_of(plate, ["rot:4:z"], rollers)
+
+
+@pytest.mark.parametrize("word", ["w", "rot:1:z", "rot:6", "rot:six:z", "x:2", "rot:999:z"])
+def test_unknown_words_are_refused(word):
+    with pytest.raises(PresetError, match=r"diffusion\.symmetry: .* is no symmetry; write x, y or z for a mirror"):
+        dsfab.load_preset("dome", {"diffusion.symmetry": [word]})
+
+
+def test_too_large_a_group_is_refused():
+    with pytest.raises(PatternError, match="over 240 images; ask for fewer"):
+        symmetry_group(["rot:7:x", "rot:5:z"])
+
+
+def test_stress_becomes_symmetric_and_symmetric_stress_stays():
+    plate, load = square()
+    found = symmetry_of(plate, ["rot:4:z"], load)
+    sigma = np.random.default_rng(0).normal(size=(plate.m, 3, 3))
+    sigma += sigma.transpose(0, 2, 1)
+    mean = found.stress(sigma)
+    assert found.stress(mean) == pytest.approx(mean)
+    assert np.abs(mean - sigma).max() > 1
+    for R, face in zip(found.R, found.faces, strict=True):
+        assert R.T @ mean[face] @ R == pytest.approx(mean)
