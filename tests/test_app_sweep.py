@@ -127,6 +127,7 @@ def test_designs_of_one_surface_are_drawn_at_one_place():
     assert np.abs(np.array(edges[0]) - edges[1]).max() <= 2
 
 
+@pytest.mark.slow
 def test_the_best_runs_and_the_build_of_one(here, capsys):
     only_stl = ("--set", "export.formats=['stl']")
     run(capsys, "dome", *COARSE, *only_stl, *PHASES, *CHEAP, "-o", "s", "--constraint", "kept_share <= 0.999")
