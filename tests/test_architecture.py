@@ -53,7 +53,7 @@ HOME = {
     "pyvista": {"app"},
     "vtk": {"app"},
     "trimesh": {"surface", "export"},
-    "pydantic": {"preset", "preset_errors", "preset_file", "surface"},
+    "pydantic": {"preset", "preset_errors", "preset_file", "study", "surface"},
     "cyclopts": {"app"},
     "rich": {"app"},
     "PIL": {"app"},

@@ -1,0 +1,215 @@
+"""`dsfab sweep`: thousands of designs of one preset in one folder, which may be stopped and continued at any time."""
+
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from dsfab.app.build import Mesh, Quiet, Set, Unit
+from dsfab.app.report import out
+from dsfab.errors import DsfabError
+
+if TYPE_CHECKING:
+    from dsfab.study.sweeps.conductor import Progress
+    from dsfab.study.sweeps.fleet import Fleet
+    from dsfab.study.sweeps.folder import SweepFolder
+    from dsfab.study.sweeps.plan import Plan
+    from dsfab.study.sweeps.worker import Drawer
+
+Words = Annotated[tuple[str, ...], Parameter(negative=())]
+
+
+def sweep(
+    what: str,
+    /,
+    *,
+    vary: Annotated[
+        tuple[str, ...],
+        Parameter(negative=(), help="KEY=LOW:HIGH:COUNT[:log], KEY=ONE,TWO,... or, to sample, KEY=LOW:HIGH[:log]."),
+    ] = (),
+    set_: Set = (),
+    mesh: Mesh = None,
+    unit: Unit = None,
+    sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None,
+    seed: Annotated[int | None, Parameter(help="Of the sampling [0].")] = None,
+    metric: Annotated[tuple[str, ...], Parameter(negative=(), help="What to measure (comma list, repeatable).")] = (),
+    constraint: Annotated[
+        tuple[str, ...], Parameter(name=["--constraint", "--subject-to"], negative=(), help="Such as 'pieces == 1'.")
+    ] = (),
+    optimise: Annotated[str | None, Parameter(help="Search for the best of this metric instead of sampling.")] = None,
+    evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None,
+    keep: Annotated[
+        tuple[str, ...], Parameter(negative=(), help="Of each run: picture, preset, sheet, solid or nothing [picture].")
+    ] = (),
+    export: Annotated[str | None, Parameter(help="Keep solids, in these formats: stl,3mf,step,obj,ply,glb.")] = None,
+    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None,
+    view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None,
+    output: Annotated[
+        Path | None, Parameter(name=["-o", "--output"], help="The sweep's folder [outputs/NAME-sweep].")
+    ] = None,
+    workers: Annotated[int | None, Parameter(help="Processes [cores, as memory allows].")] = None,
+    scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None,
+    extend: Annotated[bool, Parameter(negative=(), help="Add what is new to an existing sweep.")] = False,
+    best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None,
+    by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None,
+    build: Annotated[int | None, Parameter(help="Build run N of a sweep's folder in full.")] = None,
+    quiet: Quiet = False,
+) -> int:
+    """Make many designs of a preset: numbers, pictures and a page to choose from, in one folder.
+
+    It may be stopped at any time, even by a power cut: the same command, or `dsfab sweep FOLDER`, goes on.
+
+    Parameters
+    ----------
+    what
+        A sweep file, a preset (with --vary), or the folder of a sweep to go on with.
+    """
+    from dsfab.app.sweep_vary import with_options, words
+
+    if best is not None or build is not None:
+        from dsfab.app.sweep_ask import ask
+
+        return ask(Path(what), best, by, build, quiet)
+    kept = words(keep)
+    others: dict[str, Any] = {
+        "sampling": sample,
+        "seed": seed,
+        "metrics": words(metric),
+        "constraints": words(constraint),
+        "keep": [] if kept == ["nothing"] else kept,
+        "size": size,
+        "view": view,
+    }
+    given, source = _given(what, bool(vary or (sample or "").startswith("csv:")))
+    if optimise is not None or evaluations is not None:
+        asked = {"metric": optimise, "evaluations": evaluations}
+        others["search"] = {**given.get("search", {}), **{k: v for k, v in asked.items() if v is not None}}
+    if export is not None:
+        others["formats"] = words([export.lower()])
+        others["keep"] = list(dict.fromkeys([*(kept or given.get("keep", ["picture"])), "solid"]))
+    values = with_options(given, vary=vary, set_=set_, mesh=mesh, unit=unit, others=others)
+    if kept == ["nothing"]:
+        values["keep"] = []
+    return _run(values, source, _folder_of(what, output), extend, workers, scheduler, quiet)
+
+
+def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
+    """The tables that the command line starts from, and what to call them."""
+    from dsfab.study.sweeps.folder import SWEEP
+    from dsfab.study.sweeps.plan_file import read_plan
+
+    path = Path(what)
+    if path.is_dir():
+        if not (path / SWEEP).is_file():
+            raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
+        return read_plan(path / SWEEP), f"sweep {path / SWEEP}"
+    if path.is_file() and not varied and _is_sweep(path):
+        return read_plan(path), f"sweep {path.name}"
+    if path.is_file() and _is_sweep(path):
+        return read_plan(path), f"sweep {path.name}"
+    if not varied:
+        raise DsfabError(
+            f"{what} is not a sweep file or a sweep's folder; to sweep a preset, say what to vary: "
+            f"dsfab sweep {what} --vary pattern.major.frequency=6:12:4"
+        )
+    return {"preset": what}, f"sweep of {what}"
+
+
+def _is_sweep(path: Path) -> bool:
+    """Whether a TOML file is a sweep: it names a preset, or varies something."""
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return path.suffix == ".toml"  # what is wrong with it is told by whoever reads it
+    return not {"preset", "vary", "linked"}.isdisjoint(values)
+
+
+def _folder_of(what: str, output: Path | None) -> Path | None:
+    if Path(what).is_dir():
+        if output is not None and output.resolve() != Path(what).resolve():
+            raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
+        return Path(what)
+    return output
+
+
+def _run(
+    values: dict[str, Any],
+    source: str,
+    folder: Path | None,
+    extend: bool,
+    workers: int | None,
+    scheduler: str | None,
+    quiet: bool,
+) -> int:
+    from dsfab.app.sweep_progress import Teller
+    from dsfab.app.sweep_show import headline, summary
+    from dsfab.study.sweeps.folder import checked, made, prepare
+    from dsfab.study.sweeps.lock import only_coordinator
+    from dsfab.study.sweeps.plan_file import plan_from
+
+    if workers is not None and workers < 1:
+        raise DsfabError(f"--workers {workers} must be 1 or more")
+    plan = plan_from(values, source)
+    draw = _drawer(plan)
+    known = checked(plan)
+    folder = folder if folder is not None else Path("outputs") / f"{known[0].name}-sweep"
+    teller = Teller(quiet, headline(plan), plan.limits)
+    with only_coordinator(made(folder)):
+        found = prepare(plan, folder, extend, known)
+        for row in found.rows():
+            if row.state == "done":
+                teller.knows(row.number, row.metrics)
+        stopped = _conducted(found, _fleet(found, draw, workers, scheduler), teller)
+        if not quiet:
+            out(summary(found))
+    if stopped:
+        teller.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {folder}` goes on")
+    return 130 if stopped else 0
+
+
+def _conducted(found: "SweepFolder", fleet: "Fleet", teller: Any) -> bool:
+    """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
+    from dsfab.app.sweep_show import Shown
+
+    shown, stopped = Shown(found), False
+
+    def told(progress: "Progress") -> None:
+        teller(progress)
+        shown.now_and_then()
+
+    try:
+        try:
+            found.run(fleet, told)
+        except KeyboardInterrupt:
+            stopped = True
+        finally:
+            teller.stop()
+            fleet.close()
+    finally:
+        shown.write()
+    return stopped
+
+
+def _drawer(plan: "Plan") -> "Drawer | None":
+    """Draws the runs' pictures; raises DsfabError where nothing can be drawn, before the work begins."""
+    from dsfab.app.explore import picture_size
+    from dsfab.app.gl import require_rendering
+    from dsfab.app.sweep_picture import SheetDrawer, require_view
+
+    if "picture" not in plan.keep:
+        return None
+    require_view(plan.view)
+    size = picture_size(plan.size)
+    require_rendering()
+    return SheetDrawer(size, plan.view)
+
+
+def _fleet(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Fleet":
+    if scheduler is not None:
+        from dsfab.study.sweeps.cluster import DaskFleet
+
+        return DaskFleet(found.job(draw, ship_mesh=True), scheduler)
+    from dsfab.study.sweeps.local import LocalFleet
+
+    return LocalFleet(found.job(draw), workers)

@@ -1,0 +1,186 @@
+"""A sweep's folder: sweep.toml and preset.toml, runs.db, results, and what is kept of each run."""
+
+import json
+import tomllib
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dsfab.errors import DsfabError, ExportError
+from dsfab.export.atomic import replacing, write_chunks
+from dsfab.preset import Preset
+from dsfab.preset_file import preset_toml
+from dsfab.study.sweeps.conductor import Progress, conduct, standing
+from dsfab.study.sweeps.fleet import Changes, Fleet
+from dsfab.study.sweeps.plan import Plan
+from dsfab.study.sweeps.plan_file import base_preset, load_plan, plan_toml
+from dsfab.study.sweeps.results import PICTURES, records, write_tables
+from dsfab.study.sweeps.sampling import check_points, digest, points, trials
+from dsfab.study.sweeps.search import search
+from dsfab.study.sweeps.store import Row, Store
+from dsfab.study.sweeps.worker import Drawer, Job, Outcome, mesh_of
+
+SWEEP, PRESET = "sweep.toml", "preset.toml"
+DESIGNS, LOGS = "designs", "logs"
+
+HARMLESS = {"constraints"}
+"""Keys that change nothing about what is made: they may differ when a sweep goes on."""
+
+RENEWING = {"metrics", "keep", "formats", "size", "view"}
+"""Keys that ask more of every run: with --extend, all are made again."""
+
+
+@dataclass(frozen=True)
+class SweepFolder:
+    """An existing sweep: its folder, its plan (paths settled) and the preset that all runs start from."""
+
+    path: Path
+    plan: Plan
+    preset: Preset
+
+    @classmethod
+    def at(cls, path: Path) -> "SweepFolder":
+        """The sweep in a folder; raises DsfabError where there is none."""
+        if not (path / SWEEP).is_file():
+            raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
+        plan = load_plan(path / SWEEP)
+        return cls(path, plan, base_preset(plan))
+
+    def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
+        """What workers need to know. ship_mesh : they cannot read the preset's mesh file."""
+        values = self.preset.model_dump(mode="json", exclude_none=True)
+        mesh = mesh_of(self.preset) if ship_mesh else None
+        plan = self.plan
+        token = f"{self.path.absolute()} {plan_toml(plan)}"
+        return Job(token, values, plan.measured, plan.keep, plan.formats, draw, mesh)
+
+    def rows(self) -> list[Row]:
+        """All runs."""
+        with Store.open(self.path) as store:
+            return store.rows()
+
+    def run(self, fleet: Fleet, told: Callable[[Progress], None] = lambda progress: None) -> None:
+        """Make every run that waits, and those in progress when it was last stopped."""
+        with Store.open(self.path) as store:
+            store.again()
+            try:
+                if self.plan.search is None:
+                    conduct(store, fleet, _waiting(store), self.deliver, told)
+                else:
+                    self._search(store, fleet, told, self.plan.search.evaluations)
+            finally:
+                with suppress(DsfabError):
+                    store.again()
+                with suppress(DsfabError):
+                    self.write_tables()
+
+    def _search(self, store: Store, fleet: Fleet, told: Callable[[Progress], None], total: int) -> None:
+        """Let the search propose runs; those that are recorded are not made again."""
+        progress = standing(store, max(total, sum(store.counts().values())))
+
+        def make(proposed: Sequence[Changes]) -> dict[str, Row]:
+            store.add(proposed, {})
+            if waiting := _waiting(store):
+                conduct(store, fleet, waiting, self.deliver, told, progress)
+            return {digest(row.changes): row for row in store.rows()}
+
+        search(self.plan, make)
+
+    def write_tables(self) -> list[Path]:
+        """Write the results as they stand."""
+        return write_tables(self.path, records(self.rows(), self.plan.measured, self.plan.limits))
+
+    def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
+        """Write the files of a run, and its log if it failed; raises ExportError."""
+        names = []
+        for name, content in outcome.files.items():
+            place = f"{PICTURES}/{outcome.number:05}.png" if name == "picture.png" else None
+            names.append(place or f"{DESIGNS}/{outcome.number:05}/{name}")
+            _write(self.path / names[-1], content)
+        if outcome.error:
+            _write(self.path / LOGS / f"{outcome.number:05}.txt", self._log(outcome, changes).encode())
+        return names
+
+    def _log(self, outcome: Outcome, changes: Changes) -> str:
+        values = "\n".join(f"  {key} = {value!r}" for key, value in changes.items())
+        measured = "\n".join(f"  {name} = {value!r}" for name, value in outcome.metrics.items()) or "  nothing"
+        return (
+            f"run {outcome.number} of {self.preset.name} failed after {outcome.seconds:.2f} s\n\n{outcome.error}\n\n"
+            f"what it changed:\n{values}\n\nwhat was measured before:\n{measured}\n"
+            + (f"\n{outcome.log}" if outcome.log else "")
+        )
+
+
+def checked(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
+    """The preset that all runs of a plan start from, and what each changes; raises PresetError for what cannot be."""
+    preset, found = base_preset(plan), points(plan) if plan.search is None else []
+    check_points(preset, found or trials(plan))
+    return preset, found
+
+
+def _waiting(store: Store) -> dict[int, Changes]:
+    return {row.number: row.changes for row in store.rows("waiting")}
+
+
+def prepare(
+    plan: Plan, folder: Path, extend: bool = False, known: tuple[Preset, list[dict[str, Any]]] | None = None
+) -> SweepFolder:
+    """The folder of a plan, made or found again, its runs recorded; call it inside `only_coordinator`.
+
+    Raises DsfabError for a plan that is not that of the folder, unless `extend` allows it: then runs are added, and
+    none is lost; metrics or files that are new are made for all. PresetError for keys and values that cannot be.
+    known : what `checked` said, if it was asked before the folder was made.
+    """
+    preset, found = checked(plan) if known is None else known
+    settled = _settled(plan, found)
+    texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}
+    with Store.create(folder) as store:
+        old, old_preset = store.meta("plan"), store.meta("preset")
+        if old is not None:
+            changed = _changed(old, settled) - HARMLESS
+            if old_preset != texts["preset"]:
+                raise DsfabError(f"{folder} holds a sweep of another preset; choose another folder with -o")
+            if changed and not extend:
+                raise DsfabError(
+                    f"{folder} holds another sweep ({', '.join(sorted(changed))} differ); add --extend to add what is "
+                    "new to it, or choose another folder with -o"
+                )
+            if changed & RENEWING:
+                store.again(("done", "failed"))
+        store.add(found, texts)
+    _write(folder / PRESET, texts["preset"].encode())
+    _write(folder / SWEEP, texts["plan"].encode())
+    return SweepFolder(folder, settled.model_copy(update={"preset": str(folder.absolute() / PRESET)}), preset)
+
+
+def made(folder: Path) -> Path:
+    """A folder to hold a sweep; raises ExportError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ExportError(f"cannot write to {folder}: {error.strerror}; choose another folder with -o") from None
+    return folder
+
+
+def _settled(plan: Plan, found: list[dict[str, Any]]) -> Plan:
+    """The plan as its folder keeps it: nothing outside of the folder is needed to read it again."""
+    update: dict[str, Any] = {"preset": PRESET, "set": {}, "mesh": None}
+    if plan.sampling.startswith("csv:"):
+        columns = {key: tuple(changes[key] for changes in found) for key in found[0]}
+        update.update(sampling="grid", linked=(columns,))
+    return plan.model_copy(update=update)
+
+
+def _changed(old: str, new: Plan) -> set[str]:
+    """Keys in which a recorded plan differs from another; the order of what is varied counts."""
+    was, now = tomllib.loads(old), tomllib.loads(plan_toml(new))
+    return {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))}
+
+
+def _write(path: Path, content: bytes) -> None:
+    """A file, down to the disk, whole or not at all."""
+    made(path.parent)
+    with replacing(path) as temporary:
+        write_chunks(temporary, [content])

@@ -1,0 +1,156 @@
+"""What a sweep can measure. Each metric makes only the stages that it needs."""
+
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.design import Design
+from dsfab.statics import VERDICT, Equilibrium, buckling
+from dsfab.study.sweeps.making import Making, carried, loads_on
+from dsfab.surface.hats import hat_gradients
+
+Metric = Callable[[Design], float]
+"""A function of a design."""
+
+Named = Callable[[Design | Making], float]
+"""A function of a design, whole or in the making."""
+
+NARROWEST = 0.1
+"""`min_width` leaves out this share of the area of the stripes: around singular points, where modes have no one slope,
+the width of single faces does not settle as the mesh gets finer (stripes of 0.25 m on a dome: 0.23 m at a tenth)."""
+
+
+def _kept_share(made: Design | Making) -> float:
+    return made.sheet.surface.area / made.surface.area
+
+
+def _sheet_mass(made: Design | Making) -> float:
+    statics = made.preset.statics
+    return made.sheet.surface.area * statics.thickness * statics.density
+
+
+def _loose(made: Design | Making) -> float:
+    """Area that reaches no support, over that of all material."""
+    cells = made.slicing.cells
+    material = float(cells.surface.areas @ cells.material)
+    held = sum(piece.area for piece in made.slicing.pieces if piece.held)
+    return max(0.0, 1 - held / material)
+
+
+def _min_width(made: Design | Making) -> float:
+    """Across the stripes, 2 d / |grad z| on every face where a family is material; the lesser of both families."""
+    draft = made.draft if isinstance(made, Making) else made
+    ask, pattern = made.preset.pattern, draft.pattern
+    families = ((ask.major, draft.diffusion.major), (ask.minor, draft.diffusion.minor))
+    width, area = [np.zeros(0)], [np.zeros(0)]
+    for (family, modes), name, frequency in zip(families, ("major", "minor"), pattern.frequency, strict=True):
+        index = pattern.names.index(name)
+        cells = made.sheet.family == index
+        faces = made.sheet.parent[cells]
+        z, d = frequency * modes.mode(family.mode), pattern.half_widths[index]
+        slope = _slopes(made, z)[faces]
+        width.append(2 * d[made.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
+        area.append(made.sheet.surface.areas[cells])
+    return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
+
+
+def _slopes(made: Design | Making, z: Floats) -> Floats:
+    """(m,) |grad z| on the faces, per metre."""
+    gradient = np.einsum("mcx,mc->mx", hat_gradients(made.surface), z[made.surface.F])
+    return np.asarray(np.linalg.norm(gradient, axis=1))
+
+
+def _lower_share(values: Floats, weights: Floats, share: float) -> float:
+    """The value that `share` of the weights lies below; infinite where there are none (no stripe is left)."""
+    if not weights.sum() > 0:
+        return float("inf")
+    order = np.argsort(values)
+    place = np.searchsorted(np.cumsum(weights[order]), share * weights.sum())
+    return float(values[order][place])
+
+
+def _answers(made: Design | Making) -> Mapping[str, Equilibrium]:
+    return made.carried if isinstance(made, Making) else carried(made)
+
+
+def _compliance(made: Design | Making, answers: Mapping[str, Equilibrium]) -> float:
+    """The weighted sum over what the pattern follows, as `dsfab.compare` has it."""
+    return sum(weight * answers[name].compliance for name, weight in made.preset.followed.items())
+
+
+def _buckling(made: Design | Making) -> float:
+    """The lowest factor of all loads that the pattern follows."""
+    statics, sheet = made.preset.statics, made.sheet.surface
+    given, loads, lowest = (statics.material, statics.thickness, statics.law), loads_on(made), float("inf")
+    for name, answer in _answers(made).items():
+        found = buckling(sheet, given[0], loads[name], answer, given[1], count=1, law=given[2], elements=VERDICT)
+        lowest = min([lowest, *found.factor.tolist()])
+    return lowest
+
+
+METRICS: dict[str, Named] = {
+    "area": lambda made: made.sheet.surface.area,
+    "kept_share": _kept_share,
+    "volume": lambda made: made.solid.volume,
+    "mass": lambda made: made.mass,
+    "pieces": lambda made: float(len(made.slicing.pieces)),
+    "genus": lambda made: float(made.solid.genus),
+    "compliance_uncut": lambda made: made.statics.equilibrium.compliance,
+    "sheet_mass": _sheet_mass,
+    "loose": _loose,
+    "pinches": lambda made: float(made.slicing.pinches),
+    "min_width": _min_width,
+    "compliance": lambda made: _compliance(made, _answers(made)),
+    "compliance_quick": lambda made: _compliance(made, carried(made, "constant")),
+    "displacement": lambda made: max(answer.largest_displacement for answer in _answers(made).values()),
+    "buckling": _buckling,
+}
+"""What a sweep can measure, in SI units: functions of a Design; see `ABOUT` for what each is worth."""
+
+BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
+"""What `dsfab.sweep` measures when nothing is asked: no solve beyond those of the design itself."""
+
+Better = Literal["less", "more", ""]
+
+
+class About(NamedTuple):
+    """Unit, which direction is better, the stage it needs, and what it is."""
+
+    unit: str
+    better: Better
+    stage: str
+    says: str
+
+
+_CUT = "on the mesh as it is cut"
+ABOUT: Mapping[str, About] = {
+    "area": About("m2", "less", "slicing", "area of the kept sheet"),
+    "kept_share": About("", "less", "slicing", "area of the kept sheet over that of the surface"),
+    "volume": About("m3", "less", "thickening", "volume of the solid"),
+    "mass": About("kg", "less", "thickening", "mass of the solid"),
+    "pieces": About("", "less", "slicing", "connected parts of the kept sheet"),
+    "genus": About("", "", "thickening", "number of handles of the solid: its holes"),
+    "compliance_uncut": About("J", "less", "statics", "compliance of the surface before it is cut"),
+    "sheet_mass": About("kg", "less", "slicing", "area x thickness x density: the mass, without making the solid"),
+    "loose": About("", "less", "slicing", "share of the cut material that reaches no support"),
+    "pinches": About("", "less", "slicing", "point contacts that were joined or split"),
+    "min_width": About("m", "more", "slicing", "width across the stripes; a tenth of their area may be narrower"),
+    "compliance": About(
+        "J", "less", "slicing", f"one solve {_CUT}, quadratic and mid-edge elements: within 3 % at four elements across"
+    ),
+    "compliance_quick": About(
+        "J", "less", "slicing", f"one solve {_CUT}, constant strain and mid-edge: ranks designs, 5 to 15 % off"
+    ),
+    "displacement": About("m", "less", "slicing", f"largest displacement of the solve of `compliance`, {_CUT}"),
+    "buckling": About(
+        "", "more", "slicing", f"lowest factor of linear buckling {_CUT}; shells buckle at a fifth to a half of it"
+    ),
+}
+"""What each metric is."""
+
+
+def measured(name: str, made: Design | Making) -> float:
+    """A named metric of a design; raises the DsfabError of the stage that cannot be made."""
+    return float(METRICS[name](made))
