@@ -9,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from dsfab.errors import SurfaceError
 from dsfab.surface import (
+    FIGURES,
     SHAPES,
     All,
     Ball,
@@ -30,7 +31,7 @@ from dsfab.surface import (
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
 
 FEET = Support(Side("z", "min"))
-ZOO = {name: make(edge=2.5 * make().mean_edge) for name, make in SHAPES.items()}
+ZOO = {name: make(edge=2.5 * make().mean_edge) for name, make in SHAPES.items() if name not in FIGURES}
 
 
 def build(surface, *loads, supports=None, weight=0.0):
