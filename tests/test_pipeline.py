@@ -6,7 +6,7 @@ import trimesh
 
 import dsfab
 from dsfab.errors import DsfabError
-from dsfab.pipeline import ROWS, TIMED
+from dsfab.pipeline import PARTS, ROWS, TIMED
 from dsfab.preset import STAGES
 from tests.meshes import mesh_file
 
@@ -124,7 +124,7 @@ def test_every_stage_is_announced_in_order_and_timed(small):
     design = dsfab.run(dsfab.load_preset("dome", SMALL["dome"]), lambda stage, doing: said.append((stage, doing)))
     assert [stage for stage, _ in said] == ["surface", "statics", "diffusion", "pattern", "slicing", "thickening"]
     assert all(doing for _, doing in said)
-    assert set(design.seconds) == {row for rows in ROWS.values() for row in rows}
+    assert set(design.seconds) == {row for rows in (*ROWS.values(), *PARTS.values()) for row in rows}
     assert set(TIMED) <= set(design.seconds)
     assert "bending" not in small["cantilever"].seconds  # a flat sheet in its plane does not bend
 

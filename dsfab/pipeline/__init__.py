@@ -10,7 +10,7 @@ from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
 
-__all__ = ["ROWS", "TIMED", "Progress", "draft", "revise", "run"]
+__all__ = ["PARTS", "ROWS", "TIMED", "Progress", "draft", "revise", "run"]
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
 """Rows of the timing table that a run fills: those of the paper's Table 2, then the stages beyond the paper."""
@@ -24,6 +24,9 @@ ROWS = {
     "thickening": ("thickening",),
 }
 """The rows of the timing table that each stage fills."""
+
+PARTS = {"statics": ("factor",)}
+"""Seconds that are part of another row of the stage, told beside it."""
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:
@@ -59,7 +62,8 @@ def _reused(stage: str, log: Log, old: Made | None, start: str) -> Made | None:
     """What was made before, if this stage's result is still good."""
     if old is None or STAGES.index(stage) >= STAGES.index(start):
         return None
-    log.seconds.update({row: old.seconds[row] for row in ROWS[stage] if row in old.seconds})
+    rows = (*ROWS[stage], *PARTS.get(stage, ()))
+    log.seconds.update({row: old.seconds[row] for row in rows if row in old.seconds})
     log.notes.extend(note for note in old.notes if note.stage == stage)
     return old
 
