@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dsfab import sparse
-from dsfab.statics import bending_stiffness, equilibrium, membrane_stiffness, stress
+from dsfab.statics import added, bending_stiffness, equilibrium, membrane_stiffness, stress
 from dsfab.statics.factor import factored
 from dsfab.surface import LoadCase
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
@@ -27,7 +27,7 @@ def stage(preset, surface, load):
     sheet = preset.statics
     cpu, wall = time.process_time(), time.perf_counter()
     K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, sheet.elements)
-    K = K + bending_stiffness(surface, sheet.material, sheet.thickness, sheet.elements)
+    K = added(K, bending_stiffness(surface, sheet.material, sheet.thickness, sheet.elements))
     answer = equilibrium(surface, K, load, sheet.elements)
     stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     return time.process_time() - cpu, time.perf_counter() - wall, K
