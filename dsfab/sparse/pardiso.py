@@ -5,7 +5,7 @@ import os
 import weakref
 
 import numpy as np
-from scipy.sparse import csr_array, triu
+from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
 from dsfab.sparse.memory import FactorMemoryError, require_memory
@@ -58,7 +58,10 @@ class Pardiso:
         return self._call(SOLVE, np.asfortranarray(b, dtype=np.float64)).reshape(b.shape)
 
     def _take(self, K: csr_array) -> None:
-        self._upper = csr_array(triu(K, format="csr"))
+        row = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
+        keep = K.indices >= row
+        pointer = np.concatenate([[0], np.cumsum(np.bincount(row[keep], minlength=K.shape[0]))])
+        self._upper = csr_array((K.data[keep], K.indices[keep], pointer.astype(np.int32)), shape=K.shape)
         self._upper.sort_indices()
 
     def _call(self, phase: int, b: Floats) -> Floats:
