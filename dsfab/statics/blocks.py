@@ -2,14 +2,18 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import bsr_array, csr_array
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
+
+Index = npt.NDArray[np.integer[Any]]
+"""Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 """The pairs of corners of a hinge, in the order of `VertexPairs.of_hinge`."""
@@ -54,7 +58,7 @@ class VertexPairs:
         return np.stack([edge[h0], edge[last0], edge[next0], edge[beside[0]], edge[beside[1]], self.opposite])
 
     @cached_property
-    def _places(self) -> tuple[Ints, Ints, Ints]:
+    def _places(self) -> tuple[Index, Index, Index]:
         """Row pointers and columns of the matrix, and for each entry its number among p off-diagonal blocks of nine,
         then n diagonal ones, each entry of the block in a row of its own: (9, p + n)."""
         low, high = self.ends.T.astype(np.int32)
@@ -69,7 +73,8 @@ class VertexPairs:
         lower = np.concatenate([np.ones(len(pair), dtype=bool), np.zeros(count, dtype=bool)])[order]
         blocks = number[:, None, None] + np.where(lower[:, None, None], entry.T, entry)
         places = bsr_array((blocks.astype(np.float64), column[order], begin), (3 * self.n, 3 * self.n)).tocsr()
-        found = places.indptr, places.indices, places.data.astype(np.int32 if 9 * count < 2**31 else np.int64)
+        at: Index = places.data.astype(np.int32 if 9 * count < 2**31 else np.int64)
+        found: tuple[Index, Index, Index] = places.indptr, places.indices, at
         for array in found:
             array.flags.writeable = False  # all matrices of the mesh share them
         return found
@@ -115,6 +120,6 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
 
 def added(A: csr_array, B: csr_array) -> csr_array:
     """A + B; where both are stored alike, only their values are added."""
-    if A.indices is B.indices or (A.nnz == B.nnz and np.array_equal(A.indices, B.indices)):
+    if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
     return csr_array(A + B)
