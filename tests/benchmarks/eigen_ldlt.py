@@ -4,7 +4,7 @@
 
 needs g++ and libeigen3-dev. Eigen's column is compute + solve of the free unknowns' matrix alone, which is given to it;
 dsfab's is everything: pattern and assembly (membrane, hinge), factor, solve, checks and stress, on a surface that was
-not solved before. CPU seconds of all threads, the best and the median of five runs of each, taken in turn.
+not solved before. CPU seconds of all threads, the best and the median of three runs of each, taken in turn.
 """
 
 import subprocess
@@ -20,7 +20,7 @@ from dsfab.statics.factor import factored
 from dsfab.surface import LoadCase
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
 
-RUNS = 5
+RUNS = 3
 
 
 def stage(preset, surface, load):

@@ -1,4 +1,5 @@
-// Spectra's shift-invert Lanczos over SimplicialLDLT on matrices written by spectra_modes.py. CPU seconds, then eigenvalues and residuals, to stdout.
+// Spectra's shift-invert Lanczos over SimplicialLDLT on matrices written by spectra_modes.py.
+// CPU seconds, then eigenvalues and residuals, to stdout.
 #include <Eigen/Sparse>
 #include <Spectra/MatOp/SparseSymShiftSolve.h>
 #include <Spectra/SymEigsShiftSolver.h>

@@ -23,7 +23,6 @@ from dsfab.pipeline.structure import statics_step
 from dsfab.surface.hats import voronoi_mass
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
 
-
 RUNS = 5
 
 
