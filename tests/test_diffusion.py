@@ -154,7 +154,7 @@ def test_modes_beyond_the_vertices_are_refused():
     surface = grid(2, 2, 1.0, 1.0)
     L = diffusion_operator(surface, diffusion_tensors(surface, constant_stress(surface, 1, 0)).major)
     with pytest.raises(PatternError, match="the surface has 9: refine the mesh"):
-        diffusion_modes(surface, L, 5)
+        diffusion_modes(surface, L, 7)
     big = diffusion_modes(
         ZOO["flat"](),
         diffusion_operator(ZOO["flat"](), diffusion_tensors(ZOO["flat"](), constant_stress(ZOO["flat"](), 1, 0)).major),
@@ -228,3 +228,14 @@ def test_tensors_are_frozen():
     tensors = DiffusionTensors(np.eye(3)[None], np.eye(3)[None], [False], [[1, 0]])
     with pytest.raises(ValueError, match="read-only"):
         tensors.major[0, 0, 0] = 2
+
+
+def test_a_repeated_eigenvalue_at_the_end_is_complete():
+    # on two equal spheres the first eigenvalue is sixfold: cut after any of its modes, those before stay what they are
+    one = sphere(2)
+    surface = Surface(np.concatenate([one.V, one.V + [3.0, 0.4, 0.2]]), np.concatenate([one.F, one.F + one.n]))
+    L = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
+    whole = diffusion_modes(surface, L, 6)
+    assert np.ptp(whole.lam) < 1e-8
+    for k in range(1, 6):
+        assert np.allclose(diffusion_modes(surface, L, k).X, whole.X[:, :k], atol=1e-7)

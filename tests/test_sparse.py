@@ -11,9 +11,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array, diags_array
 
 from dsfab import sparse
-from dsfab.sparse import ConvergenceError, FactorMemoryError, NotPositiveDefinite, factorise, memory, multigrid
+from dsfab.sparse import ConvergenceError, FactorMemoryError, NotPositiveDefinite, factorise, memory, multigrid, superlu
 from dsfab.sparse.dissection import dissection_keys, point_graph
 from dsfab.sparse.multifrontal import Fronts, Multifrontal
+from dsfab.sparse.superlu import SuperLU
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.factor import factored
 from dsfab.statics.mechanisms import rigid_motions
@@ -187,3 +188,20 @@ def test_multigrid_refuses_what_it_could_not_solve(monkeypatch):
     solve = factorise(factor.inner, surface.V, factor.free // 3, "multigrid", rigid)
     with pytest.raises(ConvergenceError, match="stopped at a relative residual"):
         solve(np.random.default_rng(0).standard_normal(len(factor.free)))
+
+
+def test_an_order_of_elimination_serves_another_matrix_of_the_same_pattern(monkeypatch):
+    K, points, node = system(ZOO["dome"]())
+    order = SuperLU(K, points, node).order
+    monkeypatch.setattr(superlu, "elimination_order", lambda *_: pytest.fail("found again"))
+    twice = SuperLU(2 * K, points, node, order=order)
+    b = np.ones(K.shape[0])
+    assert_allclose(2 * (K @ twice(b)), b, atol=1e-8)
+
+
+def test_pivots_are_read_unless_the_matrix_is_known_to_be_definite():
+    K, points, node = system(ZOO["dome"]())
+    with pytest.raises(NotPositiveDefinite):
+        SuperLU(-K, points, node)
+    b = np.ones(K.shape[0])
+    assert_allclose(K @ SuperLU(K, points, node, definite=True)(b), b, atol=1e-8)

@@ -16,7 +16,7 @@ from dsfab.statics import (
     stress,
     von_mises,
 )
-from dsfab.statics.bending import angle_gradients, hinges
+from dsfab.statics.hinges import angle_gradients, hinges
 from dsfab.statics.mechanisms import rigid_motions
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import ZOO, grid, jittered, zoo

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.sparse import one_blas_thread
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
 
@@ -27,6 +28,11 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     third moment is positive. Only directions that all of these leave open (a dome under its own weight has a whole
     plane of them, and any rotation of its pattern is as good) are settled by the coordinates x, y, z.
     """
+    with one_blas_thread():
+        return _axes(surface, weights, vectors)
+
+
+def _axes(surface: Surface, weights: Sequence[Floats], vectors: Sequence[Floats]) -> Floats:
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     measures = [mass, *(mass * weight for weight in weights if (mass * weight).sum() > 0)]

@@ -2,16 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from dsfab.arrays import Floats, lock
+from dsfab.arrays import Floats, Ints, lock
 from dsfab.diffusion.frame import reference_axes
 from dsfab.diffusion.symmetry import Symmetry
 from dsfab.errors import PatternError
-from dsfab.sparse import factorise, one_blas_thread
+from dsfab.sparse import SuperLU, one_blas_thread
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import pieces
@@ -22,8 +23,13 @@ SAME = 1e-6
 VISIBLE = 1e-2
 """A reference field is used to fix a basis or a sign only if this share of it lies in the eigenspace."""
 
-SPARE = 4
-"""Pairs computed beyond those asked for, so that a repeated eigenvalue at the end is complete."""
+SPARE = 2
+"""Pairs computed beyond those asked for, so that a repeated eigenvalue at the end is mostly complete; where it is not,
+more are computed."""
+
+KRYLOV = 4
+"""Lanczos vectors for each pair: few restarts. Simple eigenvalues take 33 solves for five modes, pairs of them 52. They
+are solved to the last digit: copies of a repeated eigenvalue grow out of rounding, and stop growing where it stops."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +57,28 @@ class Modes:
         return np.asarray(self.X[:, number - 1])
 
 
+_ORDERS: WeakKeyDictionary[Surface, Ints] = WeakKeyDictionary()
+"""The order of elimination of each surface that lives: its operators have the same pattern."""
+
+_PIECES: WeakKeyDictionary[Surface, int] = WeakKeyDictionary()
+
+
+def _constants(surface: Surface) -> int:
+    """How many modes are constant on each piece, one a piece; counted once for a surface that lives."""
+    if surface not in _PIECES:
+        _PIECES[surface] = pieces(surface.F, surface.edges)[0]
+    return _PIECES[surface]
+
+
 def diffusion_modes(
     surface: Surface, L: csr_array, k: int = 5, axes: Floats | None = None, symmetry: Symmetry | None = None
 ) -> Modes:
     """The k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
-    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2 with one Cholesky factor. The scale is as if the area were 4 pi, so
-    that frequencies mean the same at any size: on the unit sphere modes are M-normalised. Signs and the basis of a
-    repeated eigenvalue do not depend on the solver (`_canonical`), and turn with the surface if the axes do.
+    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2 with one factor, whose order of elimination is found once a mesh.
+    The scale is as if the area were 4 pi, so that frequencies mean the same at any size: on the unit sphere modes are
+    M-normalised. Signs and the basis of a repeated eigenvalue do not depend on the solver (`_canonical`), and turn with
+    the surface if the axes do.
 
     axes     : (3, 3) rows, what signs and bases look at; those of the surface alone (`reference_axes`) when left out.
     symmetry : only modes that are the same at all of its images: more pairs are computed until there are k such.
@@ -67,7 +87,7 @@ def diffusion_modes(
     """
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
-    constants = pieces(surface.F, surface.edges)[0]
+    constants = _constants(surface)
     pairs = _pairs(surface, L, mass)
     wanted = k * (symmetry.order if symmetry else 1) + constants + SPARE
     while True:
@@ -78,7 +98,7 @@ def diffusion_modes(
         lam, X = (part[..., constants:] for part in pairs(wanted))
         if symmetry:
             lam, X = symmetry.invariant(L, X, mass)
-        if len(lam) >= k:
+        if len(lam) >= k and (symmetry or 2 * wanted >= surface.n or lam[-1] - lam[k - 1] > SAME * lam[-1]):
             break
         wanted *= 2
     with one_blas_thread():
@@ -91,9 +111,12 @@ def _pairs(surface: Surface, L: csr_array, mass: Floats) -> Callable[[int], tupl
     # on a vertex of no face the mass is 0: it keeps a unit row, out of the way of the small eigenvalues
     root = np.sqrt(np.where(mass > 0, mass, surface.area))
     shift = 1 / surface.area
-    A = _scaled(L, root, mass) + shift * diags_array(np.ones(surface.n))
+    unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
+    A = csr_array((L.data / np.repeat(root, np.diff(L.indptr)) / root[L.indices], L.indices, L.indptr), shape=L.shape)
     # one unknown a vertex: SuperLU's factor is ready sooner than PARDISO's, and its 30 solves cost less
-    solve = factorise(csr_array(A), surface.V, solver="SuperLU")
+    A = csr_array(A + diags_array(unused + shift))
+    solve = SuperLU(A, surface.V, np.arange(surface.n), order=_ORDERS.get(surface), definite=True)
+    _ORDERS[surface] = solve.order
 
     def pairs(count: int) -> tuple[Floats, Floats]:
         lam, Y = _lanczos(solve, surface.n, shift, count)
@@ -102,19 +125,14 @@ def _pairs(surface: Surface, L: csr_array, mass: Floats) -> Callable[[int], tupl
     return pairs
 
 
-def _scaled(L: csr_array, root: Floats, mass: Floats) -> csr_array:
-    inverse = diags_array(1 / root)
-    unused = diags_array(np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2))
-    return csr_array(inverse @ L @ inverse + unused)
-
-
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
     """Smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b."""
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
     try:
         with one_blas_thread():
-            theta, Y = eigsh(inverse, k=count, which="LA", v0=start, tol=0, maxiter=100 * count)
+            kept = min(n, max(20, KRYLOV * count))
+            theta, Y = eigsh(inverse, count, which="LA", v0=start, tol=0, ncv=kept, maxiter=100 * count)
     except ArpackNoConvergence as error:
         raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
     order = np.argsort(-theta, kind="stable")
@@ -147,10 +165,12 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
 def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
     """(n, 19) polynomials of the coordinates along the axes up to degree 3, centred and normalised in M."""
     x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
-    powers = [(i, j, d - i - j) for d in (1, 2, 3) for i in range(d, -1, -1) for j in range(d - i, -1, -1)]
-    fields = np.stack([x[:, 0] ** i * x[:, 1] ** j * x[:, 2] ** k for i, j, k in powers], axis=1)
+    x = np.ascontiguousarray(x.T)
+    squares = [x[i] * x[j] for i in range(3) for j in range(i, 3)]
+    cubes = [x[i] * square for i, first in ((0, 0), (1, 3), (2, 5)) for square in squares[first:]]
+    fields = np.stack([*x, *squares, *cubes]).T
     fields -= mass @ fields / mass.sum()
-    length = np.sqrt(np.maximum(mass @ fields**2, 0))
+    length = np.sqrt(mass @ (fields * fields))
     unit: Floats = np.divide(fields, length, out=np.zeros_like(fields), where=length > 1e-9 * length.max())
     return unit
 
@@ -170,7 +190,7 @@ def _aligned(space: Floats, fields: Floats, mass: Floats) -> Floats:
 
 def _sign(x: Floats, fields: Floats, mass: Floats) -> float:
     norm = float(np.sqrt(mass @ x**2))
-    skew = float(mass @ x**3) / norm**3 * float(np.sqrt(mass.sum()))
+    skew = float(mass @ (x * x * x)) / norm**3 * float(np.sqrt(mass.sum()))
     if abs(skew) > VISIBLE:
         return float(np.sign(skew))
     shares = (mass * x) @ fields / norm

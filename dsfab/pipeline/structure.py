@@ -12,7 +12,7 @@ from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.notes import note_statics
 from dsfab.preset import Preset
-from dsfab.statics import Factor, FactorOf, bending_stiffness, equilibria, flat_axis, membrane_stiffness, stress
+from dsfab.statics import Factor, FactorOf, added, bending_stiffness, equilibria, flat_axis, membrane_stiffness, stress
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
 
@@ -62,7 +62,7 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
         K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
     if elements.bending:
         with log.row("bending"):
-            K = K + bending_stiffness(surface, sheet.material, sheet.thickness, elements)
+            K = added(K, bending_stiffness(surface, sheet.material, sheet.thickness, elements))
     factor_of = _timed(sheet.ask.factor_of(sheet.elements), log)
     with log.row("statics"):
         sums = [[ld.factors.get(case.name, 0.0) for case in solved] for ld in acting if ld.factors is not None]

@@ -31,6 +31,7 @@ __all__ = [
     "Factor",
     "FactorMemoryError",
     "NotPositiveDefinite",
+    "SuperLU",
     "factorise",
     "one_blas_thread",
     "solver_name",

@@ -5,7 +5,7 @@ import os
 import weakref
 
 import numpy as np
-from scipy.sparse import csr_array, triu
+from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
 from dsfab.sparse.memory import FactorMemoryError, require_memory
@@ -13,6 +13,11 @@ from dsfab.sparse.multifrontal import NotPositiveDefinite
 
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33
 """Phases, in PARDISO's numbers."""
+
+OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1}
+"""Entries of PARDISO's `iparm`, counted from 0: own choices; nested dissection by METIS; pivots as for symmetric
+matrices; count the factor's entries. All others are 0: above all no refinement at each solve (entry 7), which would
+triple its time; whoever needs more digits refines with longer numbers."""
 
 OUT_OF_MEMORY = (-2, -9)
 """PARDISO's errors for want of memory; every other one of the factorisation means a pivot that is not positive."""
@@ -26,10 +31,14 @@ class Pardiso:
 
     def __init__(self, K: csr_array) -> None:
         os.environ.setdefault("MKL_CBWR", "AUTO")  # bitwise repeatable sums: the same preset gives the same file
+        # a thread that waits for work sleeps: on a shared machine it would take the time of those who have some
+        os.environ.setdefault("KMP_BLOCKTIME", "0")
         _point_to_mkl()
         from pypardiso import PyPardisoSolver
 
         self._solver = PyPardisoSolver(mtype=2)
+        for entry, value in OPTIONS.items():
+            self._solver.set_iparm(entry + 1, value)
         weakref.finalize(self, self._solver.free_memory, everything=True)  # MKL's memory is not Python's
         self._take(K)
         self._call(ANALYSE, np.zeros((K.shape[0], 1)))
@@ -49,7 +58,10 @@ class Pardiso:
         return self._call(SOLVE, np.asfortranarray(b, dtype=np.float64)).reshape(b.shape)
 
     def _take(self, K: csr_array) -> None:
-        self._upper = csr_array(triu(K, format="csr"))
+        row = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
+        keep = K.indices >= row
+        pointer = np.concatenate([[0], np.cumsum(np.bincount(row[keep], minlength=K.shape[0]))])
+        self._upper = csr_array((K.data[keep], K.indices[keep], pointer.astype(np.int32)), shape=K.shape)
         self._upper.sort_indices()
 
     def _call(self, phase: int, b: Floats) -> Floats:

@@ -7,6 +7,7 @@ from dsfab.errors import StaticsError
 from dsfab.statics.answers import Answers, Ask, sheet_answers
 from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
+from dsfab.statics.blocks import added
 from dsfab.statics.curvature import FACETED, facet_number
 from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
 from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
@@ -46,6 +47,7 @@ __all__ = [
     "SheetStress",
     "SpreadLoad",
     "Vibration",
+    "added",
     "bending_stiffness",
     "buckling",
     "equilibria",
@@ -123,7 +125,7 @@ def solve_cases(
         elements = elements.in_plane
     K = membrane_stiffness(surface, material, thickness, law, elements)
     if elements.bending:
-        K = K + bending_stiffness(surface, material, thickness, elements)
+        K = added(K, bending_stiffness(surface, material, thickness, elements))
     given = None if spreads is None else [spreads[name] for name in loads]
     table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
     answers = equilibria(surface, K, list(loads.values()), elements, clamped, given, table)

@@ -7,9 +7,9 @@ the side that the normals point to). Then the side of the normals is compressed 
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.statics.bending import angle_gradients, hinges
 from dsfab.statics.elements import Elements, edge_frames, half_edge_signs, voigt
 from dsfab.statics.hhj import GAUSS
+from dsfab.statics.hinges import angle_gradients, hinges
 from dsfab.statics.material import Material
 from dsfab.statics.midedge import half_edge_frames
 from dsfab.statics.solve import Equilibrium

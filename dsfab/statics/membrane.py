@@ -4,24 +4,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
+from dsfab.statics.blocks import upwards, vertex_pairs
 from dsfab.statics.elements import PAPER, Elements, assembled, edge_frames, padded, voigt
+from dsfab.statics.hinges import hinges
 from dsfab.statics.material import Law, Material
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
-
-
-def strain_operator(surface: Surface) -> csr_array:
-    """B, (3 m, 3 n): displacements (x, y, z of vertex 0, of vertex 1, ...) to in-plane strains (xx, yy, 2 xy per face).
-
-    The paper's F = (x1 x2 x3) phi + n n_bar^T, linearised at rest: the normal's change cancels the transverse shear, so
-    the strain is that of the constant-strain triangle in the face's tangent frame [Turner et al. 1956].
-    """
-    rows = corner_strains(surface)
-    freedoms = 3 * surface.F[:, :, None] + np.arange(3)
-    columns = np.repeat(freedoms.reshape(surface.m, 1, 9), 3, axis=1)
-    return csr_array(
-        (rows.ravel(), columns.ravel(), 9 * np.arange(3 * surface.m + 1)), shape=(3 * surface.m, 3 * surface.n)
-    )
 
 
 def membrane_stiffness(
@@ -29,27 +17,65 @@ def membrane_stiffness(
 ) -> csr_array:
     """K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
 
-    `constant`: B^T (A h C) B, formed as R^T R with R = chol(A h C) B: one sparse product instead of 9 x 9 blocks.
+    `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact); its edge bubbles
     move within the sheet only, so flat triangles that meet at an angle stay closed without drilling unknowns.
     """
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
-    root = np.linalg.cholesky(material.membrane(law)).T
-    B = strain_operator(surface)
-    weighted = (
-        np.einsum("ab,mbi->mai", root, B.data.reshape(-1, 3, 9)) * np.sqrt(thickness * surface.areas)[:, None, None]
+    return padded(_constant(surface, material.membrane(law) * thickness, elements), elements.unknowns(surface))
+
+
+def _constant(surface: Surface, C: Floats, elements: Elements) -> csr_array:
+    """Between corners with hat gradients g and f, and the projector P onto the face, the block of an isotropic C is
+
+    A (lam g f^T + mu f g^T + mu (g . f) P)
+    """
+    pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
+    lam, mu = C[0, 1], C[2, 2]
+    face = surface.F.T
+    across = _across(surface)  # gradients times 2 A
+    ascending = (face < np.roll(face, -1, axis=0)).ravel()
+    u, v = (x.transpose(1, 0, 2).reshape(3, -1) for x in (across, np.roll(across, -1, axis=0)))
+    u, v = upwards(u, v, ascending)
+    normal = np.tile(surface.normals.T, 3)
+    u = u / np.tile(4 * surface.areas, 3)
+    shear = mu * (u * v).sum(axis=0)
+    at = pairs.of_edge[surface.edges.of.T.ravel()]
+    blocks = np.empty((9, len(pairs.ends)))
+    for a in range(3):
+        for b in range(3):
+            value = lam * u[a] * v[b] + mu * v[a] * u[b] - shear * normal[a] * normal[b]
+            blocks[3 * a + b] = np.bincount(at, value + shear if a == b else value, len(pairs.ends))
+    return pairs.matrix(blocks)
+
+
+def _across(surface: Surface) -> Floats:
+    """(3 corners, 3, m) normal x opposite edge of each corner: its hat gradient times twice the area, metres."""
+    P = surface.V[surface.F].transpose(1, 2, 0)
+    edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
+    n = surface.normals.T
+    return np.stack(
+        [
+            n[1] * edge[:, 2] - n[2] * edge[:, 1],
+            n[2] * edge[:, 0] - n[0] * edge[:, 2],
+            n[0] * edge[:, 1] - n[1] * edge[:, 0],
+        ],
+        axis=1,
     )
-    R = csr_array((weighted.ravel(), B.indices, B.indptr), shape=B.shape)
-    return padded(csr_array(R.T @ R), elements.unknowns(surface))
 
 
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
     """(m, 3) mean in-plane strain (xx, yy, 2 xy) of each face in its tangent frame.
 
+    The paper's F = (x1 x2 x3) phi + n n_bar^T, linearised at rest: the normal's change cancels the transverse shear, so
+    the strain is that of the constant-strain triangle in the face's tangent frame [Turner et al. 1956].
+
     u : (n, 3) displacements, metres.  bubbles : (e, 2) edge bubbles along t and m, metres, of `quadratic`.
     """
-    strain = np.asarray(strain_operator(surface) @ u.ravel()).reshape(-1, 3)
+    t = tangents(surface)
+    slope, moved = hat_gradients(surface) @ t.transpose(0, 2, 1), u[surface.F] @ t.transpose(0, 2, 1)
+    strain = voigt(slope[:, 0], moved[:, 0]) + voigt(slope[:, 1], moved[:, 1]) + voigt(slope[:, 2], moved[:, 2])
     if bubbles is None:
         return strain
     third = np.full(3, 1 / 3)  # the bubbles' gradients are linear: their mean is the value at the centroid

@@ -9,6 +9,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
 from dsfab.statics.bending import bending_stiffness
+from dsfab.statics.blocks import added
 from dsfab.statics.elements import BUBBLES, VERDICT, Elements, assembled, edge_frames
 from dsfab.statics.factor import FactorOf, factored
 from dsfab.statics.material import Law, Material
@@ -191,7 +192,7 @@ def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_ar
 def sheet_stiffness(surface: Surface, material: Material, thickness: float, law: Law, elements: Elements) -> csr_array:
     """K, N/m, over the unknowns of `elements`: membrane and, where they have it, bending."""
     K = membrane_stiffness(surface, material, thickness, law, elements)
-    return K + bending_stiffness(surface, material, thickness, elements) if elements.bending else K
+    return added(K, bending_stiffness(surface, material, thickness, elements)) if elements.bending else K
 
 
 def _largest(

@@ -21,7 +21,7 @@ def stress(
     xx, yy, xy = (strain @ material.membrane(law).T).T
     planar = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
     t = tangents(surface)
-    return np.asarray(np.einsum("mai,mab,mbj->mij", t, planar, t))
+    return np.asarray(t.transpose(0, 2, 1) @ planar @ t)
 
 
 def von_mises(sigma: Floats) -> Floats:

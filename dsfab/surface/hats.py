@@ -1,5 +1,7 @@
 """Linear hat functions: gradients, frames, mass, assembly."""
 
+from weakref import WeakKeyDictionary
+
 import igl
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -26,10 +28,19 @@ def tangents(surface: Surface) -> Floats:
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
 
 
+_MASSES: WeakKeyDictionary[Surface, Floats] = WeakKeyDictionary()
+
+
 def voronoi_mass(surface: Surface) -> Floats:
-    """(n,) Voronoi areas of the vertices, square metres; they sum to the area [Meyer et al. 2003, mixed areas]."""
-    diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
-    return diagonal
+    """(n,) Voronoi areas of the vertices, square metres; they sum to the area [Meyer et al. 2003, mixed areas].
+
+    Computed once for a surface that lives.
+    """
+    if surface not in _MASSES:
+        diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
+        diagonal.flags.writeable = False
+        _MASSES[surface] = diagonal
+    return _MASSES[surface]
 
 
 def assemble(surface: Surface, blocks: Floats) -> csr_array:

@@ -1,0 +1,125 @@
+"""The stiffness of elements with three unknowns a vertex, put together from 3 x 3 blocks between pairs of vertices."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_array, csr_array
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface.mesh import Surface
+
+Index = npt.NDArray[np.integer[Any]]
+"""Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
+
+CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
+"""The pairs of corners of a hinge, in the order of `VertexPairs.of_hinge`."""
+
+
+@dataclass(frozen=True, eq=False)
+class VertexPairs:
+    """Which vertices a stiffness couples, once for a mesh, and where the entries of its blocks stand in the matrix.
+
+    ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
+               vertices of all hinges where these are asked for.
+    of_edge  : (e,) the pair of each edge.
+    opposite : (i,) the pair across each hinge, p where its two faces have the same corners; empty without hinges.
+    """
+
+    n: int
+    ends: Ints
+    of_edge: Ints
+    opposite: Ints
+
+    @classmethod
+    def of(cls, surface: Surface, hinge: Ints | None = None) -> Self:
+        """hinge : (i, 4) of `hinges`, or None for the edges alone."""
+        n, ends = surface.n, surface.edges.ends
+        edge = ends[:, 0] * n + ends[:, 1]
+        if hinge is None:
+            return cls(n, ends, np.arange(len(ends)), np.zeros(0, dtype=np.int64))
+        across = hinge[:, 2:].min(axis=1) * n + hinge[:, 2:].max(axis=1)
+        apart = hinge[:, 2] != hinge[:, 3]
+        keys = np.unique(np.concatenate([edge, across[apart]]))
+        opposite = np.where(apart, np.searchsorted(keys, across), len(keys))
+        return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
+
+    def of_hinge(self, surface: Surface, hinge: Ints) -> Ints:
+        """(6, i) the pairs between the corners of each hinge, as in `CORNERS`."""
+        edge = self.of_edge[surface.edges.of.ravel()]
+        h0, h1 = surface.edges.pairs.T
+        next0, next1 = (h - h % 3 + (h + 1) % 3 for h in (h0, h1))
+        last0, last1 = (h - h % 3 + (h + 2) % 3 for h in (h0, h1))
+        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # both faces run through their edge the same way
+        beside = np.where(from0, last1, next1), np.where(from0, next1, last1)
+        return np.stack([edge[h0], edge[last0], edge[next0], edge[beside[0]], edge[beside[1]], self.opposite])
+
+    @cached_property
+    def _places(self) -> tuple[Index, Index, Index]:
+        """Row pointers and columns of the matrix, and for each entry its number among p off-diagonal blocks of nine,
+        then n diagonal ones, each entry of the block in a row of its own: (9, p + n)."""
+        low, high = self.ends.T.astype(np.int32)
+        own, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
+        count = len(pair) + self.n
+        # in this order the columns of each row ascend by themselves
+        row, column = np.concatenate([high, own, low]), np.concatenate([low, own, high])
+        begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
+        order = np.argsort(row, kind="stable")
+        entry = count * np.arange(9).reshape(3, 3)
+        number = np.concatenate([pair, len(pair) + own, pair])[order]
+        lower = np.concatenate([np.ones(len(pair), dtype=bool), np.zeros(count, dtype=bool)])[order]
+        blocks = number[:, None, None] + np.where(lower[:, None, None], entry.T, entry)
+        places = bsr_array((blocks.astype(np.float64), column[order], begin), (3 * self.n, 3 * self.n)).tocsr()
+        at: Index = places.data.astype(np.int32 if 9 * count < 2**31 else np.int64)
+        found: tuple[Index, Index, Index] = places.indptr, places.indices, at
+        for array in found:
+            array.flags.writeable = False  # all matrices of the mesh share them
+        return found
+
+    def matrix(self, blocks: Floats) -> csr_array:
+        """(3 n, 3 n) the stiffness whose blocks between `ends` are (9, p), row by row, smaller vertex first.
+
+        No element resists a shift: the blocks on the diagonal are minus the sums of the others in their rows.
+        """
+        low, high = self.ends.T
+        below = blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
+        own = [
+            -np.bincount(low, upper, self.n) - np.bincount(high, lower, self.n)
+            for upper, lower in zip(blocks, below, strict=True)
+        ]
+        mean = (np.stack(own).reshape(3, 3, -1) + np.stack(own).reshape(3, 3, -1).transpose(1, 0, 2)) / 2
+        pointer, columns, place = self._places
+        values = np.concatenate([blocks, mean.reshape(9, -1)], axis=1).ravel()
+        return csr_array((values[place], columns, pointer), shape=(3 * self.n, 3 * self.n))
+
+
+def summed_blocks(u: Floats, v: Floats, at: Ints, count: int) -> Floats:
+    """(9, count) sums of the blocks u v^T of u, v (3, k) over the pairs `at` (k,); number `count` is no pair."""
+    return np.stack([np.bincount(at, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
+
+
+def upwards(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
+    """a, b (3, k) where the pair's first vertex is the smaller one, else b, a."""
+    return np.where(ascending, a, b), np.where(ascending, b, a)
+
+
+_EDGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
+_HINGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
+
+
+def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
+    """`VertexPairs.of`, computed once for a surface that lives."""
+    kept = _EDGES if hinge is None else _HINGES
+    if surface not in kept:
+        kept[surface] = VertexPairs.of(surface, hinge)
+    return kept[surface]
+
+
+def added(A: csr_array, B: csr_array) -> csr_array:
+    """A + B; where both are stored alike, only their values are added."""
+    if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
+        return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
+    return csr_array(A + B)

@@ -1,0 +1,80 @@
+"""The stiffness from blocks on one pattern, against sums over elements written the long way."""
+
+import numpy as np
+import pytest
+
+from dsfab.statics import Elements, Material, added, bending_stiffness, membrane_stiffness
+from dsfab.statics.blocks import vertex_pairs
+from dsfab.statics.hinges import angle_gradients, hinges
+from dsfab.statics.membrane import corner_strains
+from dsfab.surface import Surface
+from tests.zoo import ZOO
+
+STEEL = Material(210e9, 0.3)
+H = 0.02
+
+
+def folded_twice() -> Surface:
+    """Two faces on the same three corners: the vertices across each of their hinges are one."""
+    return Surface([[0, 0, 0], [1, 0, 0], [0.2, 1, 0]], [[0, 1, 2], [0, 2, 1]])
+
+
+def three_leaves() -> Surface:
+    """Three faces on one edge, and a fourth that turns the other way round."""
+    V = [[0, 0, 0], [1, 0, 0], [0.4, 1, 0], [0.5, -0.6, 0.7], [0.5, -0.5, -0.8], [1.4, 0.9, 0.2]]
+    return Surface(V, [[0, 1, 2], [1, 0, 3], [0, 1, 4], [1, 2, 5]])
+
+
+CASES = {**ZOO, "folded twice": folded_twice, "three leaves": three_leaves}
+
+
+def long_way(surface: Surface, blocks: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    K = np.zeros((3 * surface.n, 3 * surface.n))
+    for block, vertices in zip(blocks, corners, strict=True):
+        at = (3 * vertices[:, None] + np.arange(3)).ravel()
+        np.add.at(K, (at[:, None], at[None, :]), block)
+    return K
+
+
+def small(name: str) -> Surface:
+    surface = CASES[name]()
+    if surface.n > 700:
+        pytest.skip("too large for a dense matrix")
+    return surface
+
+
+@pytest.mark.parametrize("law", ["plane_stress", "stvk"])
+@pytest.mark.parametrize("name", CASES)
+def test_the_membrane_is_the_sum_over_its_faces(name, law):
+    surface = small(name)
+    B, C = corner_strains(surface), STEEL.membrane(law) * H
+    expected = long_way(surface, np.einsum("mai,ab,mbj,m->mij", B, C, B, surface.areas), surface.F)
+    for elements in (Elements("constant", "hinge"), Elements("constant", None)):
+        K = membrane_stiffness(surface, STEEL, H, law, elements)
+        assert K.has_sorted_indices
+        assert abs(K - K.T).max() == 0
+        assert np.abs(K.toarray() - expected).max() < 1e-13 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bending_is_the_sum_over_its_hinges(name):
+    surface = small(name)
+    hinge = hinges(surface)
+    g, weight = angle_gradients(surface, hinge)
+    g = g.reshape(-1, 12) * np.sqrt(STEEL.bending_stiffness(H) * weight)[:, None]
+    expected = long_way(surface, g[:, :, None] * g[:, None, :], hinge)
+    K = bending_stiffness(surface, STEEL, H)
+    assert abs(K - K.T).max() == 0
+    assert np.abs(K.toarray() - expected).max() < 1e-12 * max(np.abs(expected).max(), 1.0)
+
+
+def test_both_are_stored_alike_and_the_pattern_is_made_once():
+    surface = ZOO["flat"]()
+    membrane, bending = membrane_stiffness(surface, STEEL, H), bending_stiffness(surface, STEEL, H)
+    assert np.shares_memory(membrane.indices, bending.indices)
+    assert vertex_pairs(surface, hinges(surface)) is vertex_pairs(surface, hinges(surface))
+    K = added(membrane, bending)
+    assert np.shares_memory(K.indices, membrane.indices)
+    assert abs(K - (membrane + bending)).max() == 0
+    other = membrane_stiffness(surface, STEEL, H, elements=Elements("constant", None))
+    assert abs(added(other, bending) - K).max() <= 1e-15 * abs(K).max()
