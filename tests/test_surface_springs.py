@@ -20,7 +20,7 @@ from dsfab.statics import (
     spread_load,
     support_reactions,
 )
-from dsfab.study.handover import sheet_load
+from dsfab.pipeline.handover import sheet_load
 from dsfab.surface import All, Boundary, Box, Force, Line, LoadCase, Nearest, Side, Snow, Support, Surface, Vertices
 from tests.zoo import ZOO, grid, zoo
 

@@ -14,7 +14,7 @@ from dsfab.pipeline.structure import check_scale, surface_step
 from dsfab.preset import Preset
 from dsfab.statics import VERDICT, Equilibrium, SpreadLoad, flat_axis, solve_cases
 from dsfab.study.finite_elements import axes_of_file, nodal_forces, sheet_model
-from dsfab.study.handover import sheet_load
+from dsfab.pipeline.handover import sheet_load
 from dsfab.surface import LoadCase, Surface
 
 UNRELIABLE = (

@@ -1,0 +1,112 @@
+"""Modes and phases that are `auto`: the stiffest of a few dozen, in rounds, each round around the best of the last.
+
+The phases matter most: on a cantilever the same two modes are 1.8 to 100 times as soft as the uncut plate. What a phase
+does to one family depends little on the other family, and it is smooth, so that a few steps find a good pair.
+"""
+
+from collections.abc import Iterable, Iterator
+from itertools import product
+
+from dsfab.design import Candidate, Choice, DiffusionResult, StaticsResult
+from dsfab.errors import PatternError
+from dsfab.pipeline.log import Log
+from dsfab.pipeline.trial import Trial
+from dsfab.preset import AUTO, Preset
+from dsfab.surface import Surface
+
+MODES = 4
+"""The first modes of a family, among which one is chosen: the paper finds them enough."""
+
+START = (0.25, 0.75)
+"""Phases of the first round where both modes are chosen too, the same in both families."""
+
+GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
+"""Phases of the first round, all combinations, with no mode to choose and with one."""
+
+FINALISTS = 3
+"""Pairs of modes whose phases are improved in the second round; then only those of the best."""
+
+STEPS = (0.125, 0.125, 0.125, 0.0625, 0.0625)
+"""Steps in phase, in periods, of the rounds after the first."""
+
+WHOLE = 0.98
+"""A design of which a smaller share hangs together comes after all that are in one piece."""
+
+Numbers = tuple[tuple[int, int], tuple[float, float]]
+"""Modes and phases of both families."""
+
+
+def choice_step(
+    preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult, log: Log
+) -> Choice:
+    """The candidates for what is `auto`, best first.
+
+    Best is the smallest compliance per share of material, of those in which every concentrated load stands on a piece
+    that reaches a support. At most 63 are tried, as many as the steps of a topology optimisation.
+
+    Raises PatternError when none carries the loads.
+    """
+    found: dict[Numbers, Candidate] = {}
+    with log.row("choice"):
+        trial = Trial(preset, surface, statics, diffusion)
+        for number, wanted in enumerate(_rounds(preset, len(diffusion.major.lam), found)):
+            new = [numbers for numbers in dict.fromkeys(wanted) if numbers not in found]
+            if log.progress and new:
+                told = f"choosing modes and phases, round {number + 1}: cutting and solving {len(new)}"
+                log.progress("pattern", told)
+            found.update({numbers: trial.candidate(*numbers) for numbers in new})
+    ranked = tuple(sorted(found.values(), key=_rank))
+    refused = sum(bool(candidate.refused) for candidate in ranked)
+    best = ranked[0]
+    if best.refused:
+        raise PatternError(
+            f"none of {refused} modes and phases carries the loads; the first: {best.refused}; set pattern.rim, raise "
+            "pattern.keep or pattern.width.solid_fraction, or choose other frequencies"
+        )
+    log.note(
+        "pattern",
+        f"modes {best.mode[0]} and {best.mode[1]} with phases {best.phase[0]:g} and {best.phase[1]:g} are the stiffest "
+        f"of {len(ranked)} tried: about {best.over_uncut:.3g} x the compliance of the uncut sheet",
+    )
+    return Choice(ranked)
+
+
+def _rank(candidate: Candidate) -> tuple[bool, bool, float, Numbers]:
+    """Equal to three digits, as mirror images are, the lower numbers come first: rounding errors decide nothing."""
+    soft = float(f"{candidate.compliance * candidate.kept:.3g}")
+    return bool(candidate.refused), candidate.whole < WHOLE, soft, (candidate.mode, candidate.phase)
+
+
+def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> Iterator[Iterable[Numbers]]:
+    """What to try next, given what was `found` up to then."""
+    both = (preset.pattern.major, preset.pattern.minor)
+    every = range(1, min(MODES, computed) + 1)
+    modes = list(product(*(every if family.mode == AUTO else (family.number,) for family in both)))
+    free = [family.phase == AUTO for family in both]
+    given = (both[0].shift, both[1].shift)
+    yield list(product(modes, _first_phases(free, given, sum(family.mode == AUTO for family in both))))
+    if not any(free):
+        return
+    for number, step in enumerate(STEPS):
+        ranked = sorted(found.values(), key=_rank)
+        leading: dict[tuple[int, int], Candidate] = {}
+        for candidate in ranked:
+            leading.setdefault(candidate.mode, candidate)
+        finalists = list(leading.values())[: 1 if number else FINALISTS]
+        yield [(best.mode, phase) for best in finalists for phase in _beside(best.phase, free, step)]
+
+
+def _first_phases(free: list[bool], given: tuple[float, float], unknown: int) -> list[tuple[float, float]]:
+    """Phases to begin with where `unknown` modes are to be chosen."""
+    if unknown == 2:
+        pairs = [(start, start) for start in START]
+    else:
+        pairs = list(product(GRID[unknown], repeat=2))
+    return list(dict.fromkeys((p if free[0] else given[0], q if free[1] else given[1]) for p, q in pairs))
+
+
+def _beside(phase: tuple[float, float], free: list[bool], step: float) -> Iterator[tuple[float, float]]:
+    """The same with one phase moved, or both in the same direction."""
+    for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1)):
+        if (free[0] or not a) and (free[1] or not b):
+            yield ((phase[0] + a * step) % 1 if a else phase[0], (phase[1] + b * step) % 1 if b else phase[1])
