@@ -74,7 +74,7 @@ class Diffusion(Section):
     """Modes computed per family."""
     follow: str | None = None
     """A case or combination; or combined, the sum of the sizes of their stresses: the default with several cases."""
-    weights: dict[str, float] = {}
+    weights: dict[str, float] = Field(default_factory=dict)
     """combined: weight of each combination (each case, without combinations) in the sum; 1 when left out."""
     symmetry: tuple[str, ...] = ()
     """Symmetry that the pattern must have: x, y or z for a mirror, rot:6:z for sixths of a turn; through the centre."""

@@ -8,9 +8,9 @@ import pytest
 
 import dsfab
 from dsfab.errors import StaticsError
+from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.slicing import cut
 from dsfab.statics import solve_statics
-from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.surface import LoadCase
 from tests.zoo import grid
 

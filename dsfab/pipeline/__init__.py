@@ -4,8 +4,8 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from dsfab.design import Design, Draft
-from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.choice import choice_step
+from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.patterns import pattern_step

@@ -23,10 +23,10 @@ START = (0.25, 0.75)
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 """Phases of the first round, all combinations, with no mode to choose and with one."""
 
-FINALISTS = 3
+FINALISTS = 2
 """Pairs of modes whose phases are improved in the second round; then only those of the best."""
 
-STEPS = (0.125, 0.125, 0.125, 0.0625, 0.0625)
+STEPS = (0.125, 0.125, 0.0625)
 """Steps in phase, in periods, of the rounds after the first."""
 
 WHOLE = 0.98
@@ -42,7 +42,7 @@ def choice_step(
     """The candidates for what is `auto`, best first.
 
     Best is the smallest compliance per share of material, of those in which every concentrated load stands on a piece
-    that reaches a support. At most 63 are tried, as many as the steps of a topology optimisation.
+    that reaches a support. At most 56 are tried, as many as the steps of a topology optimisation.
 
     Raises PatternError when none carries the loads.
     """
@@ -81,10 +81,11 @@ def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> I
     """What to try next, given what was `found` up to then."""
     both = (preset.pattern.major, preset.pattern.minor)
     every = range(1, min(MODES, computed) + 1)
-    modes = list(product(*(every if family.mode == AUTO else (family.number,) for family in both)))
+    major, minor = (every if family.mode == AUTO else (family.number,) for family in both)
     free = [family.phase == AUTO for family in both]
     given = (both[0].shift, both[1].shift)
-    yield list(product(modes, _first_phases(free, given, sum(family.mode == AUTO for family in both))))
+    phases = _first_phases(free, given, sum(family.mode == AUTO for family in both))
+    yield list(product(product(major, minor), phases))
     if not any(free):
         return
     for number, step in enumerate(STEPS):
@@ -98,11 +99,10 @@ def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> I
 
 def _first_phases(free: list[bool], given: tuple[float, float], unknown: int) -> list[tuple[float, float]]:
     """Phases to begin with where `unknown` modes are to be chosen."""
-    if unknown == 2:
-        pairs = [(start, start) for start in START]
-    else:
-        pairs = list(product(GRID[unknown], repeat=2))
-    return list(dict.fromkeys((p if free[0] else given[0], q if free[1] else given[1]) for p, q in pairs))
+    grid = (
+        [(start, start) for start in START] if unknown == 2 else [(p, q) for p in GRID[unknown] for q in GRID[unknown]]
+    )
+    return list(dict.fromkeys((p if free[0] else given[0], q if free[1] else given[1]) for p, q in grid))
 
 
 def _beside(phase: tuple[float, float], free: list[bool], step: float) -> Iterator[tuple[float, float]]:

@@ -30,7 +30,8 @@ def lost_load(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Iterable[Load
     A load whose own material was cut away is handed to what lies next to it (`sheet_load`). One that still stands on
     material, but on a piece that is not held, is carried by nothing, however close the rest is.
 
-    drawn : all material, the loose pieces included.    sheet : what is kept of it.    loads : the first one lost is told.
+    drawn : all material, the loose pieces included.    sheet : what is kept of it.
+    loads : of which the first that is lost is told.
     """
     dropped = (drawn.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:

@@ -82,25 +82,24 @@ def drawn(
     families: Sequence[Family],
     share: Callable[[Sequence[Layer]], float],
     tolerance: float,
+    guess: float = 0.0,
 ) -> tuple[list[Layer], float]:
     """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
 
     share     : the share of the surface that layers keep; pattern.width.solid_fraction is reached in its measure.
-    tolerance : how closely.
+    tolerance : how closely.    guess : what the multiplier was for a like pattern; saves time.
 
     Raises PatternError where that share cannot be reached.
     """
     width = preset.pattern.width
     widths = width.widths(np.sqrt(surface.area))
-    factor = mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0
+    factor = guess or (mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0)
 
     def layers(factor: float) -> list[Layer]:
         return [*kept, *(family.layer(widths, factor) for family in families)]
 
     if width.solid_fraction:
-        factor *= solved_factor(
-            lambda relative: share(layers(factor * relative)), width.solid_fraction, tolerance
-        )
+        factor *= solved_factor(lambda relative: share(layers(factor * relative)), width.solid_fraction, tolerance)
     return layers(factor), factor
 
 

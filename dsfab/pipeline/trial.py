@@ -21,7 +21,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 
 SHARE_TOLERANCE = 2e-3
-"""How closely candidates reach pattern.width.solid_fraction, as a share of the surface: compliance follows by as much."""
+"""How closely candidates reach pattern.width.solid_fraction, as a share of the surface."""
 
 
 class Trial:
@@ -32,6 +32,7 @@ class Trial:
         self.loads = {name: statics.cases[name].load for name in preset.followed}
         self.held = statics.load.held
         self.kept = kept_regions(preset, surface, statics.load)
+        self.factors: dict[tuple[int, int], float] = {}
         self.points = face_points()
         self.kept_points = material_points(surface, self.kept, self.points)
         self.uncut = self._compliance(surface, self.loads)
@@ -54,7 +55,9 @@ class Trial:
         surface = self.surface
         radius = preset.pattern.width.widths(np.sqrt(surface.area)).radius
         families = striped_families(preset, surface, self.diffusion, radius)
-        layers, _ = drawn(preset, surface, self.kept, families, self._share, SHARE_TOLERANCE)
+        modes = preset.pattern.major.number, preset.pattern.minor.number
+        guess = self.factors.get(modes, 0.0)
+        layers, self.factors[modes] = drawn(preset, surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)
         cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP)
         material = resolve_pinches(cells, preset.statics.thickness / 2).sheet.kept()
         F = material.surface.F

@@ -16,9 +16,9 @@ import numpy as np
 from dsfab.design import Design
 from dsfab.errors import DsfabError, PatternError, StaticsError
 from dsfab.pipeline import revise
+from dsfab.pipeline.handover import ATTACH, lost_load, sheet_load
 from dsfab.preset_file import overridden
 from dsfab.statics import solve_cases
-from dsfab.pipeline.handover import ATTACH, lost_load, sheet_load
 from dsfab.surface import LoadCase, Surface
 
 SAME_MASS = 0.01
