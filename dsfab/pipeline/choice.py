@@ -23,11 +23,14 @@ START = (0.25, 0.75)
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 """Phases of the first round, all combinations, with no mode to choose and with one."""
 
-FINALISTS = 2
-"""Pairs of modes whose phases are improved in the second round; then only those of the best."""
+TOGETHER = ((1, 1), (-1, -1))
+"""Moves of both phases along the line that the first round began on."""
 
-STEPS = (0.125, 0.125, 0.0625)
-"""Steps in phase, in periods, of the rounds after the first."""
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)
+"""Moves of one phase or both."""
+
+ROUNDS = ((6, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
+"""After the first: how many pairs of modes go on, the best first; by what step in phase, in periods; the moves."""
 
 WHOLE = 0.98
 """A design of which a smaller share hangs together comes after all that are in one piece."""
@@ -88,13 +91,15 @@ def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> I
     yield list(product(product(major, minor), phases))
     if not any(free):
         return
-    for number, step in enumerate(STEPS):
-        ranked = sorted(found.values(), key=_rank)
+    for count, step, moves in ROUNDS:
         leading: dict[tuple[int, int], Candidate] = {}
-        for candidate in ranked:
+        for candidate in sorted(found.values(), key=_rank):
             leading.setdefault(candidate.mode, candidate)
-        finalists = list(leading.values())[: 1 if number else FINALISTS]
-        yield [(best.mode, phase) for best in finalists for phase in _beside(best.phase, free, step)]
+        yield [
+            (best.mode, _moved(best.phase, (a * free[0], b * free[1]), step))
+            for best in list(leading.values())[:count]
+            for a, b in moves
+        ]
 
 
 def _first_phases(free: list[bool], given: tuple[float, float], unknown: int) -> list[tuple[float, float]]:
@@ -105,8 +110,7 @@ def _first_phases(free: list[bool], given: tuple[float, float], unknown: int) ->
     return list(dict.fromkeys((p if free[0] else given[0], q if free[1] else given[1]) for p, q in grid))
 
 
-def _beside(phase: tuple[float, float], free: list[bool], step: float) -> Iterator[tuple[float, float]]:
-    """The same with one phase moved, or both in the same direction."""
-    for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1)):
-        if (free[0] or not a) and (free[1] or not b):
-            yield ((phase[0] + a * step) % 1 if a else phase[0], (phase[1] + b * step) % 1 if b else phase[1])
+def _moved(phase: tuple[float, float], move: tuple[int, int], step: float) -> tuple[float, float]:
+    """What does not move stays as it is, to the last bit."""
+    p, q = ((x + way * step) % 1 if way else x for x, way in zip(phase, move, strict=True))
+    return p, q
