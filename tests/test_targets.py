@@ -35,9 +35,10 @@ def test_graded_presets_reach_their_targets(name, share, target, recorded):
 
 @pytest.mark.slow
 def test_auto_reaches_the_target_of_the_cantilever_too():
-    """On a coarser mesh than the preset's, where it takes a fifth of the time; there it reaches 1.83."""
+    """On a slightly coarser mesh than the preset's: 1.804 there, 1.828 on its own; 55 tried, 20 and 29 s of processor."""
     auto = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
-    design = dsfab.run(dsfab.load_preset("cantilever", {**auto, "surface.edge": 0.04}))
+    design = dsfab.run(dsfab.load_preset("cantilever", {**auto, "surface.edge": 0.025}))
     assert design.pattern.choice is not None
+    assert design.pattern.mode == (1, 1)
     assert len(design.pattern.choice.candidates) > 32
     assert over_full(design) <= 1.85

@@ -98,10 +98,11 @@ def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> I
         leading: dict[tuple[int, int], Candidate] = {}
         for candidate in sorted(found.values(), key=_rank):
             leading.setdefault(candidate.mode, candidate)
+        finalists = list(leading.values())[:count]
+        if count > 1:  # the lowest pair varies most with its phases, and so has most to gain
+            finalists = list(dict.fromkeys([*finalists[:-1], leading[min(leading)]]))
         yield [
-            (best.mode, _moved(best.phase, (a * free[0], b * free[1]), step))
-            for best in list(leading.values())[:count]
-            for a, b in moves
+            (best.mode, _moved(best.phase, (a * free[0], b * free[1]), step)) for best in finalists for a, b in moves
         ]
 
 
