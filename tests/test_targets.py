@@ -35,7 +35,7 @@ def test_graded_presets_reach_their_targets(name, share, target, recorded):
 
 @pytest.mark.slow
 def test_auto_reaches_the_target_of_the_cantilever_too():
-    """On a slightly coarser mesh than the preset's: 1.804 there, 1.828 on its own; 55 tried, 20 and 29 s of processor."""
+    """On a slightly coarser mesh than the preset's: 1.804 there, 1.828 on its own; 55 tried, 20 and 29 CPU seconds."""
     auto = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
     design = dsfab.run(dsfab.load_preset("cantilever", {**auto, "surface.edge": 0.025}))
     assert design.pattern.choice is not None
