@@ -54,6 +54,44 @@ class DiffusionResult:
     minor: Modes
 
 
+class Candidate(NamedTuple):
+    """Modes and phases of the major and of the minor stripes, tried for those that are `auto`.
+
+    compliance : joules on its own cut mesh; infinite when refused.
+    over_uncut : the same over that of the uncut sheet.
+    kept       : share of the surface that is material, loose pieces included.
+    whole      : share of the material that hangs together in the largest piece that reaches a support.
+    pieces     : how many pieces of material there are.
+    refused    : why it cannot be chosen, or ''.
+    """
+
+    mode: tuple[int, int]
+    phase: tuple[float, float]
+    compliance: float = float("inf")
+    over_uncut: float = float("inf")
+    kept: float = 0.0
+    whole: float = 0.0
+    pieces: int = 0
+    refused: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The candidates for modes and phases that are `auto`, best first: the first one is taken."""
+
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def mode(self) -> tuple[int, int]:
+        """Of the major and of the minor stripes."""
+        return self.candidates[0].mode
+
+    @property
+    def phase(self) -> tuple[float, float]:
+        """Of the major and of the minor stripes."""
+        return self.candidates[0].phase
+
+
 @dataclass(frozen=True, eq=False)
 class PatternResult:
     """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cut`).
@@ -62,6 +100,8 @@ class PatternResult:
     half_widths : (n,) each: material is |frequency x + phase - k| < d, k integer, for the families; inf for the others.
     factor      : what the widths were multiplied with to reach pattern.width.solid_fraction; 1 without it.
     frequency   : of the major and of the minor stripes, as drawn: what `spacing` became, where it was asked.
+    mode, phase : of both, as drawn: what `auto` became, where it was asked.
+    choice      : what was tried for that; None where nothing is `auto`.
     """
 
     names: tuple[str, ...]
@@ -70,6 +110,9 @@ class PatternResult:
     half_widths: tuple[Floats, ...] = ()
     factor: float = 1.0
     frequency: tuple[float, float] = (1.0, 1.0)
+    mode: tuple[int, int] = (1, 1)
+    phase: tuple[float, float] = (0.0, 0.0)
+    choice: Choice | None = None
 
 
 class Piece(NamedTuple):
@@ -128,6 +171,11 @@ class Design:
     solid: Solid
     seconds: Mapping[str, float]
     notes: tuple[Note, ...]
+
+    @property
+    def settled(self) -> Preset:
+        """The preset with the modes and phases that were chosen: it makes the same design without a search."""
+        return self.preset.settled(self.pattern.mode, self.pattern.phase) if self.pattern.choice else self.preset
 
     @property
     def sheet(self) -> Sheet:

@@ -4,96 +4,22 @@ The models below are the one place where keys, units, defaults and allowed range
 from TOML, overridden and written back is in `dsfab.preset_file`.
 """
 
-import inspect
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
 from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, followed
+from dsfab.preset_surface import AnySurface, Section
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
-from dsfab.surface import SHAPES, Combination, Load, Support, Surface, read_surface, refined
+from dsfab.surface import Combination, Load
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
-
-
-class Section(BaseModel):
-    """A section of a preset: frozen, and no key that dsfab does not know."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
-
-
-class Given(Section):
-    """What every surface has, wherever it comes from."""
-
-    support: tuple[Support, ...] = ()
-    load: tuple[Load, ...] = ()
-    combination: tuple[Combination, ...] = ()
-    """Sums of load cases (`case` of a load), each case multiplied with its factor."""
-    refine: Annotated[float, Ge(0)] = 0.0
-    """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
-    smooth: bool = False
-    """Whether refining also rounds the facets (Loop subdivision)."""
-
-    def build(self) -> Surface:
-        """The surface itself; raises SurfaceError."""
-        return refined(self.given(), self.refine, self.smooth) if self.refine else self.given()
-
-    def given(self) -> Surface:
-        """The surface before it is refined."""
-        raise NotImplementedError
-
-
-class FileSurface(Given):
-    """A surface read from a mesh file."""
-
-    file: Path
-    """OBJ, PLY, STL, OFF, GLB or 3MF; relative paths start at the preset's folder."""
-    unit: str | None = None
-    """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
-
-    def given(self) -> Surface:
-        return read_surface(self.file, self.unit)
-
-
-class ShapeSurface(Given):
-    """A procedural surface; each shape adds its own parameters."""
-
-    shape: str
-
-    def given(self) -> Surface:
-        others = set(Given.model_fields) | {"shape"}
-        return SHAPES[self.shape](**{k: v for k, v in self if k not in others})
-
-
-def _shape_model(name: str) -> type[ShapeSurface]:
-    """The section for one shape: its parameters, defaults and ranges are those of the function that makes it."""
-    signature = inspect.signature(SHAPES[name], eval_str=True)
-    fields: dict[str, Any] = {p.name: (p.annotation, p.default) for p in signature.parameters.values()}
-    fields["shape"] = (Literal[name], name)
-    return create_model(f"{name}_surface", __base__=ShapeSurface, **fields)
-
-
-def _kind_of_surface(value: Any) -> str | None:
-    values: dict[str, Any] = value if isinstance(value, dict) else getattr(value, "__dict__", {})
-    return "file" if values.get("file") is not None else values.get("shape")
-
-
-SHAPE_SECTIONS = {name: _shape_model(name) for name in SHAPES}
-if TYPE_CHECKING:
-    AnySurface = Given
-else:
-    _choices = {"file": FileSurface, **SHAPE_SECTIONS}
-    AnySurface = Annotated[
-        Union[tuple(Annotated[model, Tag(tag)] for tag, model in _choices.items())],  # noqa: UP007
-        Discriminator(_kind_of_surface),
-    ]
 
 
 class Statics(Section):
@@ -148,7 +74,7 @@ class Diffusion(Section):
     """Modes computed per family."""
     follow: str | None = None
     """A case or combination; or combined, the sum of the sizes of their stresses: the default with several cases."""
-    weights: dict[str, float] = {}
+    weights: dict[str, float] = Field(default_factory=dict)
     """combined: weight of each combination (each case, without combinations) in the sum; 1 when left out."""
     symmetry: tuple[str, ...] = ()
     """Symmetry that the pattern must have: x, y or z for a mirror, rot:6:z for sixths of a turn; through the centre."""
@@ -163,17 +89,34 @@ class Diffusion(Section):
         return words
 
 
+def _number_or_word(value: Any) -> str:
+    return "auto" if isinstance(value, str) else "number"
+
+
+AUTO: Literal["auto"] = "auto"
+"""What stands for a mode or a phase that is to be chosen (see `dsfab.pipeline.choice`)."""
+
+Mode = Annotated[
+    Annotated[int, Ge(1), Le(50), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
+    Discriminator(_number_or_word),
+]
+Phase = Annotated[
+    Annotated[float, Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
+    Discriminator(_number_or_word),
+]
+
+
 class Family(Section):
     """[pattern.major] or [pattern.minor]: one family of stripes."""
 
-    mode: Annotated[int, Ge(1), Le(50)] = 1
-    """Which mode the stripes run on; 1 is the first that is not constant."""
+    mode: Mode = 1
+    """Which mode the stripes run on; 1 is the first that is not constant. auto: of the first four, the stiffest."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
     """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: as spacing asks."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Metres from the middle of one stripe to the next, in the mean over the surface. 0: as frequency says."""
-    phase: float = 0.0
-    """Shift of the stripes, in periods."""
+    phase: Phase = 0.0
+    """Shift of the stripes, in periods. auto: the stiffest of several."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
     """-1 everything is material, 0 half, 1 nothing."""
 
@@ -188,9 +131,19 @@ class Family(Section):
         return values
 
     @property
+    def number(self) -> int:
+        """The mode; 1 where it is still to be chosen."""
+        return 1 if self.mode == AUTO else self.mode
+
+    @property
+    def shift(self) -> float:
+        """The phase; 0 where it is still to be chosen."""
+        return 0.0 if self.phase == AUTO else self.phase
+
+    @property
     def stripes(self) -> Stripes:
         """The stripes; at frequency 1 where `spacing` asks for another, which takes a mode (see `frequency_for`)."""
-        return Stripes(self.frequency or 1.0, self.phase, self.threshold)
+        return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 
 class Width(Section):
@@ -236,6 +189,11 @@ class Pattern(Section):
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
     """Metres along the boundary that stay material; 0 keeps nothing."""
+
+    @property
+    def auto(self) -> bool:
+        """Whether a mode or a phase is to be chosen."""
+        return any(AUTO in (family.mode, family.phase) for family in (self.major, self.minor))
 
 
 class Slicing(Section):
@@ -301,6 +259,14 @@ class Preset(Section):
     def combines(self) -> bool:
         """Whether the pattern follows a sum of stress magnitudes rather than the stress of one case."""
         return combines(self.surface.load, self.diffusion.follow)
+
+    def settled(self, mode: tuple[int, int], phase: tuple[float, float]) -> "Preset":
+        """The preset with these modes and phases, of the major and of the minor family."""
+        families = {
+            name: getattr(self.pattern, name).model_copy(update={"mode": mode[k], "phase": phase[k]})
+            for k, name in enumerate(("major", "minor"))
+        }
+        return self.model_copy(update={"pattern": self.pattern.model_copy(update=families)})
 
     def first_difference(self, other: "Preset") -> str | None:
         """The first stage whose section differs, or None; name and description make no difference."""

@@ -8,7 +8,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from dsfab.errors import did_you_mean
-from dsfab.preset import SHAPE_SECTIONS, FileSurface, Preset
+from dsfab.preset import Preset
+from dsfab.preset_surface import SHAPE_SECTIONS, FileSurface
 from dsfab.surface import Combination, Load, Picker, Support
 
 
@@ -44,6 +45,8 @@ def _sentence(detail: ErrorDetails) -> str:
     if kind == "literal_error":
         allowed = str(detail["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
         hint = did_you_mean(str(detail["input"]), allowed)
+        if allowed == ["auto"]:
+            hint = f" or a number{hint}"
     text = detail["msg"].removeprefix("Input ")
     return f"{key} = {detail['input']!r}: {text[:1].lower()}{text[1:]}{hint}"
 
@@ -54,6 +57,8 @@ def _key(loc: tuple[int | str, ...]) -> list[str]:
 
 
 def _is_tag(loc: tuple[int | str, ...], i: int) -> bool:
+    if i >= 1 and loc[i - 1] in ("mode", "phase") and loc[i] in ("number", "auto"):
+        return True
     after_load = i >= 2 and loc[i - 2] == "load" and isinstance(loc[i - 1], int)
     return (loc[:i] == ("surface",) and loc[i] in SURFACES) or after_load or (i >= 1 and loc[i - 1] == "at")
 

@@ -10,8 +10,9 @@ import tomli_w
 from pydantic import ValidationError
 
 from dsfab.errors import PresetError, did_you_mean
-from dsfab.preset import Given, Preset
+from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
+from dsfab.preset_surface import Given
 
 
 def shipped() -> dict[str, Path]:

@@ -64,6 +64,19 @@ def test_the_shader_draws_what_the_exact_cut_leaves(dome: Draft, rule: str) -> N
         assert previewer.mask(SIZE).sum() < 0.98 * whole.sum()  # something was left away
 
 
+def test_modes_and_phases_that_were_chosen_are_drawn() -> None:
+    auto = {"pattern.major.mode": "auto", "pattern.minor.phase": "auto", "diffusion.modes": 2, "surface.edge": 0.1}
+    made = draft(load_preset("cantilever", {**auto, "pattern.width": {}}))
+    with Previewer(made, marks=False) as previewer:
+        assert difference(made, previewer) < MOST
+        chosen = previewer.mask(SIZE)
+        settled = made.preset.settled(made.pattern.mode, made.pattern.phase)
+        previewer.display(settled)
+        assert np.array_equal(previewer.mask(SIZE), chosen)
+        previewer.set({"pattern.minor.phase": (made.pattern.phase[1] + 0.4) % 1})
+        assert (previewer.mask(SIZE) != chosen).mean() > 0.01
+
+
 def test_a_closed_surface_agrees_too() -> None:
     made = draft(load_preset("sphere", {"pattern.width": {"rule": "graded"}, "pattern.rim": 0.1}))
     with Previewer(made, marks=False, view="20,30") as previewer:

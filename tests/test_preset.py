@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from dsfab.errors import DsfabError, PresetError
-from dsfab.preset import STAGES, FileSurface, Preset
+from dsfab.preset import STAGES, Preset
 from dsfab.preset_file import headline, load_preset, parse_override, preset_from, preset_toml, shipped
+from dsfab.preset_surface import FileSurface
 
 SHIPPED = sorted(shipped())
 

@@ -9,6 +9,7 @@ from dsfab.app.balance import case_lines
 from dsfab.app.build import facts
 from dsfab.diffusion import combined_stress, diffusion_tensors
 from dsfab.errors import PresetError, StaticsError, SurfaceError
+from dsfab.pattern import relative_stresses
 from dsfab.preset_file import overridden, preset_toml
 from dsfab.statics import Elements, Material, factor, solve, solve_cases, solve_statics, spread_load, stress
 from dsfab.study.comparison import compare
@@ -218,6 +219,31 @@ def test_another_choice_of_what_to_follow_solves_nothing_again(design):
             (want,) = sigma
         assert np.array_equal(diffusion_tensors(other.surface, want).major, other.diffusion.tensors.major)
     assert len(seen) == 5
+
+
+def test_graded_widths_follow_the_sum_of_all_combinations(design):
+    """Each family is as wide as the sizes of the stresses of both combinations sum to along it, not as one of them."""
+    graded = overridden(design.preset, {"pattern.width": {"rule": "graded", "q": 1.0}})
+    both = revise(design, graded)
+    cases, s = design.statics.cases, design.surface
+    sizes = combined_stress(s, [cases["winter"].sigma, cases["storm"].sigma], [1, 1])
+    wanted = relative_stresses(s, principal_in_plane(s, sizes))
+    duty = 2 * np.stack(both.pattern.half_widths[-2:], axis=1)
+    free = (duty < 0.99).all(axis=1)
+    assert free.mean() > 0.3
+    assert_allclose((duty / wanted)[free], np.median(duty[free] / wanted[free]), rtol=1e-6)
+    alone = revise(both, overridden(graded, {"diffusion.follow": "winter"}))
+    assert np.abs(2 * alone.pattern.half_widths[-2] - duty[:, 0]).max() > 0.05
+    heavier = revise(both, overridden(graded, {"diffusion.weights": {"winter": 7.0, "storm": 7.0}}))
+    assert_allclose(heavier.pattern.half_widths[-2], both.pattern.half_widths[-2], rtol=1e-6)
+
+
+def principal_in_plane(surface, sigma):
+    """(m, 2) the principal values of symmetric tensors (m, 3, 3) in the planes of the faces, the larger first."""
+    a = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
+    a = a / np.linalg.norm(a, axis=1, keepdims=True)
+    axes = np.stack([a, np.cross(surface.normals, a)], axis=1)
+    return np.linalg.eigvalsh(axes @ sigma @ axes.transpose(0, 2, 1))[:, ::-1]
 
 
 def test_one_case_is_followed_as_it_is_and_combined_when_asked():

@@ -1,13 +1,16 @@
 """Comparison: loads handed to the cut sheet with their resultant, competitors of the same mass under the same loads."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import dsfab
 from dsfab.errors import StaticsError
+from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.slicing import cut
 from dsfab.statics import solve_statics
-from dsfab.study.handover import sheet_load
 from dsfab.surface import LoadCase
 from tests.zoo import grid
 
@@ -47,6 +50,33 @@ def test_a_load_far_from_all_material_is_refused_and_so_is_a_sheet_without_suppo
     right = cut(plate, [x], [[0.55]]).kept()
     with pytest.raises(StaticsError, match="no supported vertex is left"):
         sheet_load(plate, right, LoadCase(fixed, force, x > 0.99))
+
+
+def test_a_load_on_a_piece_that_reaches_no_support_is_lost_and_told_by_build_and_compare():
+    """Thin stripes that pass the disc around the load: its own piece is dropped, however near the rest is."""
+    thin = {"threshold": 0.8, "frequency": 4.0}
+    pattern = {"keep": 0.05, "major": thin, "minor": thin}
+    design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.08, "pattern": pattern}))
+    told = [note.text for note in design.notes if note.stage == "slicing"]
+    says = r"load at \[.*\] m \(1e\+03 N\) stands on a piece that reaches no support"
+    assert any(re.search(says + ": nothing carries it; set pattern.rim", text) for text in told)
+    assert not any("removed material" in text for text in told)
+    with pytest.raises(StaticsError, match=says):
+        dsfab.compare(design, pairs=())
+
+
+def test_only_concentrated_loads_are_lost_with_a_piece_and_only_more_than_a_hundredth_of_them():
+    plate = grid(10, 10, 1.0, 1.0)
+    x = plate.V[:, 0]
+    drawn = cut(plate, [x], [[-1.0, 0.35, 0.65]]).kept()
+    left = drawn.kept(drawn.surface.centroids[:, 0] < 0.5)
+    load = LoadCase(np.repeat((x < 0.01)[:, None], 3, axis=1), np.ones((plate.n, 3)), x > 0.99)
+    assert lost_load(plate, drawn, left, [replace(load, loaded=x > 2), load]).startswith("the load at [1.0, ")
+    assert lost_load(plate, drawn, drawn, [load]) == ""
+    assert lost_load(plate, drawn, left, [replace(load, loaded=x > 2)]) == ""
+    assert lost_load(plate, left, left, [load]) == ""  # cut away, not dropped: `sheet_load` hands it over
+    weak = load.force * np.where(x > 0.99, 1e-4, 1)[:, None]
+    assert lost_load(plate, drawn, left, [replace(load, force=weak, loaded=(x > 0.99) | (x < 0.01))]) == ""
 
 
 def test_a_complete_sheet_cut_into_cells_is_as_stiff_as_the_uncut_one(cantilever):

@@ -9,6 +9,7 @@ from dsfab import load_preset, run
 from dsfab.app.build import facts
 from dsfab.errors import PresetError, StaticsError, SurfaceError
 from dsfab.pipeline import draft
+from dsfab.pipeline.handover import sheet_load
 from dsfab.slicing import cut
 from dsfab.statics import (
     Elements,
@@ -20,7 +21,6 @@ from dsfab.statics import (
     spread_load,
     support_reactions,
 )
-from dsfab.study.handover import sheet_load
 from dsfab.surface import All, Boundary, Box, Force, Line, LoadCase, Nearest, Side, Snow, Support, Surface, Vertices
 from tests.zoo import ZOO, grid, zoo
 

@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from dsfab import __version__
 from dsfab.app.answers import answer_facts, answer_lines
 from dsfab.app.balance import case_facts, case_lines, equilibrium_facts
+from dsfab.app.choice import choice_facts, choice_lines
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.errors import DsfabError, ExportError
@@ -137,7 +138,7 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
     if picture:
         reporter("preview", "drawing preview.png")
         _draw(design, folder / "preview.png")
-    (folder / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
+    (folder / "preset.toml").write_text(preset_toml(design.settled), encoding="utf-8")
     names = [path.name for path in files]
     (folder / "design.json").write_text(
         json.dumps(facts(design, seconds, names, refused, told), indent=2) + "\n", encoding="utf-8"
@@ -171,7 +172,7 @@ def facts(
     box = solid.V.min(axis=0).tolist(), solid.V.max(axis=0).tolist()
     return {
         "name": design.preset.name,
-        "preset": design.preset.model_dump(mode="json", exclude_none=True),
+        "preset": design.settled.model_dump(mode="json", exclude_none=True),
         "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
         "statics": {
             **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
@@ -180,6 +181,7 @@ def facts(
             "followed": design.preset.followed,
         },
         "modes": {"major": design.diffusion.major.lam.tolist(), "minor": design.diffusion.minor.lam.tolist()},
+        **choice_facts(design.pattern.choice),
         "sheet": {
             "vertices": sheet.n,
             "triangles": sheet.m,
@@ -224,7 +226,7 @@ def _summary(design: "Design", folder: Path) -> None:
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
-    for line in (*case_lines(design), *answer_lines(design)):
+    for line in (*choice_lines(design.pattern.choice), *case_lines(design), *answer_lines(design)):
         out(line)
     for note in design.notes:
         out(f"note ({note.stage}): {note.text}")

@@ -23,7 +23,7 @@ from dsfab.design import Design, Draft
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pipeline import draft
-from dsfab.preset import STAGES, Preset
+from dsfab.preset import AUTO, STAGES, Preset
 from dsfab.preset_file import overridden
 from dsfab.surface import Surface
 
@@ -199,6 +199,8 @@ class Previewer:
             return True
         if first != "pattern" or old.width != new.width or new.width.solid_fraction or new.width.widths(1.0).vary:
             return False
+        if new.auto:  # what fits best depends on every number
+            return False
         if new.major.spacing or new.minor.spacing:  # frequencies are solved for
             return False
         return (old.major.mode, old.minor.mode) == (new.major.mode, new.minor.mode)
@@ -208,11 +210,12 @@ class Previewer:
         ask = self._preset.pattern
         pair, width = (ask.major, ask.minor), ask.width
         by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary
-        solved = self._made.pattern.frequency
+        solved, chosen = self._made.pattern.frequency, self._made.pattern.phase
+        phase = [chosen[k] if family.phase == AUTO else family.shift for k, family in enumerate(pair)]
         drawn = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}.get(self._show, (1.0, 1.0))
         settings = Settings(
             (pair[0].frequency or solved[0], pair[1].frequency or solved[1]),
-            (pair[0].phase % 1, pair[1].phase % 1),
+            (phase[0] % 1, phase[1] % 1),
             (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
             (ask.keep or NO_REACH, ask.rim or NO_REACH),
             drawn,
@@ -244,7 +247,7 @@ class Previewer:
 
 def _fields(design: Design | Draft, distances: tuple[Floats, Floats]) -> Floats:
     """(n, 6) modes, half-widths and distances (see `StripeShader`)."""
-    ask, modes = design.preset.pattern, design.diffusion
+    mode, modes = design.pattern.mode, design.diffusion
     half = dict(zip(design.pattern.names, design.pattern.half_widths, strict=True))
-    x = modes.major.mode(ask.major.mode), modes.minor.mode(ask.minor.mode)
+    x = modes.major.mode(mode[0]), modes.minor.mode(mode[1])
     return np.stack([*x, half["major"], half["minor"], *distances], axis=1)

@@ -2,6 +2,7 @@
 
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.layers import Family, Layer, mean_duty_factor
+from dsfab.pattern.shares import face_points, material_points
 from dsfab.pattern.stripes import Stripes, frequency_for
 from dsfab.pattern.wave import wave
 from dsfab.pattern.width import Rule, Widths, relative_stresses, slopes, solved_factor, vertex_means
@@ -14,7 +15,9 @@ __all__ = [
     "Widths",
     "distance_to_boundary",
     "distance_to_vertices",
+    "face_points",
     "frequency_for",
+    "material_points",
     "mean_duty_factor",
     "relative_stresses",
     "slopes",

@@ -4,9 +4,11 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from dsfab.design import Design, Draft
+from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.directions import diffusion_step
-from dsfab.pipeline.geometry import pattern_step, slicing_step, thickening_step
+from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
+from dsfab.pipeline.patterns import pattern_step
 from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
 
@@ -19,7 +21,7 @@ ROWS = {
     "surface": ("surface",),
     "statics": ("membrane", "bending", "statics", "stress", "answers"),
     "diffusion": ("diffusion", "modes"),
-    "pattern": ("pattern",),
+    "pattern": ("choice", "pattern"),
     "slicing": ("slicing",),
     "thickening": ("thickening",),
 }
@@ -74,7 +76,11 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
     was = _reused("diffusion", log, old, start)
     diffusion = was.diffusion if was else diffusion_step(preset, surface, statics, log)
     was = _reused("pattern", log, old, start)
-    pattern = was.pattern if was else pattern_step(preset, surface, statics, diffusion, log)
+    if was:
+        pattern = was.pattern
+    else:
+        choice = choice_step(preset, surface, statics, diffusion, log) if preset.pattern.auto else None
+        pattern = pattern_step(preset, surface, statics, diffusion, log, choice)
     return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
 
 

@@ -8,13 +8,13 @@ import numpy as np
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design
 from dsfab.export.calculix import Element, Model
+from dsfab.pipeline.handover import sheet_load
 from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.structure import check_scale, surface_step
 from dsfab.preset import Preset
 from dsfab.statics import VERDICT, Equilibrium, SpreadLoad, flat_axis, solve_cases
 from dsfab.study.finite_elements import axes_of_file, nodal_forces, sheet_model
-from dsfab.study.handover import sheet_load
 from dsfab.surface import LoadCase, Surface
 
 UNRELIABLE = (

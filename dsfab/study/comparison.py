@@ -14,12 +14,11 @@ from itertools import product
 import numpy as np
 
 from dsfab.design import Design
-from dsfab.errors import DsfabError, PatternError
+from dsfab.errors import DsfabError, PatternError, StaticsError
 from dsfab.pipeline import revise
+from dsfab.pipeline.handover import ATTACH, lost_load, sheet_load
 from dsfab.preset_file import overridden
-from dsfab.slicing import Sheet
 from dsfab.statics import solve_cases
-from dsfab.study.handover import sheet_load
 from dsfab.surface import LoadCase, Surface
 
 SAME_MASS = 0.01
@@ -77,21 +76,32 @@ def compare(design: Design, pairs: tuple[tuple[int, int], ...] = PAIRS) -> Compa
 
     pairs : (major, minor) modes of the isotropic competitors.
 
-    Raises StaticsError when the design itself does not carry its loads.
+    Raises StaticsError when the design itself does not carry its loads: a concentrated load that stands on a piece
+    which reaches no support counts as not carried.
     """
     sheet, statics = design.sheet, design.preset.statics
     weight = statics.density * statics.thickness
     share = sheet.surface.area / design.surface.area
-    own = Competitor("design", _on_sheet(design, sheet), weight * sheet.surface.area)
+    own = Competitor("design", _on_sheet(design), weight * sheet.surface.area)
     whole = _compliance(design, design.surface, _loads(design), 1.0)
     full = Competitor("full", whole, weight * design.surface.area)
     thinner = Competitor("thinner", _compliance(design, design.surface, _loads(design), share), own.mass)
     return Comparison(own, full, thinner, tuple(_isotropic(design, pairs)))
 
 
-def _on_sheet(design: Design, sheet: Sheet) -> float:
+def _on_sheet(design: Design) -> float:
+    """Compliance, joules, of the design on its own cut sheet."""
+    _require_carried(design)
+    sheet = design.sheet
     loads = {name: sheet_load(design.surface, sheet, load) for name, load in _loads(design).items()}
     return _compliance(design, sheet.surface, loads, 1.0)
+
+
+def _require_carried(design: Design) -> None:
+    """Raise StaticsError when a load stands on a piece that was dropped: what lies next to it does not carry it."""
+    drawn = design.slicing.cells.kept()
+    if lost := lost_load(design.surface, drawn, design.sheet, _loads(design).values()):
+        raise StaticsError(f"{lost}; {ATTACH}")
 
 
 def _loads(design: Design) -> dict[str, LoadCase]:
@@ -120,11 +130,11 @@ def _isotropic(design: Design, pairs: tuple[tuple[int, int], ...]) -> Iterator[C
         name = f"isotropic {major}, {minor}"
         try:
             last = revise(
-                last, overridden(design.preset, {**blind, "pattern.major.mode": major, "pattern.minor.mode": minor})
+                last, overridden(design.settled, {**blind, "pattern.major.mode": major, "pattern.minor.mode": minor})
             )
             lost = 1 - last.sheet.surface.area / design.sheet.surface.area
             if lost > SAME_MASS:
                 raise PatternError(f"falls apart: {lost:.0%} of it reach no support")
-            yield Competitor(name, _on_sheet(last, last.sheet), weight * last.sheet.surface.area)
+            yield Competitor(name, _on_sheet(last), weight * last.sheet.surface.area)
         except DsfabError as error:
             yield Competitor(name, float("nan"), 0.0, str(error))

@@ -5,13 +5,14 @@ from functools import cached_property
 from types import MappingProxyType
 
 from dsfab.design import Design, Draft, SlicingResult, StaticsResult
+from dsfab.errors import StaticsError
 from dsfab.pipeline import draft
 from dsfab.pipeline.geometry import slicing_step, thickening_step
+from dsfab.pipeline.handover import ATTACH, lost_load, sheet_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import STAGES, Preset
 from dsfab.slicing import Sheet
 from dsfab.statics import Bending, Equilibrium, Membrane, solve_cases
-from dsfab.study.handover import sheet_load
 from dsfab.surface import LoadCase, Surface
 from dsfab.thickening import Solid
 
@@ -99,8 +100,10 @@ class Making:
 
 def loads_on(made: Design | Making) -> dict[str, LoadCase]:
     """By name, the loads that the pattern follows, on the cut sheet; raises StaticsError where nothing carries them."""
-    cases = made.statics.cases
-    return {name: sheet_load(made.surface, made.sheet, cases[name].load) for name in made.preset.followed}
+    loads = {name: made.statics.cases[name].load for name in made.preset.followed}
+    if lost := lost_load(made.surface, made.slicing.cells.kept(), made.sheet, loads.values()):
+        raise StaticsError(f"{lost}; {ATTACH}")
+    return {name: sheet_load(made.surface, made.sheet, load) for name, load in loads.items()}
 
 
 def carried(

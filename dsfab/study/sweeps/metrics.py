@@ -42,14 +42,14 @@ def _loose(made: Design | Making) -> float:
 def _min_width(made: Design | Making) -> float:
     """Across the stripes, 2 d / |grad z| on every face where a family is material; the lesser of both families."""
     draft = made.draft if isinstance(made, Making) else made
-    ask, pattern = made.preset.pattern, draft.pattern
-    families = ((ask.major, draft.diffusion.major), (ask.minor, draft.diffusion.minor))
+    pattern = draft.pattern
+    families = (("major", draft.diffusion.major), ("minor", draft.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
-    for (family, modes), name, frequency in zip(families, ("major", "minor"), pattern.frequency, strict=True):
+    for (name, modes), number, frequency in zip(families, pattern.mode, pattern.frequency, strict=True):
         index = pattern.names.index(name)
         cells = made.sheet.family == index
         faces = made.sheet.parent[cells]
-        z, d = frequency * modes.mode(family.mode), pattern.half_widths[index]
+        z, d = frequency * modes.mode(number), pattern.half_widths[index]
         slope = _slopes(made, z)[faces]
         width.append(2 * d[made.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
         area.append(made.sheet.surface.areas[cells])

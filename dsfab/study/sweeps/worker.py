@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.errors import DsfabError
-from dsfab.preset import FileSurface, Preset
+from dsfab.preset import Preset
 from dsfab.preset_file import overridden, preset_from, preset_toml
+from dsfab.preset_surface import FileSurface
 from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
 

@@ -1,5 +1,7 @@
 """The load case of a cut sheet: what the uncut surface carried, handed to the material that is left."""
 
+from collections.abc import Iterable
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
@@ -12,6 +14,32 @@ from dsfab.surface import LoadCase, Surface
 
 REACH = 0.1
 """Loads are handed over this share of the surface's size at most: further away, nothing carries them."""
+
+
+LOST = 0.01
+"""Pieces that are dropped may carry this share of a concentrated load at most."""
+
+
+ATTACH = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
+"""What helps then."""
+
+
+def lost_load(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
+    """What is lost with pieces that reach no support, as a clause; empty when they carry no concentrated load.
+
+    A load whose own material was cut away is handed to what lies next to it (`sheet_load`). One that still stands on
+    material, but on a piece that is not held, is carried by nothing, however close the rest is.
+
+    drawn : all material, the loose pieces included.    sheet : what is kept of it.
+    loads : of which the first that is lost is told.
+    """
+    dropped = (drawn.same_vertex() >= 0) & (sheet.same_vertex() < 0)
+    for load in loads:
+        size = np.linalg.norm(load.force, axis=1) * load.loaded
+        if (lost := size[dropped].sum()) > LOST * size.sum():
+            place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
+            return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
+    return ""
 
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:

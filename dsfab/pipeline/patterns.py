@@ -1,0 +1,152 @@
+"""The fourth step: stripes of material on the modes, and what is kept besides them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dsfab.design import Choice, DiffusionResult, PatternResult, StaticsResult
+from dsfab.errors import PatternError
+from dsfab.pattern import (
+    Family,
+    Layer,
+    Widths,
+    distance_to_boundary,
+    distance_to_vertices,
+    frequency_for,
+    mean_duty_factor,
+    relative_stresses,
+    solved_factor,
+)
+from dsfab.pipeline.log import Log
+from dsfab.preset import Preset
+from dsfab.slicing import material_area
+from dsfab.surface import LoadCase, Surface
+
+SHARE_TOLERANCE = 4e-4
+"""How closely pattern.width.solid_fraction is reached, as a share of the surface."""
+
+SHARE_SNAP = 0.05
+"""Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
+
+
+def pattern_step(
+    preset: Preset,
+    surface: Surface,
+    statics: StaticsResult,
+    diffusion: DiffusionResult,
+    log: Log,
+    choice: Choice | None = None,
+) -> PatternResult:
+    """Kept regions come first: a cell that they make material is not cut again by the stripes.
+
+    choice : of the modes and phases that are `auto`.
+    """
+    settled = preset.settled(choice.mode, choice.phase) if choice else preset
+    ask = settled.pattern
+    with log.stage("pattern", "drawing stripes"):
+        kept = kept_regions(settled, surface, statics.load)
+        widths = ask.width.widths(np.sqrt(surface.area))
+        families = striped_families(settled, surface, diffusion, widths.radius)
+        for family, asked in zip(families, (ask.major, ask.minor), strict=True):
+            if asked.spacing:
+                told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
+                log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
+
+        def share(layers: Sequence[Layer]) -> float:
+            fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
+            return material_area(surface, fields, levels, SHARE_SNAP) / surface.area
+
+        layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE)
+        if ask.width.solid_fraction:
+            log.note("pattern", _solved(settled, widths, factor))
+    names, fields, levels, half_widths = zip(*layers, strict=True)
+    major, minor = (family.stripes for family in families)
+    return PatternResult(
+        names,
+        fields,
+        levels,
+        half_widths,
+        factor,
+        (major.frequency, minor.frequency),
+        (ask.major.number, ask.minor.number),
+        (major.phase, minor.phase),
+        choice,
+    )
+
+
+def drawn(
+    preset: Preset,
+    surface: Surface,
+    kept: Sequence[Layer],
+    families: Sequence[Family],
+    share: Callable[[Sequence[Layer]], float],
+    tolerance: float,
+    guess: float = 0.0,
+) -> tuple[list[Layer], float]:
+    """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
+
+    share     : the share of the surface that layers keep; pattern.width.solid_fraction is reached in its measure.
+    tolerance : how closely.    guess : what the multiplier was for a like pattern; saves time.
+
+    Raises PatternError where that share cannot be reached.
+    """
+    width = preset.pattern.width
+    widths = width.widths(np.sqrt(surface.area))
+    factor = guess or (mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0)
+
+    def layers(factor: float) -> list[Layer]:
+        return [*kept, *(family.layer(widths, factor) for family in families)]
+
+    if width.solid_fraction:
+        factor *= solved_factor(lambda relative: share(layers(factor * relative)), width.solid_fraction, tolerance)
+    return layers(factor), factor
+
+
+def kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
+    """What is material whatever the stripes do."""
+    ask, regions = preset.pattern, []
+    if ask.keep:
+        regions.append(("keep", distance_to_vertices(surface, load.held | load.loaded), ask.keep))
+    if ask.rim and surface.edges.boundary.any():
+        regions.append(("rim", distance_to_boundary(surface), ask.rim))
+    every = np.full(surface.n, np.inf)
+    return [Layer(name, -distance, np.array([-reach]), every) for name, distance, reach in regions]
+
+
+def striped_families(preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float) -> list[Family]:
+    """Both families of stripes; the major one runs along the primary stress, the minor one along the secondary.
+
+    radius : metres over which slopes are averaged, see `Widths.radius`.
+
+    Raises PatternError for a mode that was not computed.
+    """
+    ask, families = preset.pattern, []
+    stress = [None, None]
+    if ask.width.rule == "graded":
+        stress = list(relative_stresses(surface, diffusion.tensors.principal).T)
+    pairs = (("major", ask.major, diffusion.major), ("minor", ask.minor, diffusion.minor))
+    for (name, family, modes), along in zip(pairs, stress, strict=True):
+        if family.number > len(modes.lam):
+            raise PatternError(
+                f"pattern.{name}.mode = {family.number} but only diffusion.modes = {len(modes.lam)} are computed; "
+                "raise diffusion.modes or choose a lower mode"
+            )
+        x, stripes = modes.mode(family.number), family.stripes
+        if family.spacing:
+            stripes = replace(stripes, frequency=frequency_for(surface, x, family.spacing))
+        families.append(Family.on(surface, name, stripes, x, along, radius))
+    return families
+
+
+def _solved(preset: Preset, widths: Widths, factor: float) -> str:
+    """What the widths became for the wanted share of material."""
+    ask = preset.pattern
+    if widths.rule == "constant":
+        became = f"members are {factor * widths.member:.3g} m wide"
+    elif widths.rule == "plain":
+        major, minor = (family.stripes.widened(factor).threshold for family in (ask.major, ask.minor))
+        became = f"the thresholds became {major:.3f} and {minor:.3f}"
+    else:
+        became = f"the graded widths were multiplied by {factor:.3g}"
+    return f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"

@@ -1,0 +1,83 @@
+"""`Trial`: what a design with other modes and phases would be worth, on its own cut mesh.
+
+What can be seen without cutting is a poor judge: where gaps and members are only a few elements wide it ranks designs
+almost at random. So a candidate is cut and solved, by constant strain and mid-edge bending: these rank nearly as the
+truth does, at a third of the time of better elements.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dsfab.design import Candidate, DiffusionResult, StaticsResult
+from dsfab.errors import DsfabError, PatternError
+from dsfab.pattern import Layer, face_points, material_points
+from dsfab.pipeline.handover import lost_load, sheet_load
+from dsfab.pipeline.patterns import SHARE_SNAP, drawn, kept_regions, striped_families
+from dsfab.preset import Preset
+from dsfab.slicing import Sheet, cut, resolve_pinches
+from dsfab.statics import solve_cases
+from dsfab.surface import LoadCase, Surface
+from dsfab.surface.topology import pieces
+
+SHARE_TOLERANCE = 2e-3
+"""How closely candidates reach pattern.width.solid_fraction, as a share of the surface."""
+
+
+class Trial:
+    """Tries modes and phases on one surface: what all candidates share is made once."""
+
+    def __init__(self, preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult) -> None:
+        self.preset, self.surface, self.diffusion = preset, surface, diffusion
+        self.loads = {name: statics.cases[name].load for name in preset.followed}
+        self.held = statics.load.held
+        self.kept = kept_regions(preset, surface, statics.load)
+        self.factors: dict[tuple[int, int], float] = {}
+        self.points = face_points()
+        self.kept_points = material_points(surface, self.kept, self.points)
+        self.uncut = self._compliance(surface, self.loads)
+
+    def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
+        """What these modes and phases of the major and of the minor stripes are worth; refused with its reason."""
+        try:
+            sheet, kept, whole, count = self._sheet(self.preset.settled(mode, phase))
+            loads = {name: sheet_load(self.surface, sheet, load) for name, load in self.loads.items()}
+            compliance = self._compliance(sheet.surface, loads)
+        except DsfabError as error:
+            return Candidate(mode, phase, refused=str(error))
+        return Candidate(mode, phase, compliance, compliance / self.uncut, kept, whole, count)
+
+    def _sheet(self, preset: Preset) -> tuple[Sheet, float, float, int]:
+        """The sheet that reaches supports, and `kept`, `whole` and `pieces` of a `Candidate`.
+
+        Raises DsfabError when it does not carry the loads.
+        """
+        surface = self.surface
+        radius = preset.pattern.width.widths(np.sqrt(surface.area)).radius
+        families = striped_families(preset, surface, self.diffusion, radius)
+        modes = preset.pattern.major.number, preset.pattern.minor.number
+        guess = self.factors.get(modes, 0.0)
+        layers, self.factors[modes] = drawn(preset, surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)
+        cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP)
+        material = resolve_pinches(cells, preset.statics.thickness / 2).sheet.kept()
+        F = material.surface.F
+        count, label = pieces(F, material.surface.edges)
+        area = np.bincount(label, material.surface.areas, count)
+        held = np.bincount(label, material.between(self.held)[F].any(axis=1), count) > 0
+        if not held.any():
+            raise PatternError("no piece of material reaches a support")
+        sheet = material if held.all() else material.kept(held[label])
+        if lost := lost_load(surface, material, sheet, self.loads.values()):
+            raise PatternError(lost)
+        return sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count
+
+    def _share(self, layers: Sequence[Layer]) -> float:
+        """The kept share of the surface, counted in points: the stripes come after what is kept."""
+        stripes = material_points(self.surface, layers[len(self.kept) :], self.points)
+        return float((self.kept_points | stripes).mean(axis=1) @ self.surface.areas / self.surface.area)
+
+    def _compliance(self, surface: Surface, loads: dict[str, LoadCase]) -> float:
+        """Joules, the weighted sum over what the pattern follows."""
+        ask = self.preset.statics
+        answers = solve_cases(surface, ask.material, loads, ask.thickness, ask.law, "constant", "midedge")
+        return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())

@@ -1,0 +1,44 @@
+"""How near to the optimum shipped presets are: their compliance over that of the full plate, and what was aimed at.
+
+Each is one solve on the mesh as cut, quadratic membrane and mid-edge bending. Finer meshes, edges of 0.02, 0.014 and
+0.01 m: cantilever 1.799, 1.798, 1.801; cantilever_light 3.92, 4.01, 4.08. Topology optimisation (SIMP, 60 steps, its
+level line cut at the same area and solved alike) reaches 1.58 and 2.53 on these two.
+"""
+
+import pytest
+
+import dsfab
+
+
+def over_full(design) -> float:
+    compared = dsfab.compare(design, pairs=())
+    return compared.design.compliance / compared.full.compliance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "share", "target", "recorded"),
+    [
+        ("cantilever", 0.5, 1.85, 1.80),
+        ("cantilever_light", 0.3, 4.8, 3.92),
+        ("sphere_graded", 0.5, 2.8, 1.69),
+    ],
+)
+def test_graded_presets_reach_their_targets(name, share, target, recorded):
+    design = dsfab.run(dsfab.load_preset(name))
+    assert design.sheet.surface.area / design.surface.area == pytest.approx(share, abs=1e-3)
+    assert len(design.slicing.pieces) == 1
+    ratio = over_full(design)
+    assert ratio <= target
+    assert ratio == pytest.approx(recorded, rel=0.01)
+
+
+@pytest.mark.slow
+def test_auto_reaches_the_target_of_the_cantilever_too():
+    """On a slightly coarser mesh than the preset's: 1.804 there, 1.828 on its own; 55 tried, 20 and 29 CPU seconds."""
+    auto = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
+    design = dsfab.run(dsfab.load_preset("cantilever", {**auto, "surface.edge": 0.025}))
+    assert design.pattern.choice is not None
+    assert design.pattern.mode == (1, 1)
+    assert len(design.pattern.choice.candidates) > 32
+    assert over_full(design) <= 1.85
