@@ -65,7 +65,7 @@ def test_the_shader_draws_what_the_exact_cut_leaves(dome: Draft, rule: str) -> N
 
 
 def test_a_closed_surface_agrees_too() -> None:
-    made = draft(load_preset("sphere", {"pattern.width": {"rule": "graded"}, "pattern.rim": 0.1}))
+    made = draft(load_preset("globe", {"pattern.width": {"rule": "graded"}, "pattern.rim": 0.1}))
     with Previewer(made, marks=False, view="20,30") as previewer:
         assert difference(made, previewer) < MOST
 
