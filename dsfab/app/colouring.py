@@ -125,7 +125,7 @@ def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring
     face = np.broadcast_to(one, (design.surface.m, 3))
     if show == "directions":
         signs = Bar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
-        return Colouring(face, signs, None, "principal directions of the stress, uncut sheet")
+        return Colouring(face, signs)
     return Colouring(face)
 
 

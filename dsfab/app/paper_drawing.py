@@ -16,7 +16,16 @@ SMALL, LARGE = (560, 420), (1120, 840)
 LIGHT = Quality(8, 24, 5, 896, 512, (0.006, 0.035))
 """Between a picture that stands alone and one of a hundred."""
 
-VIEWS = {"camel_head": "20,34", "camel_none": "20,34", "boys_surface": "30,25", "mouse": "35,35"}
+VIEWS = {
+    "pavilion": "25,35",
+    "camel_none": "20,25",
+    "camel_head": "20,52",
+    "camel_nose": "40,20",
+    "camel_ears": "60,35",
+    "climbing_hold": "210,25",
+    "mouse": "240,35",
+    "boys_surface": "30,25",
+}
 """From where a figure is seen, if its best side (see `dsfab.app.view`) hides what its caption says."""
 
 

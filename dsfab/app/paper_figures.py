@@ -26,7 +26,6 @@ class Made:
     """
 
     figure: Figure
-    description: str = ""
     vertices: int = 0
     triangles: int = 0
     seconds: Mapping[str, float] | None = None
@@ -58,9 +57,7 @@ def made(figure: Figure, folder: Path, coarser: float = 1.0) -> Made:
     except DsfabError as error:
         return Made(figure, error=str(error))
     surface = design.surface
-    return Made(
-        figure, preset.description, surface.n, surface.m, design.seconds, carried, notes, shown, compared
-    )  # fmt: skip
+    return Made(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared)
 
 
 def _carried(design: Draft) -> tuple[str, tuple[str, ...]]:
@@ -80,7 +77,8 @@ def _count(pieces: int) -> str:
 def _reached(pieces: Sequence[Piece]) -> str:
     loaded = [piece for piece in pieces if piece.loaded]
     if not loaded:
-        return "no load at single points"
+        lost = sum(not piece.held for piece in pieces)
+        return f"the load is spread, and {f'{_count(lost)} reach no support' if lost else 'all of it is supported'}"
     lost = sum(not piece.held for piece in loaded)
     if lost:
         return f"{lost} of {_count(len(loaded))} that carry a load reach no support"

@@ -18,6 +18,9 @@ PAGE_NAME = "index.html"
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")
 """The columns of Table 2 in seconds."""
 
+FACTS_AT = 4
+"""The words about a figure fill the place after its structure and three pictures: then families begin a row."""
+
 PARAMETERS = (
     ("&gamma;", "force magnitude"),
     ("r", "anisotropy"),
@@ -73,7 +76,8 @@ def _header(about: About) -> str:
         "<i>Diffusion Structures for Architectural Stripe Pattern Generation</i>: every result from its surface to its "
         "structure, with the parameters of the paper's Table 1. Where a surface of the paper cannot be had, one of "
         "dsfab's own stands in. Arrows are loads, cones supports; crosses are red along tension and blue along "
-        "compression; a mode runs from teal through zero to ochre, and stripes lie along its values.</p>"
+        "compression; a mode runs from teal through zero to ochre, and stripes lie along its values. Structures are drawn "
+        "before pieces that reach no support are dropped.</p>"
         f'<p class="quiet">Made by <code>dsfab reproduce</code>: {escape(about.machine)}.{rough} Seconds are those of '
         "one run, beside the paper's on a laptop of 2015 (dual-core i5); it gives one row for each mesh.</p></header>"
     )
@@ -96,8 +100,9 @@ def _section(made: Made, coarser: float) -> str:
     )
     if made.error:
         return f'{head}<p class="why">Not made: {escape(made.error)}</p></section>'
-    steps = "".join(_figure(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown))
-    return f'{head}<div class="steps">{steps}</div>{_facts(made, coarser)}{_tables(made)}</section>'
+    shown = [_figure(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
+    cells = "".join([*shown[:FACTS_AT], _facts(made, coarser), *shown[FACTS_AT:]])
+    return f'{head}<div class="steps">{cells}</div>{_tables(made)}</section>'
 
 
 def _figure(shown: Shown, name: str, kind: str = "") -> str:
@@ -131,7 +136,7 @@ def _facts(made: Made, coarser: float) -> str:
         lines.append(f"The surface stands in for the paper's: {escape(figure.stand_in)}.")
     lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in made.notes]
     lines.append(f"<code>dsfab build {figure.preset}</code>{edge}")
-    return f'<p class="facts">{"<br>".join(lines)}</p>'
+    return f'<div class="facts">{"".join(f"<p>{line}</p>" for line in lines)}</div>'
 
 
 def _tables(made: Made) -> str:

@@ -27,10 +27,10 @@ figcaption b { display: block; font-weight: 600; } small { display: block; }
 .why { margin: 0; aspect-ratio: 4 / 3; display: grid; place-content: center; text-align: center; padding: 0 10%;
   border: 1px solid rgba(86, 80, 76, .25); border-radius: 4px; opacity: .75; font-size: .9rem; }
 section > .why { aspect-ratio: auto; padding: 2rem; }
-.facts { font-size: .95rem; max-width: 70rem; }
+.facts { font-size: .92rem; padding-top: .4rem; } .facts p { margin: 0 0 .55rem; }
 code { font: 13px/1.5 ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; background: rgba(120, 100, 80, .08);
   padding: .15rem .45rem; border-radius: 4px; }
-.tables { display: flex; flex-wrap: wrap; gap: 1rem 3rem; overflow-x: auto; }
+.tables { margin-top: 1.6rem; display: flex; flex-wrap: wrap; gap: 1rem 3rem; overflow-x: auto; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding: .2rem 0; }
 th, td { text-align: right; padding: .15rem .6rem; border-bottom: 1px solid rgba(86, 80, 76, .2); white-space: nowrap; }
