@@ -76,8 +76,8 @@ def _header(about: About) -> str:
         "<i>Diffusion Structures for Architectural Stripe Pattern Generation</i>: every result from its surface to its "
         "structure, with the parameters of the paper's Table 1. Where a surface of the paper cannot be had, one of "
         "dsfab's own stands in. Arrows are loads, cones supports; crosses are red along tension and blue along "
-        "compression; a mode runs from teal through zero to ochre, and stripes lie along its values. Structures are drawn "
-        "before pieces that reach no support are dropped.</p>"
+        "compression; a mode runs from teal through zero to ochre, and stripes lie along its values. Structures are "
+        "drawn before pieces that reach no support are dropped.</p>"
         f'<p class="quiet">Made by <code>dsfab reproduce</code>: {escape(about.machine)}.{rough} Seconds are those of '
         "one run, beside the paper's on a laptop of 2015 (dual-core i5); it gives one row for each mesh.</p></header>"
     )
