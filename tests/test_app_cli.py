@@ -80,7 +80,7 @@ def test_presets_are_listed_with_a_sentence_each(capsys):
     assert code == 0
     names = [line.split()[0] for line in out.splitlines()]
     assert names == sorted(names)
-    assert {"dome", "sphere", "barrel_vault", "cantilever", "tower", "bob"} <= set(names)
+    assert {"dome", "globe", "sphere", "barrel_vault", "cantilever", "tower", "bob", "figurine"} <= set(names)
     assert all(len(line.split()) > 5 for line in out.splitlines())
 
 
@@ -124,9 +124,9 @@ def test_bench_scaling_runs_one_preset_at_several_sizes(capsys, monkeypatch):
     assert code == 0
     rows = json.loads(out)
     assert [row["vertices"] for row in rows] == pytest.approx([300, 900], rel=0.1)
-    code, _, err = run(capsys, "bench", "bob", "--scaling")
+    code, _, err = run(capsys, "bench", "figurine", "--scaling")
     assert code == 1
-    assert "surface.edge, which bob does not have" in err
+    assert "surface.edge, which figurine does not have" in err
 
 
 def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
@@ -155,7 +155,7 @@ def test_compare_prints_the_competitors_and_the_gain(capsys):
         (["build", "dome", "--set", "pattern.major.frequency"], "is not KEY=VALUE"),
         (["build", "dome", "--set", "surface.span=nan"], "should be a finite number"),
         (["build", "dome", "--mesh", "missing.obj"], "missing.obj"),
-        (["build", "bob"], "bob.obj"),
+        (["build", "figurine"], "bob.obj"),
         (["build", "dome", "--format", "stp"], "did you mean step?"),
         (["build", "dome", "--format", "dwg"], "export.formats.0 = 'dwg'"),
         (["build", "dome", "--set", "pattern.major.mode=40", *QUICK], "pattern.major.mode = 40"),
@@ -220,7 +220,7 @@ def test_a_full_disk_in_a_new_folder_leaves_no_folder(capsys, tmp_path, monkeypa
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_ctrl_c_stops_with_one_line_and_leaves_nothing(tmp_path):
-    command = [sys.executable, "-m", "dsfab.app.cli", "build", "sphere", "--set", "surface.edge=0.015", "--no-picture"]
+    command = [sys.executable, "-m", "dsfab.app.cli", "build", "globe", "--set", "surface.edge=0.015", "--no-picture"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     time.sleep(2.5)
     process.send_signal(signal.SIGINT)

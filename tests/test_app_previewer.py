@@ -78,7 +78,7 @@ def test_modes_and_phases_that_were_chosen_are_drawn() -> None:
 
 
 def test_a_closed_surface_agrees_too() -> None:
-    made = draft(load_preset("sphere", {"pattern.width": {"rule": "graded"}, "pattern.rim": 0.1}))
+    made = draft(load_preset("globe", {"pattern.width": {"rule": "graded"}, "pattern.rim": 0.1}))
     with Previewer(made, marks=False, view="20,30") as previewer:
         assert difference(made, previewer) < MOST
 

@@ -22,11 +22,11 @@ RECORDED: dict[str, tuple[float, int, int, float, float]] = {
     "camel_ears": (0.723, 1, 181, 90.163, 173.58),
     "pirate": (0.729, 1, 412, 114.82, 116.5),
     "climbing_hold": (0.734, 1, 245, 71.226, 147.57),
-    "paper_bob": (0.795, 1, 472, 148.42, 103.32),
+    "bob": (0.795, 1, 472, 148.42, 103.32),
     "mouse": (0.803, 1, 45, 75.811, 77.977),
     "boys_surface": (0.778, 1, 537, 81.08, 158.85),
     "twisty_tower": (0.824, 1, 152, 15.197, 70.797),
-    "paper_sphere": (0.757, 1, 157, 25.161, 184.34),
+    "sphere": (0.757, 1, 157, 25.161, 184.34),
     "turkey": (0.769, 2, 769, 116.48, 183.29),
 }
 """Share kept, pieces, genus of the solid, first eigenvalue of both families times the area."""

@@ -26,7 +26,7 @@ from tests.zoo import ZOO, grid, jittered, zoo
 COARSE = {
     "dome": {"surface.edge": 0.5, "pattern.width": {}},
     "cantilever": {"surface.edge": 0.05, "pattern.width": {}},
-    "sphere": {"surface.edge": 0.1, "pattern.width": {}},
+    "globe": {"surface.edge": 0.1, "pattern.width": {}},
 }
 
 
@@ -303,10 +303,10 @@ def test_a_share_below_keep_and_rim_is_refused(coarse):
 
 
 def test_a_solved_member_width_is_the_one_that_gives_the_share(coarse):
-    solved = with_width(coarse["sphere"], "sphere", rule="constant", solid_fraction=0.4)
+    solved = with_width(coarse["globe"], "globe", rule="constant", solid_fraction=0.4)
     member = solved.pattern.factor * np.sqrt(solved.surface.area) / 100
     assert f"members are {member:.3g} m wide" in " ".join(note.text for note in solved.notes)
-    again = with_width(coarse["sphere"], "sphere", rule="constant", member=member)
+    again = with_width(coarse["globe"], "globe", rule="constant", member=member)
     assert kept_share(again) == pytest.approx(kept_share(solved), abs=1e-9)
 
 
@@ -328,9 +328,9 @@ def test_a_plain_design_is_cut_as_its_thresholds_say(coarse):
 @pytest.mark.parametrize("width", [{"rule": "plain"}, {"rule": "constant", "member": 0.1}, {"rule": "graded"}])
 def test_cells_agree_with_the_wave_and_the_carried_half_widths(coarse, width):
     """What a shader draws: material where p(z) > 1 - 4 d, z and d linear over each face."""
-    design = coarse["sphere"]
+    design = coarse["globe"]
     changes = {f"pattern.width.{k}": v for k, v in width.items()} | {"slicing.snap": 0.0, "pattern.keep": 0.0}
-    design = dsfab.revise(design, dsfab.load_preset("sphere", COARSE["sphere"] | changes))
+    design = dsfab.revise(design, dsfab.load_preset("globe", COARSE["globe"] | changes))
     cells, pattern = design.slicing.cells, design.pattern
     assert pattern.names == ("major", "minor")
     value = []
@@ -348,7 +348,7 @@ def test_cells_agree_with_the_wave_and_the_carried_half_widths(coarse, width):
 
 def test_each_family_follows_the_stress_that_it_runs_along(coarse):
     """Major stripes run along the primary stress; on the sphere the two differ from pole to equator."""
-    design = with_width(coarse["sphere"], "sphere", rule="graded")
+    design = with_width(coarse["globe"], "globe", rule="graded")
     for name, principal in zip(("major", "minor"), design.diffusion.tensors.principal.T, strict=True):
         d = design.pattern.half_widths[design.pattern.names.index(name)]
         size = vertex_means(design.surface, np.abs(principal))

@@ -12,7 +12,7 @@ from tests.meshes import mesh_file
 
 SMALL = {
     "dome": {"surface.edge": 0.5, "pattern.width": {}},
-    "sphere": {"surface.edge": 0.1},
+    "globe": {"surface.edge": 0.1},
     "barrel_vault": {"surface.edge": 0.4},
     "cantilever": {"surface.edge": 0.05},
     "tower": {"surface.edge": 0.9},
@@ -55,7 +55,7 @@ def test_every_shape_gives_a_closed_solid_whose_volume_is_area_times_thickness(s
     ("name", "vertices", "kept", "genus"),
     [
         ("dome", 2509, 0.400, 300),
-        ("sphere", 2892, 0.450, 316),
+        ("globe", 2892, 0.450, 316),
         ("barrel_vault", 2464, 0.391, 100),
         ("cantilever", 5988, 0.500, 82),
         ("tower", 2800, 0.396, 199),
@@ -80,8 +80,8 @@ def test_shipped_presets_keep_their_recorded_numbers(name, vertices, kept, genus
 @pytest.mark.parametrize(
     ("preset", "file", "changes"),
     [
-        ("bob", "bob.obj", {}),
-        ("bob", "spot.obj", {}),
+        ("figurine", "bob.obj", {}),
+        ("figurine", "spot.obj", {}),
         ("roof", "hypar.obj", {}),
         ("roof", "roof_with_opening.obj", {}),
         ("roof", "Botanic.obj", {"statics.thickness": 0.1}),

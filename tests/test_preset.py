@@ -89,7 +89,7 @@ def test_a_mesh_takes_the_place_of_a_shape_and_keeps_supports_and_loads(tmp_path
 
 
 def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
-    (tmp_path / "mine.toml").write_text(shipped()["bob"].read_text())
+    (tmp_path / "mine.toml").write_text(shipped()["figurine"].read_text())
     assert load_preset(tmp_path / "mine.toml").surface.file == tmp_path / "bob.obj"
 
 

@@ -113,7 +113,7 @@ def test_the_cantilever_is_stiffer_than_structures_that_do_not_know_the_stress(c
 
 
 def test_competitors_that_fall_apart_are_told_and_do_not_count():
-    sphere = dsfab.run(dsfab.load_preset("sphere", {"surface.edge": 0.12}))
+    sphere = dsfab.run(dsfab.load_preset("globe", {"surface.edge": 0.12}))
     compared = dsfab.compare(sphere, pairs=((1, 1), (1, 2), (2, 2)))
     broken = [rival for rival in compared.isotropic if rival.error]
     assert broken

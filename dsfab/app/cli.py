@@ -34,6 +34,7 @@ app.command("dsfab.app.listing:inspect", name="inspect", help="Say what a mesh f
 app.command(
     "dsfab.app.verify:verify", name="verify", help="Solve structures with known answers: can the statics be trusted?"
 )
+app.command("dsfab.app.reproduce:reproduce", name="reproduce", help="Make the figures of the paper, on one page.")
 app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by stage, as the paper's Table 2 does.")
 
 

@@ -1,6 +1,6 @@
 """What colour a face of a preview has, and the bar that explains it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -21,6 +21,9 @@ Show = Literal[
     "major",
     "minor",
     "loads",
+    "directions",
+    "major_mode",
+    "minor_mode",
     "vonmises",
     "utilisation",
     "energy",
@@ -35,6 +38,12 @@ ANSWERS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "fre
 DEFORMED = ("displacement", "buckling", "frequency")
 """Of these, the ones that are drawn as a shape."""
 
+MODES = ("major_mode", "minor_mode")
+"""The fields whose values the stripes are drawn along."""
+
+WHOLE_SHEET = ("loads", "directions", *MODES, *ANSWERS)
+"""Shown on the sheet before stripes are drawn on it."""
+
 STEEPEST = 98.0
 """Colours end at this percentile of the stress: single points under loads and supports would hide the rest."""
 
@@ -44,6 +53,11 @@ _DIVERGING = np.array(
     dtype=np.float64,
 )
 
+# below and above zero, of what is no stress: teal and ochre
+_SIGNED = np.array(
+    [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
+    dtype=np.float64,
+)
 
 # nothing to much: pale to dark, so that it can be read without colours too
 _RISING = np.array(
@@ -55,19 +69,15 @@ _RISING = np.array(
 class Bar:
     """A scale of colours.
 
-    limit  : where its colours end; both ways if it is `signed`.
-    labels : below its left end, middle and right end.        names : above its left and right end.
+    limit   : where its colours end; both ways if there is a middle.
+    labels  : below its left end, middle and right end.        names : above its left and right end.
+    colours : (k, 3) from left to right.
     """
 
     limit: float
     labels: tuple[str, str, str]
     names: tuple[str, str]
-    signed: bool = False
-
-    @property
-    def colours(self) -> Floats:
-        """(k, 3) from left to right."""
-        return _DIVERGING if self.signed else _RISING
+    colours: Floats = field(default_factory=lambda: _RISING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +115,31 @@ def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring
         value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
         limit = float(np.percentile(np.abs(value), STEEPEST)) or 1.0
         label = stress_label(limit)
-        bar = Bar(limit, (f"-{label}", "0", label), ("compression", "tension"), signed=True)
+        bar = Bar(limit, (f"-{label}", "0", label), ("compression", "tension"), _DIVERGING)
         return Colouring(diverging(value / limit), bar)
-    colour = {"major": palette.families[0], "minor": palette.families[2], "loads": palette.plain}
+    if show in MODES:
+        return _mode(design, show)
+    plain = palette.plain
+    colour = {"major": palette.families[0], "minor": palette.families[2], "loads": plain, "directions": plain}
     one = np.array(colour.get(show, palette.members), dtype=np.uint8)
-    return Colouring(np.broadcast_to(one, (design.surface.m, 3)))
+    face = np.broadcast_to(one, (design.surface.m, 3))
+    if show == "directions":
+        signs = Bar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
+        return Colouring(face, signs)
+    return Colouring(face)
+
+
+def _mode(design: "Design | Draft", show: str) -> Colouring:
+    """A mode that stripes are drawn along: each change of 1 / frequency is another stripe."""
+    name = show.removesuffix("_mode")
+    modes = getattr(design.diffusion, name)
+    number = getattr(design.preset.pattern, name).mode
+    value = modes.mode(number)
+    limit = float(np.abs(value).max())
+    bar = Bar(limit, (f"-{limit:.2g}", "0", f"{limit:.2g}"), ("", ""), _SIGNED)
+    face = ramp((value[design.surface.F].mean(axis=1) / limit + 1) / 2, _SIGNED)
+    eigenvalue = modes.lam[number - 1] * design.surface.area
+    return Colouring(face, bar, None, f"{name} mode {number}, eigenvalue {eigenvalue:.4g} / area, uncut sheet")
 
 
 def diverging(share: Floats) -> Bytes:

@@ -45,8 +45,8 @@ View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevatio
 Show = Annotated[
     str,
     Parameter(
-        help="structure, stress, major, minor, loads; of the uncut sheet: vonmises, utilisation, energy, "
-        "displacement, buckling, frequency."
+        help="structure, stress, major, minor; of the uncut sheet: loads, directions, major_mode, minor_mode, "
+        "vonmises, utilisation, energy, displacement, buckling, frequency."
     ),
 ]
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.app.scene import Bytes
 
-MarkName = Literal["load", "support", "person"]
+MarkName = Literal["load", "support", "person", "tension", "compression"]
 Colour = tuple[int, int, int]
 
 
@@ -27,6 +27,8 @@ class Palette:
     support: Colour = (58, 74, 70)
     plain: Colour = (232, 227, 218)
     person: Colour = (146, 145, 148)
+    tension: Colour = (200, 48, 40)
+    compression: Colour = (28, 92, 176)
     text: Colour = (56, 54, 52)
     ink: float = 0.45
 

@@ -247,7 +247,7 @@ def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) ->
 def _inked(pixels: Pixels, hit: Bools, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
     """(k, 3) colours of what is drawn: light on colour, darker at edges; marks keep their colour, for the legend."""
     colour = pixels.colour[hit]
-    fixed = (palette.load, palette.support, palette.person)
+    fixed = (palette.load, palette.support, palette.person, palette.tension, palette.compression)
     flat = np.logical_or.reduce([(colour == np.array(mark, dtype=np.uint8)).all(axis=1) for mark in fixed])
     amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness, brightness)
     amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[hit]

@@ -10,7 +10,8 @@ from typing import Any, Self
 import numpy as np
 
 from dsfab.app import light
-from dsfab.app.colouring import ANSWERS, DEFORMED, check_show, coloured, with_bar
+from dsfab.app.colouring import ANSWERS, DEFORMED, MODES, WHOLE_SHEET, Bar, check_show, coloured, with_bar
+from dsfab.app.crosses import crosses
 from dsfab.app.gl import require_rendering
 from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
@@ -39,9 +40,10 @@ class Previewer:
 
     design  : a Design, or a Draft (see `dsfab.pipeline.draft`): nothing needs to be cut or thickened.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.app.view.named_side`).
-    show    : structure; stress (the structure, coloured); major or minor (one family, and what is kept); loads; or, on
-              the whole uncut sheet, an answer of the statics: vonmises, utilisation, energy, displacement, buckling or
-              frequency (the last three exaggerated).
+    show    : structure; stress (the structure, coloured); major or minor (one family, and what is kept); or, on the
+              whole uncut sheet: loads, directions (principal, as crosses), major_mode or minor_mode, or an answer of
+              the statics: vonmises, utilisation, energy, displacement, buckling or frequency (the last three
+              exaggerated).
     marks   : whether loads, supports and a person for scale are drawn.
 
     What is seen is the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
@@ -76,9 +78,12 @@ class Previewer:
         body = Body(shape.V, shape.F, colouring.face, casts=True, shader=self._shader)
         half = design.preset.statics.thickness / 2
         person = marks and view != "top"
-        drawn = replace(palette, load=palette.text) if show == "stress" else palette  # blue is compression there
+        blue = show in ("stress", "directions")  # is compression there
+        drawn = replace(palette, load=palette.text) if blue else palette
         self._palette = drawn
         self._stage = staged(body, self._side, up, half, shape, load, drawn, NOMINAL, marks, person)
+        if show == "directions":
+            self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
         if self._side.towards @ up < 0:  # from below one looks through the ground
             self._stage = replace(self._stage, level=None)
         self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
@@ -104,14 +109,27 @@ class Previewer:
         """What is drawn now."""
         return self._preset
 
+    @property
+    def words(self) -> str:
+        """What is shown, where it needs words."""
+        return self._words
+
+    @property
+    def bar(self) -> Bar | None:
+        """What explains the colours, if they need it."""
+        return self._bar
+
     def set(self, changes: Mapping[str, Any]) -> None:
         """Other values at dotted keys, e.g. {"pattern.major.frequency": 9}; see `display`."""
         self.display(overridden(self._preset, changes))
 
     def can_display(self, preset: Preset) -> bool:
         """Whether `display` draws it: the same geometry under the same loads."""
-        old = self._preset
-        return preset.surface == old.surface and (self._show not in DEFORMED or preset.statics == old.statics)
+        old, drawn = self._preset, self._show
+        same = preset.surface == old.surface and (
+            drawn not in (*DEFORMED, "directions") or preset.statics == old.statics
+        )
+        return same and (drawn != "directions" or preset.diffusion == old.diffusion)
 
     def display(self, preset: Preset) -> None:
         """Draw another preset of the same surface from now on.
@@ -123,10 +141,12 @@ class Previewer:
         if preset.surface != self._preset.surface:
             raise DsfabError("another [surface] has another geometry and other loads: make a new Previewer for it")
         if not self.can_display(preset):
-            raise DsfabError(f"another [statics] has another shape of {self._show}: make a new Previewer for it")
+            why = "has other directions" if self._show == "directions" else f"has another shape of {self._show}"
+            raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
         if not self._only_numbers(preset):
             made = draft(preset, old=self._made)
-            if self._show in ("stress", *ANSWERS) and made.statics is not self._made.statics:
+            stressed = self._show in ("stress", *ANSWERS) and made.statics is not self._made.statics
+            if stressed or self._show in MODES:
                 colouring = coloured(made, self._show, self._palette)
                 self._shader.recolour(colouring.face)
                 self._bar, self._words = colouring.bar, colouring.words
@@ -220,7 +240,7 @@ class Previewer:
             (ask.keep or NO_REACH, ask.rim or NO_REACH),
             drawn,
         )
-        self._shader.set(WHOLE if self._show in ("loads", *ANSWERS) else settings)
+        self._shader.set(WHOLE if self._show in WHOLE_SHEET else settings)
 
     def _try_shader(self) -> None:
         """A driver that ignores or refuses the shader says nothing: it draws the full mesh, or none."""

@@ -155,7 +155,7 @@ FIGURES: tuple[Figure, ...] = (
     ),
     Figure(
         "showcase c",
-        "paper_bob",
+        "bob",
         "Bob, pressed down on the head.",
         _row(10, 100, 1, 2, 15, 15, NONE),
         Timings(5344, 10688, 0.105, 0.198, 1.887, 0.002, 0.027, 0.654),
@@ -186,7 +186,7 @@ FIGURES: tuple[Figure, ...] = (
     ),
     Figure(
         "showcase g",
-        "paper_sphere",
+        "sphere",
         "A sphere, compressed at one pole and held at the other.",
         _row(1, 100, 1, 1, 10, 10, NONE),
         Timings(15361, 30718, 0.253, None, 1.342, 0.004, 0.081, 0.647),

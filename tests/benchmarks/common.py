@@ -16,8 +16,8 @@ HERE = Path(__file__).resolve().parent
 
 
 def sphere(vertices: int) -> Preset:
-    """The preset `sphere` with about this number of vertices (they grow with 1 / edge^2)."""
-    path = HERE.parent.parent / "presets" / "sphere.toml"
+    """The preset `globe` with about this number of vertices (they grow with 1 / edge^2)."""
+    path = HERE.parent.parent / "presets" / "globe.toml"
     preset = load_preset(path)
     edge = preset.surface.edge * (preset.surface.build().n / vertices) ** 0.5
     return preset.model_copy(update={"surface": preset.surface.model_copy(update={"edge": edge})})

@@ -1,0 +1,107 @@
+"""`dsfab reproduce`: the paper's figures, made again, on one page that opens offline."""
+
+import os
+import platform
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from dsfab.app.build import Quiet, versions
+from dsfab.app.folder import whole_or_nothing
+from dsfab.app.report import Reporter, out, size
+from dsfab.errors import DsfabError, did_you_mean
+
+if TYPE_CHECKING:
+    from dsfab.app.paper_figures import Made
+    from dsfab.study.paper import Figure
+
+FOLDER = Path("outputs/paper")
+"""Where the page goes unless a folder is named."""
+
+COARSEST = 8.0
+"""Meshes coarser than this have too few vertices for modes."""
+
+
+def reproduce(
+    *names: str,
+    coarser: Annotated[
+        float, Parameter(help="Edges this many times as long as the presets' own: a quick look, in rough.")
+    ] = 1.0,
+    output: Annotated[Path, Parameter(name=["-o", "--output"], help="Folder of the page.")] = FOLDER,
+    quiet: Quiet = False,
+) -> int:
+    """Make the paper's figures and a page about them: each step in pictures, its parameters, its seconds.
+
+    Exit code 1 when a figure could not be made; the page says why in its place.
+
+    Parameters
+    ----------
+    names
+        Figures by their presets, such as bob or camel_nose; all 17 when left out (several minutes).
+    """
+    from dsfab.app.gl import require_rendering
+
+    chosen = choose(names)
+    if not 1 <= coarser <= COARSEST:
+        raise DsfabError(f"--coarser {coarser:g} is not between 1 and {COARSEST:g}; write for instance --coarser 2")
+    require_rendering()
+    reporter = Reporter(quiet)
+    try:
+        figures = _write(chosen, output, coarser, reporter)
+        reporter.done()
+    finally:
+        reporter.stop()
+    failed = [f"{made.figure.preset} ({made.error})" for made in figures if made.error]
+    if not quiet:
+        _summary(figures, output)
+    if failed:
+        raise DsfabError(f"{len(failed)} of {len(figures)} figures could not be made: {'; '.join(failed)}")
+    return 0
+
+
+def choose(names: tuple[str, ...]) -> "list[Figure]":
+    """The figures of these names, in the paper's order; all for none. Raises DsfabError for a name that is none."""
+    from dsfab.study.paper import FIGURES
+
+    known = [figure.preset for figure in FIGURES]
+    for name in names:
+        if name not in known:
+            raise DsfabError(
+                f"the paper has no figure {name!r}{did_you_mean(name, known)}; its figures are {', '.join(known)}"
+            )
+    return [figure for figure in FIGURES if not names or figure.preset in names]
+
+
+def _write(chosen: "list[Figure]", folder: Path, coarser: float, reporter: Reporter) -> "list[Made]":
+    """Make the figures one by one, then the page; pictures of an earlier page that are gone are removed."""
+    from dsfab.app.paper_figures import made
+    from dsfab.app.paper_page import PAGE_NAME, About, page, pictures_of
+
+    figures: list[Made] = []
+    with whole_or_nothing(folder) as partial:
+        for number, figure in enumerate(chosen, start=1):
+            reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
+            figures.append(made(figure, partial, coarser))
+        (partial / PAGE_NAME).write_text(page(figures, About(coarser, _machine())), encoding="utf-8")
+        stale = pictures_of(folder) - pictures_of(partial)
+    for name in stale:
+        (folder / name).unlink(missing_ok=True)
+    return figures
+
+
+def _machine() -> str:
+    """What the seconds were measured with."""
+    known = versions()
+    cores = os.cpu_count() or 1
+    return (
+        f"dsfab {known['dsfab']}, Python {known['python']}, solver {known['solver']}, {platform.system()} "
+        f"{platform.machine()}, {cores} {'core' if cores == 1 else 'cores'}"
+    )
+
+
+def _summary(figures: "list[Made]", folder: Path) -> None:
+    for made in figures:
+        out(f"{made.figure.preset}: {made.carried or 'not made'}")
+    written = sum(path.stat().st_size for path in folder.iterdir() if path.suffix in (".webp", ".html"))
+    out(f"  {folder / 'index.html'}  {size(written)} with its pictures")

@@ -1,0 +1,244 @@
+"""`dsfab reproduce`: the paper's figures on one page; and the pictures that it needed: directions and modes."""
+
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dsfab.app import paper_drawing, paper_figures
+from dsfab.app.cli import main
+from dsfab.app.crosses import crosses
+from dsfab.app.light import QUICK
+from dsfab.app.palette import PAPER
+from dsfab.app.paper_comparisons import as_mode
+from dsfab.app.paper_figures import _reached
+from dsfab.app.previewer import TRIAL, Previewer
+from dsfab.design import Piece
+from dsfab.diffusion import diffusion_tensors
+from dsfab.errors import DsfabError
+from dsfab.pipeline import draft
+from dsfab.preset_file import load_preset, overridden
+from dsfab.study.paper import FIGURES
+from dsfab.surface.hats import voronoi_mass
+from tests.zoo import grid, sphere
+
+TWO = ("hanging_bar", "sphere")
+ROUGH = ("--coarser", "6")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def small():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(paper_drawing, "SMALL", (96, 72))
+        patch.setattr(paper_drawing, "LARGE", (128, 96))
+        patch.setattr(paper_drawing, "LIGHT", QUICK)
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("page")
+    assert main(["reproduce", *reversed(TWO), *ROUGH, "-o", str(path), "--quiet"]) == 0
+    return path
+
+
+class Page(HTMLParser):
+    """Tables as lists of rows of cells by section, everything that is asked for, and tags left open."""
+
+    VOID = ("meta", "img", "br")
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.text = (folder / "index.html").read_text(encoding="utf-8")
+        self.sections: dict[str, list[list[str]]] = {}
+        self.links: list[str] = []
+        self.images: list[dict[str, str | None]] = []
+        self.open: list[str] = []
+        self.at = ""
+        self.feed(self.text)
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "section":
+            self.at = given.get("id", "")
+            self.sections.setdefault(self.at, [])
+        elif tag == "tr":
+            self.sections[self.at].append([])
+        elif tag in ("td", "th"):
+            self.sections[self.at][-1].append("")
+        elif tag == "img":
+            self.images.append(given)
+        self.links += [value for key, value in attrs if key in ("src", "href") and value and value[0] != "#"]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("td", "th"):
+            self.sections[self.at][-1][-1] += data
+
+
+def test_the_page_shows_every_step_of_every_figure_and_opens_offline(folder):
+    page = Page(folder)
+    assert page.open == []
+    assert [name for name in page.sections if name] == list(TWO)  # in the paper's order
+    for name in TWO:
+        for show in ("structure", *paper_figures.STEPS):
+            assert (folder / f"{name}-{show.replace('_', '-')}.webp").is_file()
+    assert {link for link in page.links if link.endswith("webp")} == {path.name for path in folder.glob("*.webp")}
+    assert all((folder / link).is_file() for link in page.links)
+    assert "http" not in page.text
+    assert "url(" not in page.text
+    assert all(image["alt"] for image in page.images)
+    assert "6 times coarser" in page.text
+    for words in ("The effect of the anisotropy r", "Why not stripes along the von Mises stress?"):
+        assert words in page.text
+
+
+@pytest.mark.parametrize("name", TWO)
+def test_the_rows_are_those_of_the_papers_tables(folder, name):
+    figure = next(figure for figure in FIGURES if figure.preset == name)
+    rows, row, timings = Page(folder).sections[name], figure.row, figure.timings
+    values = (row.gamma, row.r, *row.modes, *row.thresholds, *row.frequencies, *row.phases)
+    assert [float(cell) for cell in rows[1]] == list(values)
+    paper, ours = rows[3], rows[4]
+    assert paper[:3] == ["paper", f"{timings.vertices:,}", f"{timings.triangles:,}"]
+    assert paper[4] == "n/a"  # of both the paper times no bending; a sphere of ours bends
+    assert (ours[4] == "n/a") == (name == "hanging_bar")
+    assert float(paper[5]) == pytest.approx(timings.statics, abs=6e-4)
+    assert 100 < int(ours[1].replace(",", "")) < timings.vertices / 10
+    assert float(ours[8]) > 0
+
+
+def test_pictures_differ_and_are_all_there(folder):
+    seen = set()
+    for path in sorted(folder.glob("*.webp")):
+        with Image.open(path) as image:
+            pixels = np.asarray(image.convert("RGB"))
+        assert pixels.shape in ((72, 96, 3), (96, 128, 3))
+        assert pixels.std() > 5
+        seen.add(pixels.tobytes())
+    # r = 100 is the figure itself, and without a stress both families have one mode
+    assert len(seen) >= len(list(folder.glob("*.webp"))) - 4
+
+
+def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothing(tmp_path, capsys, monkeypatch):
+    def failing(preset, *arguments, **others):
+        if preset.name == "sphere":
+            raise DsfabError("the sphere <rolled> away")
+        return draft(preset, *arguments, **others)
+
+    monkeypatch.setattr(paper_figures, "draft", failing)
+    (tmp_path / "mine.webp").write_bytes(b"mine")
+    (tmp_path / "bob-loads.webp").write_bytes(b"old")
+    (tmp_path / "index.html").write_text('<img src="bob-loads.webp">', encoding="utf-8")
+    assert main(["reproduce", "rollers", "sphere", *ROUGH, "-o", str(tmp_path)]) == 1
+    out, err = capsys.readouterr()
+    assert "1 of 2 figures could not be made: sphere (the sphere <rolled> away)" in err.splitlines()[-1]
+    assert "sphere: not made" in out
+    page = Page(tmp_path)
+    assert list(page.sections) == ["rollers", "sphere"]
+    assert "Not made: the sphere &lt;rolled&gt; away" in page.text
+    assert "Why not" not in page.text
+    assert (tmp_path / "rollers-structure.webp").is_file()
+    assert (tmp_path / "mine.webp").read_bytes() == b"mine"
+    assert not (tmp_path / "bob-loads.webp").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["bobb"], r"the paper has no figure 'bobb'; did you mean bob\?; its figures are pavilion, hanging_bar, .*"),
+        (["bob", "--coarser", "0.5"], r"--coarser 0.5 is not between 1 and 8"),
+        (["bob", "--coarser", "nan"], r"--coarser nan is not between 1 and 8"),
+    ],
+)
+def test_a_mistake_is_refused_in_one_sentence(tmp_path, capsys, arguments, told):
+    assert main(["reproduce", *arguments, "-o", str(tmp_path / "no")]) == 1
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert len(lines) == 1
+    assert re.fullmatch(f"dsfab: {told}.*", lines[0])
+    assert not (tmp_path / "no").exists()
+
+
+def test_how_loads_reach_the_supports():
+    whole, loose, bare = Piece(1.0, True, True), Piece(0.5, False, True), Piece(0.2, True, False)
+    assert _reached([whole, bare]) == "the loads reach the supports through one piece"
+    assert _reached([whole, whole]) == "the loads reach the supports through 2 pieces"
+    assert _reached([whole, loose]) == "1 of 2 pieces that carry a load reach no support"
+    assert _reached([bare]) == "the load is spread, and all of it is supported"
+    assert "one piece reach" in _reached([bare, Piece(0.1, False, False)])
+
+
+def stressed(surface, angle: float, r: float = 100.0):
+    """A uniform stress: tension along `angle`, half as much compression across it."""
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    sigma = np.tile(turn @ np.diag([2e6, -1e6, 0]) @ turn.T, (surface.m, 1, 1))
+    tensors = diffusion_tensors(surface, sigma, r)
+    preset = SimpleNamespace(diffusion=SimpleNamespace(r=r))
+    return SimpleNamespace(surface=surface, diffusion=SimpleNamespace(tensors=tensors), preset=preset)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 100.0])
+def test_crosses_lie_along_the_principal_stresses(degrees):
+    body = crosses(stressed(grid(24, 24, 1.0, 1.0), np.radians(degrees)), PAPER)
+    corners = body.V.reshape(-1, 8, 3)
+    along = corners[:, 4:].mean(axis=1) - corners[:, :4].mean(axis=1)
+    colours = body.colour.reshape(len(corners), 12, 3)[:, 0]
+    for name, angle in (("tension", degrees), ("compression", degrees + 90)):
+        bars = along[(colours == PAPER.of(name)).all(axis=1)]
+        assert len(bars) == len(along) // 2 > 50
+        direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0])
+        assert np.allclose(np.abs(bars @ direction), np.linalg.norm(bars, axis=1), rtol=1e-9)
+    middles = corners[: len(corners) // 2].mean(axis=1)
+    near = np.linalg.norm(middles[:, None] - middles, axis=2) + 9 * np.eye(len(middles))
+    assert near.min() > 0.5 * np.linalg.norm(along[0])  # crosses stay apart
+
+
+def test_without_anisotropy_there_are_no_directions():
+    with pytest.raises(DsfabError, match="r = 1, so that diffusion prefers none"):
+        crosses(stressed(grid(8, 8, 1.0, 1.0), 0.0, r=1.0), PAPER)
+
+
+def test_a_field_becomes_as_large_as_a_mode():
+    surface = sphere(4)
+    z = surface.centroids[:, 2]
+    value, mass = as_mode(surface, 5e6 + 3e6 * z), voronoi_mass(surface)
+    assert mass @ value == pytest.approx(0.0, abs=1e-12)
+    assert mass @ value**2 == pytest.approx(surface.area / (4 * np.pi))
+    assert np.allclose(value, np.sqrt(3 / (4 * np.pi)) * surface.V[:, 2], atol=2e-2)  # on the unit sphere Y_10
+
+
+@pytest.fixture(scope="module")
+def dome():
+    return draft(load_preset("dome", {"surface.edge": 0.7, "statics.bending": "midedge"}))
+
+
+@pytest.mark.parametrize("show", ["directions", "major_mode", "minor_mode"])
+def test_directions_and_modes_are_drawn_on_the_whole_sheet(dome, show):
+    with Previewer(dome, show=show, marks=False) as previewer:
+        picture = previewer.picture(TRIAL, quality=QUICK)
+        assert np.ptp(picture.reshape(-1, 3).astype(int), axis=0).min() > 50
+        before = previewer.mask(TRIAL)
+        previewer.set({"pattern.major.threshold": 0.9, "pattern.width": {"rule": "plain"}})
+        assert np.array_equal(previewer.mask(TRIAL), before)
+
+
+def test_a_previewed_mode_follows_its_number_and_directions_need_a_new_one(dome):
+    with Previewer(dome, show="major_mode", marks=False) as previewer:
+        first, told = previewer.picture(TRIAL, quality=QUICK), previewer.words
+        previewer.set({"pattern.major.mode": 3})
+        assert previewer.words.startswith("major mode 3")
+        assert previewer.words != told
+        assert not np.array_equal(previewer.picture(TRIAL, quality=QUICK), first)
+    changed = overridden(dome.preset, {"diffusion.gamma": 2.0})
+    with Previewer(dome, show="directions", marks=False) as previewer:
+        assert not previewer.can_display(changed)
+        with pytest.raises(DsfabError, match="other directions: make a new Previewer"):
+            previewer.display(changed)
