@@ -76,15 +76,27 @@ def test_a_ring_is_as_wide_as_its_radii_differ():
     assert found.member.what == "a kept region"
 
 
-def test_a_taper_is_measured_and_a_corner_is_not():
-    """Walls at 10 degrees come together in a member, walls at 50 degrees in a corner of the plate."""
-    surface = plate()
+def test_tips_and_corners_are_not_members():
+    """Walls at 10 degrees: to a tip inside the plate, of which nothing is told; cut off by the border, they count."""
+    surface = grid(32, 16, 2.0, 1.0)
     x, y = surface.V[:, 0], surface.V[:, 1]
-    taper = measured(surface, [np.abs(y - 0.5) - (3 - x) * np.tan(np.radians(5))], [[-10.0, 0.0]])
-    assert taper.member.size == pytest.approx(2 * np.tan(np.radians(5)), rel=0.05)  # at the end x = 2
+
+    def wedge(end: float) -> Features:
+        return measured(surface, [np.abs(y - 0.5) - (end - x) * np.tan(np.radians(5))], [[-10.0, 0.0]])
+
+    assert wedge(3.0).member.size == pytest.approx(2 * np.tan(np.radians(5)), rel=0.05)
+    assert len(wedge(1.5).widths) == 0
     oblique = x * np.sin(np.radians(50)) - y * np.cos(np.radians(50))
-    corner = measured(surface, [oblique], [[0.1, 0.5]])
-    assert corner.member.size == pytest.approx(0.4, rel=1e-9)
+    assert measured(surface, [oblique], [[0.1, 0.5]]).member.size == pytest.approx(0.4, rel=1e-9)
+
+
+def test_a_waist_between_wider_ends_is_a_member():
+    """Its walls converge as those of a tip do, and part again."""
+    surface = grid(32, 16, 2.0, 1.0)
+    x, y = surface.V[:, 0], surface.V[:, 1]
+    waist = measured(surface, [np.abs(y - 0.5) - 0.05 - 0.1 * np.abs(x - 1)], [[-10.0, 0.0]])
+    assert waist.member.size == pytest.approx(0.1, rel=0.03)
+    assert waist.member.place == pytest.approx([1.0, 0.5, 0.0], abs=0.08)
 
 
 def test_a_triangular_opening_counts_with_the_circle_in_it():
