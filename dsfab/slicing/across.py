@@ -145,7 +145,7 @@ def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _chained(surface.edges.ends[edge])
     length = np.linalg.norm(_along(surface, h), axis=1)
-    total = np.bincount(label, length, loops)
+    total = np.bincount(label, length, loops).astype(np.float64)
     first = np.searchsorted(label[chain], np.arange(loops))
     after = np.roll(chain, -1)
     after[np.append(first[1:], len(chain)) - 1] = chain[first]

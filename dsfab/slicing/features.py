@@ -1,7 +1,7 @@
 """The smallest things on a cut sheet, each with its place: how narrow its members are, its gaps, its edges."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,10 +49,7 @@ class Features:
         """The widths that these shares of the walls do not exceed, metres; none without widths."""
         if not self.weight.sum():
             return np.empty(0)
-        order = np.argsort(self.widths)
-        upto = np.cumsum(self.weight[order]) / self.weight.sum()
-        at = np.minimum(np.searchsorted(upto, shares), len(order) - 1)
-        return np.asarray(self.widths[order][at])
+        return _quantiles(self.widths, self.weight, shares)
 
     def histogram(self) -> tuple[Floats, Floats]:
         """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each; none without widths."""
@@ -88,6 +85,30 @@ def features(cells: Sheet, kept: Bools, names: Sequence[str]) -> Features:
         gap = _smallest(between, mesh[from_void[between.face]], ["a gap"] * len(between.width))
         gap = _smaller(gap, _round(void, walls, between, mesh[from_void], "an opening"))
     return Features(member, gap, _shortest(material, mesh[from_material]), across.width, across.weight)
+
+
+def filled_openings(cells: Sheet, size: float) -> tuple[Sheet, int]:
+    """The cells with every opening smaller than `size` metres made material, and how many there were.
+
+    An opening is void that material encloses. Its size is the width that half of its walls do not exceed, or 4 area /
+    perimeter if that is less. It takes the family of a material cell beside it.
+    """
+    sheet, void = cells.surface, ~cells.material
+    if not void.any():
+        return cells, 0
+    part, faces = _part(sheet, void)
+    walls = _inner(part, sheet, faces)
+    count, label = pieces(part.F, part.edges)
+    sizes = _round_sizes(part, walls, label, count)
+    across = crossings(part, walls)
+    for k in range(count):
+        mine = label[across.face] == k
+        if np.isfinite(sizes[k]) and across.weight[mine].any():
+            sizes[k] = min(sizes[k], _quantiles(across.width[mine], across.weight[mine], [0.5])[0])
+    small = sizes < size
+    family = cells.family.copy()
+    family[faces[small[label]]] = _families_beside(cells, faces, label)[label[small[label]]]
+    return replace(cells, family=family), int(small.sum())
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
@@ -146,19 +167,43 @@ def _smaller(one: Feature | None, two: Feature | None) -> Feature | None:
 def _round(part: Surface, walls: Bools, across: Crossings, mesh: Floats, what: str) -> Feature | None:
     """The smallest piece that no line crosses and that walls enclose wholly."""
     count, label = pieces(part.F, part.edges)
-    length = np.linalg.norm(np.diff(part.V[part.edges.ends], axis=1)[:, 0], axis=1)
-    face = part.edges.order[part.edges.start[:-1]] // 3
-    edge = np.flatnonzero(part.edges.boundary)
-    around = np.bincount(label[face[edge]], length[edge], count)
-    seen = np.bincount(label[face[edge]], ~walls[edge], count) > 0
-    seen[label[across.face]] = True
-    areas = np.bincount(label, part.areas, count)
-    sizes = np.divide(4 * areas, around, out=np.full(count, np.inf), where=~seen & (around > 0))
+    sizes = _round_sizes(part, walls, label, count)
+    sizes[label[across.face]] = np.inf
     k = int(sizes.argmin())
     if not np.isfinite(sizes[k]):
         return None
     here = np.flatnonzero(label == k)
     return Feature(float(sizes[k]), part.centroids[here].mean(axis=0), what, float(mesh[here].mean()))
+
+
+def _round_sizes(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
+    """(count,) 4 area / perimeter of the pieces of a part; infinite for those that walls do not enclose wholly."""
+    length = np.linalg.norm(np.diff(part.V[part.edges.ends], axis=1)[:, 0], axis=1)
+    edge = np.flatnonzero(part.edges.boundary)
+    whose = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
+    around = np.bincount(whose, length[edge], count)
+    enclosed = (np.bincount(whose, ~walls[edge], count) == 0) & (around > 0)
+    areas = np.bincount(label, part.areas, count)
+    sizes: Floats = np.divide(4 * areas, around, out=np.full(count, np.inf), where=enclosed)
+    return sizes
+
+
+def _families_beside(cells: Sheet, faces: Ints, label: Ints) -> Ints:
+    """(count,) the largest family of the material that shares an edge with each piece of the void `faces`."""
+    piece = np.full(cells.surface.m, -1)
+    piece[faces] = label
+    found = np.full(int(label.max()) + 1, VOID)
+    f, g = (cells.surface.edges.pairs // 3).T
+    for here, there in ((f, g), (g, f)):
+        at = (piece[here] >= 0) & (piece[there] < 0)
+        np.maximum.at(found, piece[here[at]], cells.family[there[at]])
+    return found
+
+
+def _quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Floats:
+    order = np.argsort(values)
+    upto = np.cumsum(weight[order]) / weight.sum()
+    return np.asarray(values[order][np.minimum(np.searchsorted(upto, shares), len(order) - 1)])
 
 
 def _shortest(part: Surface, mesh: Floats) -> Feature:
