@@ -18,6 +18,7 @@ from dsfab.pattern import Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, followed
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import SHAPES, Combination, Load, Support, Surface, read_surface, refined
+from dsfab.thickening import Extra
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -256,6 +257,8 @@ class Thickening(Section):
 
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that sharp curvature makes locally thinner than this share of the thickness."""
+    extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
+    """Feet, holes, trim, split: what is added to the solid or cut from it, in this order."""
 
 
 class Fabrication(Section):

@@ -36,7 +36,7 @@ ALLOWED: dict[str, set[str]] = {
     "export": GROUND | {"surface", "thickening"},
     "preset_cases": GROUND | {"surface"},
     "preset": GROUND | {"surface", "preset_cases"} | STAGES,
-    "preset_errors": GROUND | {"preset", "surface"},
+    "preset_errors": GROUND | {"preset", "surface", "thickening"},
     "preset_file": GROUND | {"preset", "preset_errors"},
     "design": GROUND | {"surface", "preset"} | STAGES,
     "pipeline": GROUND | {"surface", "preset", "design"} | STAGES,

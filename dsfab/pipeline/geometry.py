@@ -24,7 +24,7 @@ from dsfab.slicing import Sheet, cut, material_area, resolve_pinches
 from dsfab.slicing.features import filled_openings
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
-from dsfab.thickening import Solid, offsets, thicken
+from dsfab.thickening import Base, Solid, offsets, thicken, with_extras
 
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
@@ -189,6 +189,7 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
                 "surface, or lower thickening.thinnest"
             )
         solid = thicken(slicing.sheet.surface, slicing.sheet.carry(offset.D))
+        solid = with_extras(solid, preset.thickening.extra, Base(surface, slicing.sheet.surface, slicing.sheet.between))
     if offset.limited:
         log.note(
             "thickening",

@@ -95,8 +95,8 @@ def _changes(design: Design, made: Fabrication) -> dict[str, Any]:
 
 
 def _coarser(preset: Preset, made: Fabrication) -> dict[str, Any]:
-    """Fewer stripes, by as much as the worst of the failed widths is too small, within limits."""
-    short = min(check.value[0] / check.limit[0] for check in made.failed)
+    """Fewer stripes, by as much as a member that failed is too narrow, within limits."""
+    short = min((c.value[0] / c.limit[0] for c in made.failed if c.name == "min_member"), default=COARSER)
     by, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()
     for name, family in (("major", preset.pattern.major), ("minor", preset.pattern.minor)):
         if family.spacing:
