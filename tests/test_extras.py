@@ -108,6 +108,13 @@ def test_dowels_are_drilled_into_every_cut_face(plate):
     assert thick.volume == pytest.approx(0.06, rel=1e-9)  # the faces are too narrow for these
 
 
+@pytest.mark.parametrize("bed", [(1.2, 2.0, 1.0), (3.0, 0.6, 1.0)])
+def test_dowels_sit_in_the_middle_of_the_thickness(plate, bed):
+    off = Trim(low=(0.0, 0.0, -0.015), high=(2.0, 1.0, 0.005))
+    solid = made(plate, off, Split(bed=bed, apart=0.02, dowel=0.008, deep=0.03))
+    assert solid.volume == pytest.approx(0.04 - rod(0.008, 0.06), rel=1e-9)
+
+
 def test_dowels_find_the_material_of_bent_faces(shell):
     solid = made(shell, Split(bed=(1.5, 1.5, 1.5), apart=0.2, dowel=0.03, deep=0.05))
     assert shell[0].volume - solid.volume == pytest.approx(12 * rod(0.03, 0.1), rel=0.01)

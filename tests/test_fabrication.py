@@ -9,7 +9,7 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.app.fabrication import fabrication_facts, fabrication_lines
 from dsfab.errors import PatternError
-from dsfab.preset_file import overridden
+from dsfab.preset_file import overridden, preset_from
 from dsfab.slicing import cut
 from dsfab.slicing.features import filled_openings
 from dsfab.slicing.quality import quality
@@ -82,6 +82,25 @@ def test_pieces_tell_which_supports_and_loads_they_touch(plate):
     )
     with pytest.raises(PatternError, match=r"pieces reach no support, the largest \(.* m2\) near"):
         dsfab.revise(plate, overridden(plate.preset, {"slicing.loose": "refuse"}))
+
+
+def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
+    one = grid(10, 10, 1.0, 1.0)
+    V, F = np.r_[one.V, one.V + [0, 3, 0]], np.r_[one.F, one.F + one.n]
+    (tmp_path / "two.obj").write_text(
+        "".join(f"v {x} {y} {z}\n" for x, y, z in V) + "".join(f"f {a} {b} {c}\n" for a, b, c in F + 1)
+    )
+
+    def edge(x, y):
+        return {"pick": "box", "low": [x - 0.01, y, -1], "high": [x + 0.01, y + 1, 1]}
+
+    supports = [{"at": edge(0, 3)}, {"at": edge(0, 0)}, {"at": edge(1, 0)}]
+    loads = [{"kind": "self_weight"}, {"kind": "force", "at": edge(1, 3), "force": [0, 0, -1]}]
+    values = {"name": "two", "surface": {"file": str(tmp_path / "two.obj"), "unit": "m", "support": supports}}
+    values["surface"]["load"] = loads
+    values |= {"statics": {"thickness": 0.02}, "pattern": {"major": {"threshold": -1.0}}}
+    found = fabrication(dsfab.run(preset_from(values))).pieces
+    assert {(piece.supports, piece.loads) for piece in found} == {((1,), (2,)), ((2, 3), ())}
 
 
 def test_refuse_builds_what_is_in_one_piece(plate):

@@ -178,7 +178,7 @@ def _draw(design: "Design", path: Path) -> None:
 
 def caption(design: "Design") -> str:
     """One line under the picture."""
-    pieces = len(design.slicing.pieces)
+    pieces = design.solid.pieces
     share = design.sheet.surface.area / design.surface.area
     return (
         f"{design.preset.name} - {share:.0%} of the surface kept, {length(design.preset.statics.thickness)} thick, "
@@ -239,7 +239,7 @@ def versions() -> dict[str, str]:
 
 def _summary(design: "Design", folder: Path, made: dict[str, Any]) -> None:
     solid = design.solid
-    pieces = len(design.slicing.pieces)
+    pieces = design.solid.pieces
     if design.preset.description:
         out(design.preset.description)
     out(caption(design))
