@@ -133,7 +133,9 @@ def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats
     way = np.where(loop[one.edge] == loop[two.edge], onward % total[loop[one.edge]], np.inf)
     angle = np.arcsin(np.minimum(np.abs(slope), 1))
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
-    return np.asarray((angle >= TAPER) & (way >= TIP[0] * wedge) & (way <= TIP[1] * wedge))
+    corner = np.stack([surface.F.ravel()[h] for h in (one.edge, _next(one.edge), two.edge, _next(two.edge))])
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # the way across is nothing where they meet
+    return np.asarray(neighbours | ((angle >= TAPER) & (way >= TIP[0] * wedge) & (way <= TIP[1] * wedge)))
 
 
 def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
