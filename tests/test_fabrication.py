@@ -92,9 +92,9 @@ def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
     )
 
     def edge(x, y):
-        return {"pick": "box", "min": [x - 0.01, y, -1], "max": [x + 0.01, y + 1, 1]}
+        return {"pick": "box", "min": [x - 0.01, y, -1], "max": [x + 0.11, y + 1, 1]}
 
-    supports = [{"at": edge(0, 3), "clamp": True}, {"at": edge(0, 0)}, {"at": edge(1, 0)}]
+    supports = [{"at": edge(0, 3)}, {"at": edge(0, 0)}, {"at": edge(1, 0)}]
     loads = [{"kind": "self_weight"}, {"kind": "force", "at": edge(1, 3), "force": [0, 0, -1]}]
     values = {"name": "two", "surface": {"file": str(tmp_path / "two.obj"), "unit": "m", "support": supports}}
     values["surface"]["load"] = loads
