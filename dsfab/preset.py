@@ -17,6 +17,7 @@ from dsfab.preset_cases import case_mistakes, combines, followed
 from dsfab.preset_surface import AnySurface, Section
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import Combination, Load
+from dsfab.thickening import Extra
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -203,8 +204,10 @@ class Slicing(Section):
     """Cuts closer to a vertex than this share of an edge go through the vertex: no slivers."""
     pinch: Literal["join", "split"] = "join"
     """Where material would meet in a single point: join it with a small disc, or split it."""
-    loose: Literal["drop", "keep"] = "drop"
-    """Pieces that reach no support: leave them out, or build them too."""
+    min_opening: Annotated[float, Ge(0)] = 0.0
+    """Metres; smaller openings, whichever stripes they lie between, are filled. 0 fills none."""
+    loose: Literal["drop", "keep", "refuse"] = "drop"
+    """Pieces that reach no support: leave them out, build them too, or refuse the design."""
 
 
 class Thickening(Section):
@@ -212,6 +215,21 @@ class Thickening(Section):
 
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that sharp curvature makes locally thinner than this share of the thickness."""
+    extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
+    """Feet, holes, trim, split: what is added to the solid or cut from it, in this order."""
+
+
+class Fabrication(Section):
+    """[fabrication]: what the workshop can make. Checked and told; the design is not changed by it, but by --fix."""
+
+    min_member: Annotated[float, Ge(0)] = 0.0
+    """Metres; the narrowest member that can be made. 0 checks nothing, here and below."""
+    min_gap: Annotated[float, Ge(0)] = 0.0
+    """Metres; the narrowest opening."""
+    min_wall: Annotated[float, Ge(0)] = 0.0
+    """Metres; the thinnest wall of the solid."""
+    bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
+    """Metres along x, y, z that fit into the machine; the solid may lie on any of its sides."""
 
 
 class Export(Section):
@@ -238,6 +256,7 @@ class Preset(Section):
     pattern: Pattern = Pattern()
     slicing: Slicing = Slicing()
     thickening: Thickening = Thickening()
+    fabrication: Fabrication = Fabrication()
     export: Export = Export()
 
     @model_validator(mode="after")

@@ -11,6 +11,7 @@ from dsfab.errors import did_you_mean
 from dsfab.preset import Preset
 from dsfab.preset_surface import SHAPE_SECTIONS, FileSurface
 from dsfab.surface import Combination, Load, Picker, Support
+from dsfab.thickening import Extra
 
 
 def _by_tag(union: Any, tag: str) -> dict[str, Any]:
@@ -18,7 +19,8 @@ def _by_tag(union: Any, tag: str) -> dict[str, Any]:
     return {getattr(member, tag): member for member in get_args(get_args(union)[0])}
 
 
-PICKERS, LOADS = _by_tag(Picker, "pick"), _by_tag(Load, "kind")
+PICKERS = _by_tag(Picker, "pick")
+KINDS = {"load": _by_tag(Load, "kind"), "extra": {extra.kind: extra for extra in get_args(Extra)}}
 LISTED: dict[Any, Any] = {"support": Support, "combination": Combination}
 SURFACES: dict[str, Any] = {"file": FileSurface, **SHAPE_SECTIONS}
 
@@ -59,8 +61,8 @@ def _key(loc: tuple[int | str, ...]) -> list[str]:
 def _is_tag(loc: tuple[int | str, ...], i: int) -> bool:
     if i >= 1 and loc[i - 1] in ("mode", "phase") and loc[i] in ("number", "auto"):
         return True
-    after_load = i >= 2 and loc[i - 2] == "load" and isinstance(loc[i - 1], int)
-    return (loc[:i] == ("surface",) and loc[i] in SURFACES) or after_load or (i >= 1 and loc[i - 1] == "at")
+    after_kind = i >= 2 and loc[i - 2] in KINDS and isinstance(loc[i - 1], int)
+    return (loc[:i] == ("surface",) and loc[i] in SURFACES) or after_kind or (i >= 1 and loc[i - 1] == "at")
 
 
 def _unknown_kind(key: str, detail: ErrorDetails) -> str:
@@ -70,7 +72,8 @@ def _unknown_kind(key: str, detail: ErrorDetails) -> str:
         word, name, choices = given.get("shape"), "shape", [*SHAPE_SECTIONS]
         other = ", or a file"
     else:
-        name, choices, other = ("pick", [*PICKERS], "") if key.endswith(".at") else ("kind", [*LOADS], "")
+        kinds = KINDS["extra" if key.startswith("thickening.") else "load"]
+        name, choices, other = ("pick", [*PICKERS], "") if key.endswith(".at") else ("kind", [*kinds], "")
         word = given.get(name)
     allowed = f"use one of {', '.join(choices)}{other}"
     if word is None:
@@ -83,7 +86,8 @@ def _known_beside(loc: tuple[int | str, ...]) -> list[str]:
     model: Any = Preset
     for i, part in enumerate(loc[:-1]):
         if _is_tag(loc, i):
-            model = (SURFACES if i == 1 else PICKERS if loc[i - 1] == "at" else LOADS)[str(part)]
+            tags = SURFACES if i == 1 else PICKERS if loc[i - 1] == "at" else KINDS[str(loc[i - 2])]
+            model = tags[str(part)]
         elif part in LISTED:
             model = LISTED[part]
         elif isinstance(field := getattr(model, "model_fields", {}).get(part), FieldInfo):

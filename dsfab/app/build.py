@@ -13,6 +13,7 @@ from dsfab import __version__
 from dsfab.app.answers import answer_facts, answer_lines
 from dsfab.app.balance import case_facts, case_lines, equilibrium_facts
 from dsfab.app.choice import choice_facts, choice_lines
+from dsfab.app.fabrication import fabrication_facts, fabrication_lines
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.errors import DsfabError, ExportError
@@ -55,6 +56,9 @@ def build(
     step: Annotated[
         str | None, Parameter(help="How STEP is made: auto, planar (flat sheets, as curves) or faceted.")
     ] = None,
+    fix: Annotated[
+        bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
+    ] = False,
     picture: Annotated[bool, Parameter(help="Also make preview.png.")] = True,
     quiet: Quiet = False,
 ) -> int:
@@ -66,6 +70,7 @@ def build(
         Name of a shipped preset (see `dsfab presets`) or a TOML file.
     """
     from dsfab.pipeline import run
+    from dsfab.study.fabrication import fabrication
 
     if format_ is not None:
         formats = [word.strip().lower() for word in format_.split(",") if word.strip()]
@@ -78,16 +83,33 @@ def build(
     folder = output if output is not None else Path("outputs") / given.name
     try:
         design = run(given, reporter)
+        if fix:
+            design = _fixed(design, reporter)
         with whole_or_nothing(folder) as partial:
-            refused = _write_all(design, partial, reporter, picture)
+            reporter("fabrication", "measuring members, gaps and walls")
+            made = fabrication_facts(fabrication(design))
+            refused = _write_all(design, partial, reporter, picture, made)
         reporter.done()
     finally:
         reporter.stop()
     if not quiet:
-        _summary(design, folder)
+        _summary(design, folder, made)
     if refused:
         raise ExportError(refused)
     return 0
+
+
+def _fixed(design: "Design", reporter: Reporter) -> "Design":
+    """The design as `--fix` changes it, every change told."""
+    from dsfab.study.fix import fixed
+
+    done = fixed(design, reporter)
+    reporter.done()
+    for key, (old, new) in done.changes.items():
+        reporter.say(f"fix         {key}: {old} -> {new}")
+    if not done.changes:
+        reporter.say("fix         nothing to change: no limit of [fabrication] is missed")
+    return done.design
 
 
 def _can_draw(reporter: Reporter) -> bool:
@@ -102,8 +124,8 @@ def _can_draw(reporter: Reporter) -> bool:
     return True
 
 
-def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool) -> str:
-    """Write every file of a design; returns why a format was refused, or ''."""
+def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool, made: dict[str, Any]) -> str:
+    """Write every file of a design, and what was measured on it; returns why a format was refused, or ''."""
     import time
 
     from dsfab.export import write
@@ -141,7 +163,8 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
     (folder / "preset.toml").write_text(preset_toml(design.settled), encoding="utf-8")
     names = [path.name for path in files]
     (folder / "design.json").write_text(
-        json.dumps(facts(design, seconds, names, refused, told), indent=2) + "\n", encoding="utf-8"
+        json.dumps(facts(design, seconds, names, refused, told) | {"fabrication": made}, indent=2) + "\n",
+        encoding="utf-8",
     )
     return "; ".join(refused)
 
@@ -156,7 +179,7 @@ def _draw(design: "Design", path: Path) -> None:
 
 def caption(design: "Design") -> str:
     """One line under the picture."""
-    pieces = len(design.slicing.pieces)
+    pieces = design.solid.pieces
     share = design.sheet.surface.area / design.surface.area
     return (
         f"{design.preset.name} - {share:.0%} of the surface kept, {length(design.preset.statics.thickness)} thick, "
@@ -216,9 +239,9 @@ def versions() -> dict[str, str]:
     return {"dsfab": __version__, "python": platform.python_version(), "solver": solver_name(), **found}
 
 
-def _summary(design: "Design", folder: Path) -> None:
+def _summary(design: "Design", folder: Path, made: dict[str, Any]) -> None:
     solid = design.solid
-    pieces = len(design.slicing.pieces)
+    pieces = design.solid.pieces
     if design.preset.description:
         out(design.preset.description)
     out(caption(design))
@@ -226,7 +249,8 @@ def _summary(design: "Design", folder: Path) -> None:
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
-    for line in (*choice_lines(design.pattern.choice), *case_lines(design), *answer_lines(design)):
+    told = (*choice_lines(design.pattern.choice), *case_lines(design), *answer_lines(design), *fabrication_lines(made))
+    for line in told:
         out(line)
     for note in design.notes:
         out(f"note ({note.stage}): {note.text}")

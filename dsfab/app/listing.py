@@ -1,11 +1,15 @@
-"""`dsfab presets` and `dsfab inspect`: what there is, and what a mesh file is."""
+"""`dsfab presets` and `dsfab inspect`: what there is, what a mesh file is, and whether a design can be made."""
 
+import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.report import length, out
+from dsfab.app.build import read_preset
+from dsfab.app.fabrication import fabrication_facts, fabrication_lines
+from dsfab.app.report import Reporter, length, out
+from dsfab.errors import PresetError
 
 if TYPE_CHECKING:
     from dsfab.surface import MeshFacts
@@ -30,13 +34,20 @@ def inspect(
 ) -> int:
     """Say what a mesh file is: size, pieces, boundary, whether it is manifold or why not, and its likely unit.
 
+    Of a preset, or of a folder that `dsfab build` made: members, gaps and walls, against the limits of [fabrication].
+
     Parameters
     ----------
     file
-        OBJ, PLY, STL, OFF, GLB or 3MF.
+        OBJ, PLY, STL, OFF, GLB or 3MF; a preset (a name or a TOML file); or a folder of results.
     """
+    from dsfab.preset_file import shipped
     from dsfab.surface import describe
 
+    if file.is_dir() or file.suffix == ".toml" or (str(file) in shipped() and not file.exists()):
+        for line in fabrication_lines(_built(file) if file.is_dir() else _made(str(file))):
+            out(line)
+        return 0
     facts = describe(file, unit)
     out(str(file))
     rows = [(label, value) for label, value in _lines(facts) if value]
@@ -44,6 +55,29 @@ def inspect(
     for label, value in rows:
         out(f"  {label:<{width}}  {value}")
     return 0
+
+
+def _built(folder: Path) -> dict[str, Any]:
+    """What `dsfab build` measured; raises PresetError for folders that it did not make."""
+    try:
+        found: dict[str, Any] = json.loads((folder / "design.json").read_text(encoding="utf-8"))["fabrication"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise PresetError(f"{folder} has no design.json with a part on fabrication; build it again") from None
+    return found
+
+
+def _made(preset: str) -> dict[str, Any]:
+    """The same of a preset, which is run for it."""
+    from dsfab.pipeline import run
+    from dsfab.study.fabrication import fabrication
+
+    reporter = Reporter()
+    try:
+        design = run(read_preset(preset), reporter)
+        reporter.done()
+    finally:
+        reporter.stop()
+    return fabrication_facts(fabrication(design))
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:

@@ -9,9 +9,10 @@ from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet, cut, resolve_pinches
+from dsfab.slicing.features import filled_openings
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
-from dsfab.thickening import Solid, offsets, thicken
+from dsfab.thickening import Base, Solid, offsets, thicken, with_extras
 
 SPRINGS_LOST = 0.005
 """The user is told when a larger share of the stiffness of spring supports lies on removed material."""
@@ -26,15 +27,20 @@ def slicing_step(
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-        sheet = pinched.sheet.kept()
+        cells, filled = filled_openings(pinched.sheet, ask.min_opening) if ask.min_opening else (pinched.sheet, 0)
+        sheet = cells.kept()
         listed, label = _pieces(sheet, statics.load)
         built, held = listed, np.array([p.held for p in listed])
+        if ask.loose == "refuse":
+            _refuse_loose(sheet, listed, label)
         carried = sheet.kept(held[label]) if held.any() and not held.all() else sheet
         lost = lost_load(surface, sheet, carried, [case.load for case in statics.cases.values()])
         if ask.loose == "drop" and carried is not sheet:
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinched.count, lost, log)
-    return SlicingResult(pinched.sheet, sheet, built, pinched.count)
+    if filled:
+        log.note("slicing", f"{filled} openings smaller than {ask.min_opening:.3g} m were filled")
+    return SlicingResult(cells, sheet, built, pinched.count)
 
 
 def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
@@ -46,6 +52,18 @@ def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
         marks.append(np.bincount(label, sheet.between(mark)[sheet.surface.F].any(axis=1), count) > 0)
     listed = tuple(Piece(float(area[k]), bool(marks[0][k]), bool(marks[1][k])) for k in range(count))
     return listed, label
+
+
+def _refuse_loose(sheet: Sheet, listed: tuple[Piece, ...], label: Ints) -> None:
+    """Raise PatternError for pieces that reach no support."""
+    loose = [k for k, piece in enumerate(listed) if not piece.held]
+    if loose:
+        largest = max(loose, key=lambda k: listed[k].area)
+        x, y, z = sheet.surface.centroids[int((label == largest).argmax())]
+        raise PatternError(
+            f"{len(loose)} of {len(listed)} pieces reach no support, the largest ({listed[largest].area:.3g} m2) near "
+            f"({x:.3g}, {y:.3g}, {z:.3g}) m; lower the thresholds, set pattern.rim or pattern.keep, or slicing.loose"
+        )
 
 
 def _note_slicing(
@@ -83,6 +101,7 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
                 "surface, or lower thickening.thinnest"
             )
         solid = thicken(slicing.sheet.surface, slicing.sheet.carry(offset.D))
+        solid = with_extras(solid, preset.thickening.extra, Base(surface, slicing.sheet.surface, slicing.sheet.between))
     if offset.limited:
         log.note(
             "thickening",

@@ -1,0 +1,114 @@
+"""Can it be made? The smallest things on a design, each with its place, against what the workshop can make."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.design import Design
+from dsfab.slicing.features import Feature, Features, features, kept_cells
+from dsfab.slicing.quality import Quality, quality
+from dsfab.surface.topology import pieces
+from dsfab.thickening.wall import Wall, thinnest_wall
+
+Verdict = Literal["pass", "fail", "unknown"]
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """A limit of [fabrication] and what was measured, metres (for `bed` three of each).
+
+    name  : the key of the limit.    value, place, what : empty where there is nothing of the kind, which passes.
+    """
+
+    name: str
+    limit: tuple[float, ...]
+    value: tuple[float, ...]
+    place: tuple[float, ...]
+    what: str
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Touches:
+    """A piece of the sheet: m2, and the entries of surface.support and surface.load that act on it, counted from 1."""
+
+    area: float
+    supports: tuple[int, ...]
+    loads: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Fabrication:
+    """What `fabrication` finds; lengths in metres."""
+
+    features: Features
+    wall: Wall | None
+    box: Floats
+    pieces: tuple[Touches, ...]
+    quality: Quality
+    checks: tuple[Check, ...]
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """The checks that fail."""
+        return tuple(check for check in self.checks if check.verdict == "fail")
+
+
+def fabrication(design: Design) -> Fabrication:
+    """Measure a design and compare it with the limits of its preset.
+
+    A limit is met or not on the sheet and the solid as they are built. It is unknown where both it and what was
+    measured are smaller than the triangles of the uncut surface there: such details are the mesh's, not the pattern's.
+    """
+    cells = design.slicing.cells
+    found = features(cells, kept_cells(cells, design.sheet), design.pattern.names)
+    wall, box = thinnest_wall(design.solid), np.ptp(design.solid.box, axis=0)
+    ask = design.preset.fabrication
+    checks = []
+    if ask.min_member:
+        checks.append(_checked("min_member", ask.min_member, found.member))
+    if ask.min_gap:
+        checks.append(_checked("min_gap", ask.min_gap, found.gap))
+    if ask.min_wall:
+        here = None if wall is None else Feature(wall.thickness, wall.place, "a wall of the solid", 0.0)
+        checks.append(_checked("min_wall", ask.min_wall, here))
+    if ask.bed is not None:
+        fits = bool((np.sort(box) <= np.sort(ask.bed)).all())
+        size = tuple(box.tolist())
+        checks.append(Check("bed", ask.bed, size, (), "the whole solid", "pass" if fits else "fail"))
+    return Fabrication(found, wall, box, _touches(design), quality(design.sheet.surface), tuple(checks))
+
+
+def _checked(name: str, limit: float, found: Feature | None) -> Check:
+    if found is None:
+        return Check(name, (limit,), (), (), "", "pass")
+    verdict: Verdict = "fail" if found.size < limit else "pass"
+    if verdict == "pass" and found.size < found.mesh:
+        verdict = "unknown"
+    return Check(name, (limit,), (found.size,), tuple(found.place.tolist()), found.what, verdict)
+
+
+def _touches(design: Design) -> tuple[Touches, ...]:
+    """The pieces of the sheet, largest first by number of triangles, and what each touches."""
+    sheet, given = design.sheet, design.preset.surface
+    count, label = pieces(sheet.surface.F, sheet.surface.edges)
+    area = np.bincount(label, sheet.surface.areas, count)
+
+    def touched(entries: Sequence[object]) -> list[list[int]]:
+        found: list[list[int]] = [[] for _ in range(count)]
+        for number, entry in enumerate(entries, 1):
+            if (at := getattr(entry, "at", None)) is not None:  # self-weight acts everywhere
+                for k in _pieces_at(design, at.vertices(design.surface), label):
+                    found[k].append(number)
+        return found
+
+    supports, loads = touched(given.support), touched(given.load)
+    return tuple(Touches(float(area[k]), tuple(supports[k]), tuple(loads[k])) for k in range(count))
+
+
+def _pieces_at(design: Design, marks: np.ndarray, label: Ints) -> list[int]:
+    faces = design.sheet.between(marks)[design.sheet.surface.F].any(axis=1)
+    return [int(k) for k in np.unique(label[faces])]

@@ -1,0 +1,67 @@
+"""The thinnest wall of a solid: straight lines from its faces inward, square to them, until they leave it."""
+
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+
+from dsfab.arrays import Floats, Ints, lock
+from dsfab.thickening.solid import Solid
+
+INSIDE = 0.02
+"""Lines start this share of the way from a corner to the centre of a face: tapering walls are thinnest at corners."""
+LIFT = 1e-9
+"""And this share of the solid's size under the face, or they would meet the face itself."""
+OPPOSED = float(np.cos(np.radians(20)))
+"""Faces count as opposite where they are parallel to 20 degrees; others make an edge, where the way through is zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """The thinnest wall: metres, and where it is (3,)."""
+
+    thickness: float
+    place: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "place", np.float64, (3,))
+
+
+def thinnest_wall(solid: Solid) -> Wall | None:
+    """The thinnest wall of a solid, from one line at each vertex; None where no faces lie opposite each other.
+
+    The thickness is the distance of a line's start from the plane of the face that it meets: between flat faces it is
+    exact, wherever they end.
+    """
+    V, F = np.array(solid.V), np.array(solid.F)
+    face = _largest_faces(V, F)
+    corner = np.arange(len(V))[face >= 0]
+    face = face[face >= 0]
+    N = _normals(V, F)
+    start = (1 - INSIDE) * V[corner] + INSIDE * V[F[face]].mean(axis=1)
+    lift = LIFT * float(np.linalg.norm(np.ptp(V, axis=0)))
+    tree = igl.AABB()
+    tree.init(V, F)
+    hit = np.asarray(tree.intersect_ray_first(V, F, start - lift * N[face], -N[face])[0], dtype=np.int64)
+    opposed = (hit >= 0) & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
+    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # libigl's own distance has six digits
+    thickness = np.where(opposed, depth, np.inf)
+    k = int(thickness.argmin())
+    return Wall(float(thickness[k]), V[corner[k]]) if np.isfinite(thickness[k]) else None
+
+
+def _normals(V: Floats, F: Ints) -> Floats:
+    N = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
+    return np.asarray(N / np.linalg.norm(N, axis=1, keepdims=True))
+
+
+def _largest_faces(V: Floats, F: Ints) -> Ints:
+    """(n,) the largest face at each vertex, -1 where there is none: of skin and wall, most often the skin."""
+    area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
+    order = np.argsort(area, kind="stable")
+    largest = np.full(len(V), -1)
+    for corner in F[order].T:  # of equal indices the last one stays: the largest of the faces with this corner
+        held = largest[corner]
+        better = (held < 0) | (area[np.maximum(held, 0)] <= area[order])
+        largest[corner[better]] = order[better]
+    return largest

@@ -1,0 +1,189 @@
+"""Feet, holes, trimming and splitting: volumes in closed form, topology, and the tests that every solid passes."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import dsfab
+from dsfab.errors import PresetError, SolidError
+from dsfab.surface.pickers import All, Ball, Side
+from dsfab.thickening import Base, Feet, Holes, Solid, Split, Trim, offsets, thicken, with_extras
+from dsfab.thickening.extras import ROUND
+from dsfab.thickening.intersect import intersecting_pairs
+from tests.zoo import grid, jittered, sphere
+
+
+@pytest.fixture(scope="module")
+def plate():
+    surface = jittered(grid(20, 10, 2.0, 1.0))
+    return thicken(surface, offsets(surface, 0.03).D), Base(surface, surface, lambda marks: marks)
+
+
+@pytest.fixture(scope="module")
+def shell():
+    ball = sphere(4)
+    return thicken(ball, offsets(ball, 0.1).D), Base(ball, ball, lambda marks: marks)
+
+
+def made(what: tuple[Solid, Base], *extras) -> Solid:
+    """The solid with extras, judged by others, in double and in single precision."""
+    solid = with_extras(what[0], extras, what[1])
+    mesh = trimesh.Trimesh(solid.V, solid.F, process=False)
+    assert mesh.is_volume
+    assert mesh.volume == pytest.approx(solid.volume, rel=1e-9)
+    assert len(intersecting_pairs(solid.V, solid.F)) == 0
+    assert solid.notes == what[0].notes
+    euler = len(solid.V) - len(mesh.edges_unique) + len(solid.F)
+    assert 2 * solid.genus == 2 * mesh.body_count - euler
+    return solid
+
+
+def rod(diameter: float, length: float) -> float:
+    """Volume of a prism of `ROUND` sides in a cylinder."""
+    return ROUND / 2 * (diameter / 2) ** 2 * np.sin(2 * np.pi / ROUND) * length
+
+
+def test_holes_take_their_volume_and_make_handles(plate):
+    solid = made(plate, Holes(at=((0.5, 0.5, 0.0), (1.5, 0.5, 0.0)), diameter=0.1, depth=0.2))
+    assert solid.volume == pytest.approx(0.06 - 2 * rod(0.1, 0.03), rel=1e-9)
+    assert (solid.genus, solid.pieces) == (2, 1)
+
+
+def test_a_hole_goes_no_deeper_than_asked(shell):
+    """Into one side of a hollow ball: its void opens, the other side stays whole."""
+    solid = made(shell, Holes(at=((0.0, 0.0, 1.0),), diameter=0.2, depth=0.4))
+    assert (solid.genus, solid.pieces) == (0, 1)
+    assert shell[0].volume - solid.volume == pytest.approx(rod(0.2, 0.1), rel=0.05)
+    assert made(shell, Holes(at=((0.0, 0.0, 0.0),), diameter=0.2, depth=4.0)).genus == 1
+
+
+def test_holes_follow_their_axis(plate):
+    solid = made(plate, Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.5, axis=(1.0, 0.0, 1.0)))
+    assert solid.volume == pytest.approx(0.06 - rod(0.1, 0.03 * np.sqrt(2)), rel=1e-9)
+
+
+def test_a_plane_cuts_off_what_its_normal_points_to(plate):
+    solid = made(plate, Trim(point=(0.5, 0.0, 0.0), normal=(2.0, 0.0, 0.0)))
+    assert solid.volume == pytest.approx(0.5 * 0.03, rel=1e-9)
+    assert solid.box[1][0] == pytest.approx(0.5)
+
+
+def test_a_box_keeps_what_is_inside(plate):
+    solid = made(plate, Trim(low=(0.1, 0.2, -1.0), high=(0.7, 0.9, 0.005)))
+    assert solid.volume == pytest.approx(0.6 * 0.7 * 0.02, rel=1e-9)
+    assert solid.box == pytest.approx(np.array([[0.1, 0.2, -0.015], [0.7, 0.9, 0.005]]))
+
+
+def test_feet_stand_under_what_is_picked(plate):
+    solid = made(plate, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
+    assert solid.volume == pytest.approx(0.06 + 0.1 * 1.1 * (0.1 - 0.015) + (0.1 * 1.1 - 0.05 * 1.0) * 0.03, rel=1e-9)
+    assert solid.box[0] == pytest.approx([-0.05, -0.05, -0.1])
+
+
+def test_parts_that_are_apart_get_a_foot_each(plate):
+    corners = [Ball(center=(x, y, 0.0), radius=0.15) for x in (0.0, 2.0) for y in (0.0, 1.0)]
+    solid = made(plate, *(Feet(at=at, height=0.2, margin=0.01, sink=0.01) for at in corners))
+    marks = np.logical_or.reduce([at.vertices(plate[1].surface) for at in corners])
+    assert len(plate[1].parts(marks)) == 4
+    below = solid.V[solid.V[:, 2] < -0.1]
+    assert len(below) == 16
+    assert solid.genus == 0
+
+
+def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
+    solid = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02))
+    assert solid.pieces == 6
+    assert solid.volume == pytest.approx(0.06, rel=1e-9)
+    for part in trimesh.Trimesh(solid.V, solid.F, process=False).split():
+        assert (np.ptp(part.vertices, axis=0) <= [0.7, 0.6, 1.0]).all()
+    assert np.ptp(solid.V, axis=0) == pytest.approx([2.04, 1.02, 0.03])
+
+
+def test_dowels_are_drilled_into_every_cut_face(plate):
+    """Two cuts across x with two faces each, one across y with three: seven, in both parts."""
+    solid = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
+    assert solid.volume == pytest.approx(0.06 - 7 * rod(0.01, 0.06), rel=1e-9)
+    assert (solid.genus, solid.pieces) == (0, 6)
+    thick = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.02, deep=0.03))
+    assert thick.volume == pytest.approx(0.06, rel=1e-9)  # the faces are too narrow for these
+
+
+@pytest.mark.parametrize("bed", [(1.2, 2.0, 1.0), (3.0, 0.6, 1.0)])
+def test_dowels_sit_in_the_middle_of_the_thickness(plate, bed):
+    off = Trim(low=(0.0, 0.0, -0.015), high=(2.0, 1.0, 0.005))
+    solid = made(plate, off, Split(bed=bed, apart=0.02, dowel=0.008, deep=0.03))
+    assert solid.volume == pytest.approx(0.04 - rod(0.008, 0.06), rel=1e-9)
+
+
+def test_dowels_find_the_material_of_bent_faces(shell):
+    solid = made(shell, Split(bed=(1.5, 1.5, 1.5), apart=0.2, dowel=0.03, deep=0.05))
+    assert shell[0].volume - solid.volume == pytest.approx(12 * rod(0.03, 0.1), rel=0.01)
+    assert (solid.genus, solid.pieces) == (0, 8)
+
+
+def test_extras_are_made_in_their_order(plate):
+    cut = Trim(point=(1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))
+    hole = Holes(at=((1.0, 0.5, 0.0),), diameter=0.1, depth=0.2)
+    assert made(plate, hole, cut).volume == pytest.approx(0.03 - rod(0.1, 0.03) / 2, rel=1e-6)
+    assert made(plate).V is plate[0].V
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (Holes(at=((0.5, 0.5, 0.0), (5.0, 0.5, 0.0)), diameter=0.1, depth=0.2), "point 2 of 2 meets no material"),
+        (Holes(at=((0.5, 0.5, 0.0),), diameter=0.0, depth=0.2), "diameter must be a positive length"),
+        (Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.2, axis=(0.0, 0.0, 0.0)), "must have a length"),
+        (Trim(), "needs point and normal of a plane, or low and high"),
+        (Trim(point=(0.0, 0.0, 0.0)), "needs point and normal"),
+        (Trim(low=(0.0, 0.0, 0.0), high=(1.0, 0.0, 1.0)), "low must be below high"),
+        (Trim(point=(-1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0)), "leaves nothing"),
+        (Split(bed=(1.0, 1.0, 1.0), apart=0.0), "apart must be a positive length"),
+        (Split(bed=(1.0, 0.0, 1.0), apart=0.1), "positive lengths"),
+        (Split(bed=(1.0, 1.0, 1.0), apart=0.1, dowel=0.01), "dowel and deep"),
+        (Feet(at=All(), height=-0.1, margin=0.05, sink=0.01), "height must be a positive length"),
+    ],
+)
+def test_an_extra_that_cannot_be_made_is_refused(plate, extra, words):
+    with pytest.raises(SolidError, match=words):
+        with_extras(plate[0], [extra], plate[1])
+
+
+def test_a_foot_beside_the_solid_is_refused(plate):
+    gone = Trim(point=(0.5, 0.0, 0.0), normal=(-1.0, 0.0, 0.0))
+    with pytest.raises(SolidError, match="does not meet"):
+        made(plate, gone, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
+
+
+def test_a_preset_has_extras():
+    extras = [
+        {
+            "kind": "feet",
+            "at": {"pick": "side", "axis": "x", "end": "min"},
+            "height": 0.1,
+            "margin": 0.02,
+            "sink": 0.01,
+        },
+        {"kind": "holes", "at": [[-1.01, 0.0, -0.05]], "diameter": 0.02, "depth": 0.2, "axis": [1, 0, 0]},
+    ]
+    preset = dsfab.load_preset("cantilever", {"surface.edge": 0.08, "thickening.extra": extras})
+    design = dsfab.run(preset)
+    plain = dsfab.revise(design, dsfab.load_preset("cantilever", {"surface.edge": 0.08}))
+    assert design.sheet is plain.sheet or design.sheet.surface.m == plain.sheet.surface.m
+    assert design.solid.volume > plain.solid.volume
+    assert design.solid.box[0][2] < plain.solid.box[0][2] - 0.09
+    assert trimesh.Trimesh(design.solid.V, design.solid.F, process=False).is_volume
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        ({"kind": "hole"}, "thickening.extra.0.kind = 'hole' is not known; did you mean holes"),
+        ({}, "thickening.extra.0 needs kind"),
+        ({"kind": "trim", "plane": 1}, r"unknown key thickening.extra.0.plane.*point, normal, low, high"),
+        ({"kind": "split", "bed": [1, 1, 1]}, "thickening.extra.0.apart is missing"),
+    ],
+)
+def test_mistakes_in_extras_are_named_by_their_key(extra, words):
+    with pytest.raises(PresetError, match=words):
+        dsfab.load_preset("cantilever", {"thickening.extra": [extra]})

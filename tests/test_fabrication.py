@@ -1,0 +1,196 @@
+"""The fabrication report of whole designs: limits and verdicts, pieces and what they touch, `--fix`, `inspect`."""
+
+import json
+
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab.app.cli import main
+from dsfab.app.fabrication import fabrication_facts, fabrication_lines
+from dsfab.errors import PatternError
+from dsfab.preset_file import overridden, preset_from
+from dsfab.slicing import cut
+from dsfab.slicing.features import filled_openings
+from dsfab.slicing.quality import quality
+from dsfab.study.fabrication import fabrication
+from dsfab.study.fix import fixed
+from tests.zoo import grid, jittered
+
+SMALL = {"surface.edge": 0.05, "statics.thickness": 0.01}
+
+
+@pytest.fixture(scope="module")
+def plate():
+    return dsfab.run(dsfab.load_preset("cantilever", SMALL))
+
+
+def with_limits(design, **limits):
+    return dsfab.revise(design, overridden(design.preset, {f"fabrication.{key}": x for key, x in limits.items()}))
+
+
+def verdicts(design) -> dict[str, str]:
+    return {check.name: check.verdict for check in fabrication(design).checks}
+
+
+def test_limits_change_nothing_but_the_report(plate):
+    limited = with_limits(plate, min_member=0.01)
+    assert limited.solid is plate.solid
+    assert fabrication(plate).checks == ()
+    assert verdicts(limited).keys() == {"min_member"}
+
+
+def test_each_limit_passes_below_and_fails_above_what_was_measured(plate):
+    made = fabrication(plate)
+    sizes = {"min_member": made.features.member.size, "min_gap": made.features.gap.size}
+    sizes["min_wall"] = made.wall.thickness
+    assert made.wall.thickness == pytest.approx(0.01, rel=1e-9)
+    assert set(verdicts(with_limits(plate, **{k: 1.001 * x for k, x in sizes.items()})).values()) == {"fail"}
+    below = verdicts(with_limits(plate, **{k: 0.999 * x for k, x in sizes.items()}))
+    for name, feature in (("min_member", made.features.member), ("min_gap", made.features.gap)):
+        assert below[name] == ("unknown" if feature.size < feature.mesh else "pass")
+    assert below["min_wall"] == "pass"
+
+
+def test_a_solid_may_lie_on_any_side_of_the_bed(plate):
+    assert verdicts(with_limits(plate, bed=[0.02, 2.0, 1.0])) == {"bed": "pass"}
+    assert verdicts(with_limits(plate, bed=[0.02, 1.9, 1.1])) == {"bed": "fail"}
+
+
+def test_members_finer_than_the_mesh_are_unknown_and_coarse_ones_pass():
+    changes = {**SMALL, "pattern.keep": 0.0, "pattern.rim": 0.0, "fabrication.min_member": 0.001}
+    changes |= {"pattern.minor.threshold": 1.0, "pattern.width": {}, "slicing.loose": "keep"}
+    for frequency, wanted in ((2.0, "pass"), (30.0, "unknown")):
+        design = dsfab.run(dsfab.load_preset("cantilever", {**changes, "pattern.major.frequency": frequency}))
+        check = fabrication(design).checks[0]
+        mesh = fabrication(design).features.member.mesh
+        assert check.verdict == ("unknown" if check.value[0] < mesh else "pass") == wanted
+
+
+def test_pieces_tell_which_supports_and_loads_they_touch(plate):
+    made = fabrication(plate)
+    assert [(piece.supports, piece.loads) for piece in made.pieces] == [((1,), (1,))]
+    assert made.pieces[0].area == pytest.approx(plate.sheet.surface.area)
+    kept = dsfab.revise(plate, overridden(plate.preset, {"slicing.loose": "keep"}))
+    found = fabrication(kept)
+    assert len(found.pieces) == len(kept.slicing.pieces) > 1
+    assert [bool(p.supports) for p in found.pieces] == [p.held for p in kept.slicing.pieces]
+    assert [bool(p.loads) for p in found.pieces] == [p.loaded for p in kept.slicing.pieces]
+    lines = list(fabrication_lines(fabrication_facts(found)))
+    assert sum("no support and no load" in line for line in lines) == sum(
+        not (p.supports or p.loads) for p in found.pieces
+    )
+    with pytest.raises(PatternError, match=r"pieces reach no support, the largest \(.* m2\) near"):
+        dsfab.revise(plate, overridden(plate.preset, {"slicing.loose": "refuse"}))
+
+
+def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
+    one = grid(10, 10, 1.0, 1.0)
+    V, F = np.r_[one.V, one.V + [0, 3, 0]], np.r_[one.F, one.F + one.n]
+    (tmp_path / "two.obj").write_text(
+        "".join(f"v {x} {y} {z}\n" for x, y, z in V) + "".join(f"f {a} {b} {c}\n" for a, b, c in F + 1)
+    )
+
+    def edge(x, y):
+        return {"pick": "box", "min": [x - 0.01, y, -1], "max": [x + 0.11, y + 1, 1]}
+
+    supports = [{"at": edge(0, 3)}, {"at": edge(0, 0)}, {"at": edge(1, 0)}]
+    loads = [{"kind": "self_weight"}, {"kind": "force", "at": edge(1, 3), "force": [0, 0, -1]}]
+    values = {"name": "two", "surface": {"file": str(tmp_path / "two.obj"), "unit": "m", "support": supports}}
+    values["surface"]["load"] = loads
+    values |= {"statics": {"thickness": 0.02}, "pattern": {"major": {"threshold": -1.0}}}
+    found = fabrication(dsfab.run(preset_from(values))).pieces
+    assert {(piece.supports, piece.loads) for piece in found} == {((1,), (2,)), ((2, 3), ())}
+
+
+def test_refuse_builds_what_is_in_one_piece(plate):
+    whole = {"pattern.major.threshold": -1.0, "pattern.width": {}}
+    same = dsfab.revise(plate, overridden(plate.preset, {**whole, "slicing.loose": "refuse"}))
+    assert len(same.slicing.pieces) == 1
+
+
+def test_small_openings_are_filled_and_larger_ones_are_not():
+    surface = jittered(grid(40, 20, 2.0, 1.0))
+    fields = [surface.V[:, 0], surface.V[:, 1]]
+    levels = [[0.2, 0.5, 0.53, 0.7, 1.0, 1.5], [0.2, 0.4, 0.6, 0.8]]  # openings 0.03 x 0.2 and 0.3 x 0.2 between
+    sheet = cut(surface, fields, levels, 0)
+    filled, count = filled_openings(sheet, 0.04)
+    assert count == 1  # those beside it reach the border of the plate
+    assert filled.surface.areas[filled.material].sum() - sheet.surface.areas[sheet.material].sum() == pytest.approx(
+        0.03 * 0.2, rel=1e-9
+    )
+    assert filled_openings(sheet, 0.02)[1] == 0
+
+
+def test_fix_meets_the_limits_and_names_what_it_changed(plate):
+    before = with_limits(plate, min_member=0.03, min_gap=0.02)
+    assert fabrication(before).failed
+    done = fixed(before)
+    assert not done.made.failed
+    assert done.made.features.member.size >= 0.03
+    assert done.made.features.gap is None or done.made.features.gap.size >= 0.02
+    assert done.changes
+    again = dsfab.run(overridden(before.preset, {key: new for key, (_, new) in done.changes.items()}))
+    assert np.array_equal(again.solid.V, done.design.solid.V)
+    assert all(old != new for old, new in done.changes.values())
+    assert fixed(done.design).changes == {}
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [({"min_wall": 0.02}, "raise statics.thickness"), ({"bed": [0.5, 0.5, 0.5]}, "split it")],
+)
+def test_fix_says_what_no_pattern_can_change(plate, limits, words):
+    with pytest.raises(PatternError, match=words):
+        fixed(with_limits(plate, **limits))
+
+
+def test_fix_ends_with_a_sentence():
+    coarse = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.1, "fabrication.min_gap": 3.0}))
+    try:
+        done = fixed(coarse)
+    except PatternError as error:
+        assert "did not meet" in str(error) or "cannot keep" in str(error)  # noqa: PT017
+    else:
+        assert done.made.features.gap is None
+
+
+def test_the_shape_of_triangles_in_closed_form():
+    right = grid(4, 4, 1.0, 1.0)
+    found = quality(right)
+    assert found.worst_angle == pytest.approx(45, rel=1e-9)
+    assert found.median == pytest.approx(np.sqrt(3) / 2, rel=1e-12)  # 4 sqrt(3) (1/2) / (1 + 1 + 2)
+    assert found.needles == 0
+    flat = quality(grid(4, 4, 1.0, 0.01))
+    assert flat.worst_angle == pytest.approx(np.degrees(np.arctan(0.01)), rel=1e-9)
+    assert flat.needles == 1
+
+
+def test_build_writes_the_report_and_inspect_reads_it(capsys, tmp_path):
+    folder = tmp_path / "out"
+    words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder)]
+    assert main([*words, "--set", "fabrication.min_member=0.5", "--set", "fabrication.bed=[3,3,3]"]) == 0
+    said = capsys.readouterr().out
+    facts = json.loads((folder / "design.json").read_text())["fabrication"]
+    assert {check["limit"]: check["verdict"] for check in facts["checks"]} == {"min_member": "fail", "bed": "pass"}
+    assert facts["smallest_member"]["m"] == pytest.approx(facts["checks"][0]["measured_m"][0])
+    assert len(facts["smallest_member"]["at_m"]) == 3
+    assert sum(facts["member_widths"]["histogram_shares"]) == pytest.approx(1)
+    assert facts["triangles"]["worst_angle_deg"] > 0
+    assert main(["inspect", str(folder)]) == 0
+    again = capsys.readouterr().out
+    assert "min_member" in again
+    assert again in said
+    (tmp_path / "no").mkdir()
+    assert main(["inspect", str(tmp_path / "no")]) == 1
+    assert "build it again" in capsys.readouterr().err
+
+
+def test_build_fix_tells_its_changes(capsys, tmp_path):
+    words = ["build", "cantilever", "--fix", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture"]
+    assert main([*words, "-o", str(tmp_path / "out"), "--set", "fabrication.min_member=0.03"]) == 0
+    captured = capsys.readouterr()
+    assert "fix         pattern." in captured.err
+    assert "fail" not in captured.out
+    assert main(["inspect", str(tmp_path / "out" / "preset.toml")]) == 0
+    assert "min_member" in capsys.readouterr().out
