@@ -18,6 +18,7 @@ from dsfab.pattern import Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, followed
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import SHAPES, Combination, Load, Support, Surface, read_surface, refined
+from dsfab.thickening import Side
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -254,6 +255,10 @@ class Thickening(Section):
 
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that sharp curvature makes locally thinner than this share of the thickness."""
+    side: Side = "mid"
+    """Where the sheet lies: mid (around the surface), out (where its normals point; outside of closed ones) or in."""
+    strict: bool = False
+    """Refuse a solid in which faces still intersect after all repairs, instead of telling where."""
 
 
 class Export(Section):
