@@ -132,6 +132,11 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
     return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
 
 
+def corner_fans(F: Ints, edges: EdgeTable) -> Ints:
+    """(m, 3) the faces on new vertices, one for each fan of faces: parts that touch in a point come apart."""
+    return _fans(F, edges)[1].reshape(-1, 3)
+
+
 def _following(h: Ints) -> Ints:
     """The next half-edge of the same face."""
     return h - h % 3 + (h + 1) % 3

@@ -19,6 +19,7 @@ class Skin:
     Vertex i has the copies i, on the side that the first face around it points to, and n + i on the other one.
     upper : (m, 3) copies of the corners on the side of each face, lower : (m, 3) those on its other side.
     p, q  : (2, r) copies of the ends of the boundary edges, on the side of their face and on its other side.
+    rim   : (r,) the faces of the boundary edges.
     shift : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
@@ -31,6 +32,7 @@ class Skin:
     lower: Ints
     p: Ints
     q: Ints
+    rim: Ints
     shift: int = 0
 
     @classmethod
@@ -41,7 +43,7 @@ class Skin:
         both = np.stack([F + n * turned, F + n * ~turned])
         rim = surface.edges.boundary[surface.edges.of.ravel()]
         ends = both.reshape(2, -1)[:, rim], np.roll(both, -1, axis=2).reshape(2, -1)[:, rim]
-        return cls(n, both[0], both[1], *ends, shift)
+        return cls(n, both[0], both[1], *ends, np.flatnonzero(rim) // 3, shift)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
         """(2 n, 3) the copies on the side that D points to, then the other ones."""
@@ -66,3 +68,8 @@ class Skin:
         """Which walls the given faces of the solid belong to, each once."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
+
+    def sources(self) -> Ints:
+        """(2 m + 2 r,) the face of the sheet that each face of the solid lies over or beside."""
+        every = np.arange(len(self.upper))
+        return np.concatenate([every, every, self.rim, self.rim])

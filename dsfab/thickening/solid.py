@@ -71,7 +71,8 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
 
     Walls get their shorter diagonal. An exact test finds intersections; they are removed by flipping wall diagonals and
-    by thinning locally, down to 0.3 of D. What was thinned, and what could not be removed, is told in `notes`.
+    by thinning locally, down to 0.3 of D, or, where the sheet crosses itself, by uniting parts of it that do not. What
+    was done, and what could not be removed, is told in `notes` and `repairs`.
     Raises SolidError for sheets that are not as above, for missing vectors, and when manifold3d rejects the result.
     """
     check_edges(surface)
@@ -79,9 +80,13 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
     surface, D = _used_part(surface, D)
     skin = Skin.of(surface, SHIFT[side])
     _check_upward(surface, skin, D)
-    repair = repaired(skin, surface.V, D)
-    V, F = skin.vertices(surface.V, repair.D), skin.faces(repair.backslash)
-    count, shells = _pieces_and_shells(surface, F)
+    repair = repaired(surface, skin, D)
+    if repair.union:
+        V, F, count = repair.union.V, repair.union.F, repair.union.pieces
+        shells = pieces(F, edge_table(F))[0]
+    else:
+        V, F = skin.vertices(surface.V, repair.D), skin.faces(repair.backslash)
+        count, shells = _pieces_and_shells(surface, F)
     repairs, notes = repairs_of(surface, D, repair, V, F)
     solid = Solid(
         V=V,
