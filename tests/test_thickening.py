@@ -118,7 +118,7 @@ def test_a_plate_has_its_area_times_its_thickness():
 def test_a_ring_has_one_handle():
     ring = annulus()
     solid = made(ring, 0.05)
-    assert solid.volume == pytest.approx(ring.area * 0.05, rel=1e-13)
+    assert solid.volume == pytest.approx(ring.area * 0.05, rel=1e-7)  # vertices are rounded
     assert (solid.genus, solid.pieces) == (1, 1)
     check_sound(solid)
 

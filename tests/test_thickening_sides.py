@@ -14,6 +14,7 @@ from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces
 from dsfab.thickening import Side, offsets, thicken
+from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from tests.test_surface_cover import turned
 from tests.test_thickening import annulus, check_second_order, check_sound, folded, made, real, wrapped
@@ -174,7 +175,7 @@ def test_a_wedge_has_the_volume_of_a_wedge():
     found = offsets(plate, t)
     assert 2 * found.D[:, 2] == pytest.approx(t, rel=1e-13)
     solid = thicken(plate, found.D)
-    assert solid.volume == pytest.approx(0.01 * 2 + 0.02 * 2, rel=1e-12)
+    assert solid.volume == pytest.approx(0.01 * 2 + 0.02 * 2, rel=1e-7)  # vertices are rounded
     check_sound(solid)
 
 
@@ -352,3 +353,32 @@ def torus_of(radius: float, tube: float) -> Surface:
     open_ = wrapped(48, 16, place)
     points, of = np.unique(np.round(open_.V, 12) + 0.0, axis=0, return_inverse=True)
     return Surface(points, of.reshape(-1)[open_.F])
+
+
+# ---------------------------------------------------------------- single precision
+
+
+@pytest.mark.parametrize("make", [lambda: sphere(3), wave, moebius, crossing_plates, lambda: real("bob")])
+def test_the_solid_is_the_one_in_the_stl_file(make, tmp_path):
+    """Single precision in millimetres moves no vertex, and the file as trimesh reads it is closed and sound."""
+    surface = make()
+    solid = made(surface, 0.02 * surface.size / 2)
+    single = (solid.V * 1e3).astype(np.float32)
+    assert np.array_equal(single.astype(float) / 1e3, solid.V)
+    path = dsfab.write(solid, tmp_path / "a.stl")
+    read = trimesh.load_mesh(path, process=False)
+    points, of = np.unique(np.asarray(read.vertices), axis=0, return_inverse=True)
+    F = of.reshape(-1)[read.faces]
+    assert (len(points), len(F)) == (len(np.unique(solid.F)), len(solid.F))
+    assert trimesh.Trimesh(points, F, process=False).is_volume
+    assert len(intersecting_pairs(points, F)) == 0
+
+
+def test_far_from_the_origin_nothing_is_rounded():
+    """At 10 km the step of single precision is a millimetre: a sheet of 10 mm would show it."""
+    plate = grid(5, 5, 1.0, 1.0)
+    far = Surface(plate.V * 0.123 + 1e4, plate.F)
+    D = offsets(far, 0.01).D
+    assert np.array_equal(thicken(far, D).V[: far.n], far.V + D)
+    near = Surface(plate.V * 0.123, plate.F)
+    assert not np.array_equal(thicken(near, D).V[: far.n], near.V + D)

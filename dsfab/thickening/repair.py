@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
@@ -50,13 +51,15 @@ def repaired(surface: Surface, skin: Skin, D: Floats) -> Repaired:
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
     found = len(pairs)
     backslash, pairs = _flipped(skin, V, D, backslash, pairs)
-    crosses = len(intersecting_pairs(V, surface.F)) if len(pairs) else 0
+    crossing = intersecting_pairs(V, surface.F) if len(pairs) else pairs
+    crosses = len(crossing)
     if crosses:
+        D, pairs = _thinned(skin, V, D, backslash, pairs, _away_from(surface, crossing, D))
         corners = D[surface.F] * np.where(skin.upper < surface.n, 1, -1)[:, :, None]
         union = united(surface, corners, skin, pairs)
         if union is not None and len(union.pairs) < len(pairs):
             return Repaired(D, backslash, union.pairs, found, crosses, union)
-    D, pairs = _thinned(skin, V, D, backslash, pairs)
+    D, pairs = _thinned(skin, V, D, backslash, pairs, np.ones(surface.n, dtype=bool))
     return Repaired(D, backslash, pairs, found, crosses)
 
 
@@ -78,8 +81,17 @@ def _flipped(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) ->
     return backslash, pairs
 
 
-def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Floats, Ints]:
-    """Offsets shortened around the pairs until none is left or none may be shortened; the best state met."""
+def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
+    """(n,) vertices that are no part of where the sheet crosses itself: farther from there than twice its thickness."""
+    reach = 4 * np.linalg.norm(D, axis=1).max()
+    return np.asarray(cKDTree(surface.V[surface.F[crossing]].reshape(-1, 3)).query(surface.V)[0] > reach)
+
+
+def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
+    """Offsets shortened around the pairs until none is left or none may be shortened; the best state met.
+
+    free : (n,) whether a vertex may be shortened.
+    """
     faces = skin.faces(backslash)
     share = np.ones(skin.n)
     best_share, best = share, pairs
@@ -87,7 +99,7 @@ def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) ->
         if not len(pairs):
             break
         involved = np.unique(faces[pairs] % skin.n)
-        involved = involved[share[involved] > THINNEST]
+        involved = involved[free[involved] & (share[involved] > THINNEST)]
         if not len(involved):
             break
         share = share.copy()

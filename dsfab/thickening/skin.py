@@ -7,6 +7,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.cover import corner_sides
 from dsfab.surface.mesh import Surface
+from dsfab.thickening.rounding import rounded
 
 TIE = 1e-9
 """Diagonals whose squared lengths differ by less than this share count as equal, so that rounding chooses nothing."""
@@ -21,6 +22,7 @@ class Skin:
     p, q  : (2, r) copies of the ends of the boundary edges, on the side of their face and on its other side.
     rim   : (r,) the faces of the boundary edges.
     shift : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
+    single : whether vertices are `rounded`, from the first test to the last.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
           |       |
@@ -34,20 +36,22 @@ class Skin:
     q: Ints
     rim: Ints
     shift: int = 0
+    single: bool = False
 
     @classmethod
-    def of(cls, surface: Surface, shift: int = 0) -> "Skin":
+    def of(cls, surface: Surface, shift: int = 0, single: bool = False) -> "Skin":
         """The skin of a manifold sheet; its faces need not point to the same side."""
         F, n = surface.F, surface.n
         turned = corner_sides(F, surface.edges) < 0
         both = np.stack([F + n * turned, F + n * ~turned])
         rim = surface.edges.boundary[surface.edges.of.ravel()]
         ends = both.reshape(2, -1)[:, rim], np.roll(both, -1, axis=2).reshape(2, -1)[:, rim]
-        return cls(n, both[0], both[1], *ends, np.flatnonzero(rim) // 3, shift)
+        return cls(n, both[0], both[1], *ends, np.flatnonzero(rim) // 3, shift, single)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
         """(2 n, 3) the copies on the side that D points to, then the other ones."""
-        return np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
+        both = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
+        return rounded(both) if self.single else both
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
         """(r,) whether p+ q- is the shorter diagonal of a wall."""

@@ -1,6 +1,6 @@
 """`Solid`, and `thicken`: from a sheet and its offset vectors to a closed, oriented, judged triangle mesh."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from dsfab.thickening.check import check_contacts, check_edges
 from dsfab.thickening.notes import Repairs, repairs_of, rounding_notes
 from dsfab.thickening.offset import SHIFT, Side
 from dsfab.thickening.repair import repaired
+from dsfab.thickening.rounding import is_fine
 from dsfab.thickening.skin import Skin
 
 VOLUME_TOLERANCE = 1e-9
@@ -73,14 +74,20 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
     Walls get their shorter diagonal. An exact test finds intersections; they are removed by flipping wall diagonals and
     by thinning locally, down to 0.3 of D, or, where the sheet crosses itself, by uniting parts of it that do not. What
     was done, and what could not be removed, is told in `notes` and `repairs`.
+    Vertices are rounded to single precision, in millimetres, before they are tested, unless they lie so far out that it
+    would show: the tested solid is the one in the STL file.
     Raises SolidError for sheets that are not as above, for missing vectors, and when manifold3d rejects the result.
     """
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
-    skin = Skin.of(surface, SHIFT[side])
+    skin = Skin.of(surface, SHIFT[side], is_fine(surface.V, D))
     _check_upward(surface, skin, D)
     repair = repaired(surface, skin, D)
+    if skin.single and len(repair.pairs) and not repair.union:  # they may come from rounding alone
+        skin = replace(skin, single=False)
+        exact = repaired(surface, skin, D)
+        skin, repair = (skin, exact) if len(exact.pairs) < len(repair.pairs) else (replace(skin, single=True), repair)
     if repair.union:
         V, F, count = repair.union.V, repair.union.F, repair.union.pieces
         shells = pieces(F, edge_table(F))[0]

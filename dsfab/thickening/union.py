@@ -16,19 +16,27 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import corner_fans, edge_table, pieces
 from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.rounding import rounded
 from dsfab.thickening.skin import Skin
 
 PATCHES = 400
 """With more patches than this the sheet is no sheet that crosses itself along lines: it is not united."""
 
-COLOUR_ROUNDS = 6
-"""Rounds of finding faces that meet within a colour and separating them too."""
+ROUNDS = 30
+"""Rounds of finding faces that meet within a colour, and separating them or, if they touch in the sheet, thinning."""
+
+THIN = 0.8
+"""What offsets are multiplied by where neighbours meet, per round."""
+
+THINNEST = 0.3
+"""Share of the given offset below which nothing is thinned."""
 
 
 @dataclass(frozen=True, eq=False)
 class United:
     """A closed mesh V (n, 3), F (m, 3), the pairs of faces in it that still intersect (k, 2), and its pieces.
 
+    share  : (n',) of the given offset that was left at each vertex of the sheet.
     places : how many separate lines the sheet crosses itself along.
     """
 
@@ -36,6 +44,7 @@ class United:
     F: Ints
     pairs: Ints
     pieces: int
+    share: Floats
     places: int
 
 
@@ -44,25 +53,36 @@ def united(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> United
 
     corners : (m, 3, 3) offset vectors at the corners of the faces, seen from each. None where it would take too many
     patches, or manifold3d does not take one of the parts.
+
+    No cut parts faces that meet and have a common vertex: there the sheet bends too tightly, and is made thinner.
     """
-    graph = _dual(surface)
-    clashes = _clashes(surface, skin.sources()[pairs])
+    graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
-    for _ in range(COLOUR_ROUNDS):
-        label = _separated(label, clashes, graph)
-        if label is None:
+    found = skin.sources()[pairs]
+    clashes = np.empty((0, 2), dtype=np.int64)
+    for round_ in range(ROUNDS):
+        stuck = _stuck(surface, found, label)
+        clashes = np.unique(np.concatenate([clashes, np.sort(found[~stuck], axis=1)]), axis=0)
+        thin = np.unique(surface.F[found[stuck]]) if round_ else np.empty(0, dtype=np.int64)  # first without thinning
+        thin = thin[share[thin] > THINNEST]
+        share[thin] = np.maximum(THIN * share[thin], THINNEST)
+        cut = _separated(label, clashes, graph)
+        if cut is None:
             return None
-        colour = _coloured(label, clashes)
-        parts = [_part(surface, corners, colour == c, skin.shift) for c in range(int(colour.max()) + 1)]
-        more = np.concatenate([_clashes(surface, found) for _, _, found in parts])
-        if not len(more):
+        label = cut
+        colour, D = _coloured(label, clashes), corners * share[surface.F][:, :, None]
+        parts = [_part(surface, D, colour == c, skin) for c in range(int(colour.max()) + 1)]
+        found = np.concatenate([inner for _, _, inner in parts])
+        if not len(found) or (round_ and not len(thin) and _stuck(surface, found, label).all()):
             break
-        clashes = np.unique(np.concatenate([clashes, more]), axis=0)
     merged = _union([(V, F) for V, F, _ in parts])
     if merged is None:
         return None
     V, F = merged
-    return United(V, F, intersecting_pairs(V, F), _outer_shells(V, F), _places(surface, clashes, graph))
+    pairs = intersecting_pairs(V, F)
+    if skin.single and len(left := intersecting_pairs(rounded(V), F)) <= len(pairs):
+        V, pairs = rounded(V), left
+    return United(V, F, pairs, _outer_shells(V, F), share, _places(surface, clashes, graph))
 
 
 def _dual(surface: Surface) -> csr_array:
@@ -74,11 +94,11 @@ def _dual(surface: Surface) -> csr_array:
     return csr_array((np.concatenate([reach, reach]), both), shape=(surface.m, surface.m))
 
 
-def _clashes(surface: Surface, faces: Ints) -> Ints:
-    """(k, 2) the pairs of faces of the sheet without a common vertex: the others no cut can part."""
-    F = surface.F
-    apart = ~(F[faces[:, 0]][:, :, None] == F[faces[:, 1]][:, None, :]).any(axis=(1, 2))
-    return np.unique(np.sort(faces[apart], axis=1), axis=0)
+def _stuck(surface: Surface, found: Ints, label: Ints) -> Bools:
+    """(k,) the pairs of faces of one patch that have a common vertex: no cut parts them."""
+    F = surface.F[found]
+    near = (F[:, 0, :, None] == F[:, 1, None, :]).any(axis=(1, 2))
+    return np.asarray(near & (label[found[:, 0]] == label[found[:, 1]]))
 
 
 def _separated(label: Ints, clashes: Ints, graph: csr_array) -> Ints | None:
@@ -113,7 +133,7 @@ def _coloured(label: Ints, clashes: Ints) -> Ints:
     return np.asarray(colour[of])
 
 
-def _part(surface: Surface, corners: Floats, mask: Bools, shift: int) -> tuple[Floats, Ints, Ints]:
+def _part(surface: Surface, corners: Floats, mask: Bools, like: Skin) -> tuple[Floats, Ints, Ints]:
     """The closed mesh over the marked faces, and the pairs (k, 2) of sheet faces whose prisms meet in it.
 
     Patches that meet in a vertex get it twice, so that each is closed by itself.
@@ -123,7 +143,7 @@ def _part(surface: Surface, corners: Floats, mask: Bools, shift: int) -> tuple[F
     _, first = np.unique(F.ravel(), return_index=True)
     sheet = Surface(surface.V[surface.F[faces].ravel()[first]], F)
     D = corners[faces].reshape(-1, 3)[first]
-    skin = Skin.of(sheet, shift)
+    skin = Skin.of(sheet, like.shift, like.single)
     V, S = skin.vertices(sheet.V, D), skin.faces(skin.shorter_diagonals(sheet.V, D))
     return V, S, faces[skin.sources()[intersecting_pairs(V, S)]]
 
