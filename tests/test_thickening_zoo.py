@@ -1,4 +1,4 @@
-"""Solids over a zoo, thin and thick: closed, oriented, of the right genus, and free of intersections as STL holds them."""
+"""Solids over a zoo, thin and thick: closed, of the right genus, and free of intersections, also as STL holds them."""
 
 from collections.abc import Callable
 
@@ -48,20 +48,8 @@ SHAPES: dict[str, Callable[[], Surface]] = {
 }
 
 MESHES = [
-    "Botanic",
-    "BubbleShell",
-    "barrel_vault",
-    "blub",
-    "bob",
-    "camelhead",
-    "canopy_quad",
-    "halftunnel",
-    "hypar",
-    "monkey_saddle_control",
-    "roof_with_opening",
-    "shell_tube",
-    "spot",
-    "torus",
+    *("Botanic", "BubbleShell", "barrel_vault", "blub", "bob", "camelhead", "canopy_quad", "halftunnel", "hypar"),
+    *("monkey_saddle_control", "roof_with_opening", "shell_tube", "spot", "torus"),
 ]
 
 LEFT = {("camelhead", 0.01): 18, ("camelhead", 0.05): 150}
