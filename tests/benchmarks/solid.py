@@ -25,7 +25,7 @@ from tests.benchmarks.common import sizes, sphere
 
 ROWS = ("offsets", "slicing", "pinches", "thickening", "of it: test", "of it: manifold3d")
 INSIDE, ALONG = 2.67, 638.0
-"""Triangles of the solid for each vertex of the uncut surface, and for its square root (along the stripes): measured."""
+"""Triangles of the solid per vertex of the uncut surface, and per square root of that (along the stripes): measured."""
 
 Made = TypeVar("Made")
 
