@@ -17,7 +17,7 @@ from dsfab.preset_cases import case_mistakes, combines, followed
 from dsfab.preset_surface import AnySurface, Section
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import Combination, Load
-from dsfab.thickening import Extra
+from dsfab.thickening import Extra, Side
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -215,6 +215,10 @@ class Thickening(Section):
 
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that sharp curvature makes locally thinner than this share of the thickness."""
+    side: Side = "mid"
+    """Where the sheet lies: mid (around the surface), out (where its normals point; outside of closed ones) or in."""
+    strict: bool = False
+    """Refuse a solid in which faces still intersect after all repairs, instead of telling where."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
     """Feet, holes, trim, split: what is added to the solid or cut from it, in this order."""
 

@@ -28,21 +28,6 @@ def obj(surface: Surface, scale: float = 1.0) -> str:
     return vertices + "".join(f"f {a} {b} {c}\n" for a, b, c in (surface.F + 1).tolist())
 
 
-def moebius() -> str:
-    """A strip of 24 squares whose ends meet turned over."""
-    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    rows = [(1 + s * np.cos(turn / 2)) for s in (-0.3, 0.3)]
-    heights = [s * np.sin(turn / 2) for s in (-0.3, 0.3)]
-    V = np.concatenate([np.c_[r * np.cos(turn), r * np.sin(turn), h] for r, h in zip(rows, heights, strict=True)])
-    faces = []
-    for i in range(24):
-        j, wraps = (i + 1) % 24, i == 23
-        a, b = i, i + 24
-        c, d = (j + 24, j) if wraps else (j, j + 24)
-        faces += [(a, c, d), (a, d, b)]
-    return obj(Surface(V, np.array(faces)))
-
-
 def plate_and_ball() -> str:
     """A plate and a closed ball beside it, which has no boundary to stand on."""
     plate, ball = grid(6, 6, 1.0, 1.0), sphere(1)
@@ -68,7 +53,6 @@ MESHES: dict[str, tuple[str, str | Callable[[Path], None], str]] = {
     "all in one point": ("point.obj", "v 0 0 0\n" * 3 + "f 1 2 3\n", "area"),
     "three faces on an edge": ("fan.obj", OBJ + "v 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 2 5\n", "edge"),
     "the same face twice": ("twice.obj", OBJ + "f 1 2 3\nf 1 2 3\nf 1 3 4\n", "face"),
-    "one-sided (Moebius)": ("moebius.obj", moebius(), "one side only"),
     "two pieces, one unsupported": ("pieces.obj", plate_and_ball(), "1 of 2 pieces of the surface touch no support"),
     "closed, so no boundary to stand on": ("ball.obj", obj(sphere(2)), "boundary"),
     "too few vertices": ("few.obj", OBJ + "v .5 .5 0\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n", "refine the mesh"),

@@ -23,7 +23,6 @@ from dsfab.surface.topology import manifold_faults
 MESHES = Path(os.environ.get("DSFAB_MESHES", Path(__file__).parents[2] / "shared" / "meshes"))
 real = pytest.mark.skipif(not MESHES.is_dir(), reason="no folder of real meshes; set DSFAB_MESHES")
 
-MOEBIUS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 1\nv 2 0 1\nf 1 2 3\nf 2 4 3\nf 3 4 5\nf 4 1 5\nf 5 1 2\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 PLY_HEAD = """ply
 format {} 1.0
@@ -280,7 +279,6 @@ BAD = {
         TRIANGLE + "v 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n",
         r"1 edges have more than two faces \(first: 0-1\)",
     ),
-    "moebius": ("mesh.obj", MOEBIUS, "one side only, like a Moebius strip"),
     "not off": ("mesh.off", "3 1 0\n0 0 0\n", "cannot be read as OFF .*the first word is not OFF"),
     "short off": ("mesh.off", "OFF\n3 1 0\n0 0 0\n", "3 vertices and 1 faces are announced, 1 lines follow"),
     "empty off": ("mesh.off", "OFF\n", "cannot be read as OFF"),

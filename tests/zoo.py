@@ -70,6 +70,35 @@ def obtuse() -> Surface:
     return Surface(np.c_[x + 2.5 * y, y, 0.1 * x * y], flat.F)
 
 
+def moebius(around: int = 40, across: int = 4, width: float = 1.0) -> Surface:
+    """A strip of radius 1 glued after half a turn: one piece with one side; neighbours disagree along the seam."""
+    i, j = np.meshgrid(np.arange(around), np.arange(across + 1), indexing="ij")
+    turn, s = np.pi * i / around, width * (j / across - 0.5)
+    r = 1 + s * np.cos(turn)
+    V = np.stack([r * np.cos(2 * turn), r * np.sin(2 * turn), s * np.sin(turn)], axis=-1).reshape(-1, 3)
+    a = i[:, :-1] * (across + 1) + j[:, :-1]
+    last = i[:, :-1] == around - 1
+    b = np.where(last, across - j[:, :-1], a + across + 1)
+    c, d = np.where(last, b - 1, b + 1), a + 1
+    a, b, c, d = (x.ravel() for x in (a, b, c, d))
+    return Surface(V, np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))
+
+
+def projective_plane(level: int = 3, size: float = 1.0) -> Surface:
+    """Boy's surface, closed: opposite points of the sphere made one, then immersed [Apery 1987, Bryant and Kusner]."""
+    ball = sphere(level)
+    key = np.round(ball.V, 9) + 0.0
+    flip = (key[:, 2] < 0) | ((key[:, 2] == 0) & ((key[:, 1] < 0) | ((key[:, 1] == 0) & (key[:, 0] < 0))))
+    upper = np.where(flip[:, None], -key, key) + 0.0
+    points, of = np.unique(upper, axis=0, return_inverse=True)
+    F = of.reshape(-1)[ball.F]
+    F = F[np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1]]
+    w = (points[:, 0] + 1j * points[:, 1]) / (1 + points[:, 2])
+    a = w**6 + np.sqrt(5) * w**3 - 1
+    g = np.stack([-1.5 * (w * (1 - w**4) / a).imag, -1.5 * (w * (1 + w**4) / a).real, ((1 + w**6) / a).imag - 0.5])
+    return Surface(size * (g / (g**2).sum(axis=0)).T, F)
+
+
 ZOO: dict[str, Callable[[], Surface]] = {
     "flat": lambda: jittered(grid(8, 5, 2.0, 1.0)),
     "saddle": lambda: lifted(lambda x, y: (x - 0.5) * (y - 0.5) * 1.5),
@@ -79,6 +108,7 @@ ZOO: dict[str, Callable[[], Surface]] = {
     "obtuse": obtuse,
     "tiny": lambda: sphere(2, 1e-4),
     "huge": lambda: sphere(2, 1e5),
+    "moebius": moebius,
 }
 
 zoo = pytest.mark.parametrize("name", list(ZOO))

@@ -3,6 +3,7 @@
 import json
 import platform
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -222,6 +223,7 @@ def facts(
             "pieces": solid.pieces,
             "box_m": box,
         },
+        "thickening": {"side": design.preset.thickening.side, **asdict(solid.repairs)},
         "files": files,
         "refused": refused,
         "warnings": [*(f"{note.stage}: {note.text}" for note in design.notes), *(f"export: {text}" for text in told)],

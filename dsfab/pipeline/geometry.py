@@ -1,5 +1,7 @@
 """The last two steps: the sheet cut along the stripes, and the solid."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dsfab.arrays import Ints, first
@@ -92,16 +94,22 @@ def _note_slicing(
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
     """Offsets are made on the uncut surface, where normals are clean, and carried through the cut."""
+    ask = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
-        offset = offsets(surface, preset.statics.thickness)
-        if offset.smallest < preset.thickening.thinnest:
+        offset = offsets(surface, preset.statics.thickness, ask.side)
+        if offset.smallest < ask.thinnest:
             raise SolidError(
                 f"the surface bends so sharply that the sheet would be thinned to {offset.smallest:.0%} of its "
-                f"thickness (allowed: {preset.thickening.thinnest:.0%}); make statics.thickness smaller, smooth the "
+                f"thickness (allowed: {ask.thinnest:.0%}); make statics.thickness smaller, smooth the "
                 "surface, or lower thickening.thinnest"
             )
-        solid = thicken(slicing.sheet.surface, slicing.sheet.carry(offset.D))
-        solid = with_extras(solid, preset.thickening.extra, Base(surface, slicing.sheet.surface, slicing.sheet.between))
+        D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
+        solid = thicken(slicing.sheet.surface, D, ask.side)
+        solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))
+        solid = with_extras(solid, ask.extra, Base(surface, slicing.sheet.surface, slicing.sheet.between))
+    if ask.strict and solid.repairs.pairs:
+        told = next(text for text in reversed(solid.notes) if "intersect" in text)
+        raise SolidError(f"{told}; thickening.strict refuses such a solid: make the sheet thinner there")
     if offset.limited:
         log.note(
             "thickening",

@@ -53,6 +53,22 @@ class Sheet:
         """Values x (n, ...) on the uncut surface's vertices, interpolated linearly to this sheet's (n', ...)."""
         return np.asarray(self.weights @ x)
 
+    def carry_corners(self, x: Floats, F: Ints) -> Floats:
+        """Values x (m, 3, k) at the corners of the uncut faces F (m, 3), interpolated to this sheet's vertices (n', k).
+
+        Each vertex takes them from the parent of the first cell around it: for vectors that other faces there see from
+        their other side, as on a Moebius strip. Equals `carry` where the corners at each vertex agree.
+        """
+        corner = np.full(self.surface.n, -1)
+        corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
+        parent = self.parent[corner // 3]
+        weights = self.weights.tocoo()
+        row, column = weights.coords
+        at = (F[parent[row]] == column[:, None]).argmax(axis=1)
+        values = weights.data[:, None] * x[parent[row], at]
+        total = np.stack([np.bincount(row, v, self.surface.n) for v in values.T], axis=1)
+        return np.asarray(np.where((corner >= 0)[:, None], total, 0.0))
+
     def between(self, marks: Bools) -> Bools:
         """(n', ...) vertices that lie between marked vertices (n, ...) of the uncut surface only."""
         return np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)

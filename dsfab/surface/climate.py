@@ -8,6 +8,7 @@ from pydantic import ConfigDict
 
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import SurfaceError
+from dsfab.surface.cover import one_sided_pieces, require_two_sides
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
 
@@ -36,7 +37,9 @@ class Snow:
         _require_pressure("snow", self.pressure)
         d = unit_vector(self.direction, "a load of kind 'snow'")
         towards = -(outward_normals(surface) @ d)
-        plan = np.where(picked_faces(surface, self.at, "snow"), towards if surface.is_closed else np.abs(towards), 0.0)
+        two_sided = ~one_sided_pieces(surface.F, surface.edges)
+        lying = np.where(two_sided & surface.is_closed, towards, np.abs(towards))
+        plan = np.where(picked_faces(surface, self.at, "snow"), lying, 0.0)
         if plan.max() <= EDGE_ON:
             raise SurfaceError("a load of kind 'snow' falls past every picked face; pick faces that it can lie on")
         return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
@@ -71,10 +74,12 @@ class Wind:
     def traction(self, surface: Surface) -> Floats:
         """(m, 3) Pa on each face."""
         _require_pressure("wind", self.pressure)
+        picked = picked_faces(surface, self.at, "wind")
+        require_two_sides(surface, picked, "a load of kind 'wind'")
         n = outward_normals(surface)
         along = n @ unit_vector(self.direction, "a load of kind 'wind'")
         c = self.windward * np.maximum(-along, 0.0) - self.leeward * np.maximum(along, 0.0)
-        c[~picked_faces(surface, self.at, "wind") | (np.abs(along) <= EDGE_ON)] = 0.0
+        c[~picked | (np.abs(along) <= EDGE_ON)] = 0.0
         if not c.any():
             raise SurfaceError(
                 "a load of kind 'wind' blows past every picked face or has no coefficients; turn it or pick more faces"

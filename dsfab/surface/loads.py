@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field
 from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import SurfaceError
 from dsfab.surface.climate import Snow, Wind, picked_faces, to_corners
+from dsfab.surface.cover import require_two_sides
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
 from dsfab.surface.supports import Support
@@ -56,6 +57,7 @@ class Pressure:
         if self.pressure == 0:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
         faces = picked_faces(surface, self.at, "pressure")
+        require_two_sides(surface, faces, "a load of kind 'pressure'")
         on_face = (-self.pressure * faces * surface.areas)[:, None] * surface.normals
         return to_corners(surface, on_face)
 

@@ -12,6 +12,7 @@ from pydantic import AllowInfNan, ConfigDict, Field, StringConstraints
 
 from dsfab.arrays import Bools, Floats, first
 from dsfab.errors import SurfaceError
+from dsfab.surface.cover import require_two_sides
 from dsfab.surface.mesh import Surface
 
 Real = Annotated[float, AllowInfNan(False)]
@@ -143,6 +144,7 @@ class Facing:
 
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices; raises SurfaceError when there are none."""
+        require_two_sides(surface, np.ones(surface.m, dtype=bool), _told(self))
         d, N = unit_vector(self.direction, _told(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
         degrees[~N.any(axis=1)] = np.inf

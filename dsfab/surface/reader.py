@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import SurfaceError
+from dsfab.surface.cover import flips_along_tree
 from dsfab.surface.files import RawMesh, raw_mesh
 from dsfab.surface.mesh import ZERO_AREA, Surface, closed_length
 from dsfab.surface.topology import (
@@ -34,11 +35,12 @@ def read_surface(path: str | Path, unit: str | None = None) -> Surface:
     unit : of the numbers in the file; None takes the unit the file declares (3MF; glTF is in metres), else metres.
 
     Neighbouring faces that face opposite sides are turned, fewest first, and a closed piece that is inside out is
-    turned outward. A GLB file has y up by its specification and is turned to z up. Pinches (parts touching in a
-    point) and several pieces are accepted: `describe` reports them.
+    turned outward. A piece with one side only (a Moebius strip) keeps a seam of edges where neighbours disagree. A GLB
+    file has y up by its specification and is turned to z up. Pinches (parts touching in a point) and several pieces are
+    accepted: `describe` reports them.
 
     Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
-    edges with more than two faces, and surfaces that cannot be oriented.
+    and edges with more than two faces.
     """
     raw = raw_mesh(path)
     V = raw.V * (metres_per(unit) if unit else raw.metres)
@@ -69,11 +71,7 @@ def _oriented(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
     """F itself, or a copy with faces turned so that neighbours agree and closed pieces face outward."""
     flips = flips_to_orient(F, edges)
     if flips is None:
-        opposed = misoriented_edges(F, edges)
-        raise SurfaceError(
-            f"the surface has one side only, like a Moebius strip ({len(opposed)} edges face opposite sides, first: "
-            f"{named_edges(opposed, edges)}); cut it open along a line so that it has two sides"
-        )
+        flips = flips_along_tree(F, edges)
     flips = flips ^ _inside_out(V, _flipped(F, flips), edges)
     return _flipped(F, flips) if flips.any() else F
 

@@ -84,23 +84,44 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
     """Closed chains of boundary vertices of an oriented mesh, most vertices first; the surface lies left of each step.
 
     At a pinch the chain stays with the fan of faces it came along, so that two sheets touching in a vertex keep two
-    loops. On a mesh that is not oriented or not manifold the chains may be open: look at `manifold_faults` first.
+    loops. On a mesh that is not oriented some loops run the other way; on one that is not manifold chains may be open:
+    look at `manifold_faults` first.
     """
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
     boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
-    leaving = dict(zip(fan[boundary].tolist(), boundary.tolist(), strict=True))
-    arriving = fan[_following(boundary)].tolist()
-    onward = {h: leaving.get(at) for h, at in zip(boundary.tolist(), arriving, strict=True)}
+    start, end = fan[boundary], fan[_following(boundary)]
+    if len(misoriented_edges(F, edges)):
+        turned = _turned_links(start, end)
+        start, end = np.where(turned, end, start), np.where(turned, start, end)
+    vertex = np.empty(int(fan.max()) + 1, dtype=np.int64)
+    vertex[fan] = a
+    onward = dict(zip(start.tolist(), end.tolist(), strict=True))
     loops = []
     while onward:
         chain: list[int] = []
-        step: int | None = next(iter(onward))
-        while step is not None and step in onward:
-            chain.append(step)
-            step = onward.pop(step)
-        loops.append(a[chain])
+        at = next(iter(onward))
+        while at in onward:
+            chain.append(at)
+            at = onward.pop(at)
+        loops.append(vertex[chain])
     return sorted(loops, key=lambda loop: (-len(loop), int(loop.min())))
+
+
+def _turned_links(start: Ints, end: Ints) -> Bools:
+    """(b,) the links of closed chains to turn round so that each begins where another ends."""
+    link = np.arange(2 * len(start)) // 2  # its two ends in a row, those that meet made neighbours
+    ends = np.stack([start, end], axis=1).ravel()
+    order = np.argsort(ends, kind="stable")
+    met = np.flatnonzero(ends[order][:-1] == ends[order][1:])
+    i, j = order[met], order[met + 1]
+    clash = i % 2 == j % 2
+    k, e, f = len(start), link[i], link[j]
+    rows, columns = np.concatenate([e, e + k]), np.concatenate([f + k * clash, f + k - k * clash])
+    links = coo_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(2 * k, 2 * k))
+    _, copy = connected_components(links, directed=False)
+    turned: Bools = copy[:k] > copy[k:]
+    return turned
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
@@ -109,6 +130,11 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
     vertex_of_fan = np.empty(count, dtype=np.int64)
     vertex_of_fan[fan] = F.ravel()
     return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
+
+
+def corner_fans(F: Ints, edges: EdgeTable) -> Ints:
+    """(m, 3) the faces on new vertices, one for each fan of faces: parts that touch in a point come apart."""
+    return _fans(F, edges)[1].reshape(-1, 3)
 
 
 def _following(h: Ints) -> Ints:

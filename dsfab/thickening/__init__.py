@@ -1,7 +1,22 @@
 """From a sheet to a solid: `offsets` on the uncut surface, `thicken` on what the pattern kept of it."""
 
 from dsfab.thickening.extras import Base, Extra, Feet, Holes, Split, Trim, with_extras
-from dsfab.thickening.offset import Offsets, offsets
+from dsfab.thickening.notes import Repairs
+from dsfab.thickening.offset import Offsets, Side, offsets
 from dsfab.thickening.solid import Solid, thicken
 
-__all__ = ["Base", "Extra", "Feet", "Holes", "Offsets", "Solid", "Split", "Trim", "offsets", "thicken", "with_extras"]
+__all__ = [
+    "Base",
+    "Extra",
+    "Feet",
+    "Holes",
+    "Offsets",
+    "Repairs",
+    "Side",
+    "Solid",
+    "Split",
+    "Trim",
+    "offsets",
+    "thicken",
+    "with_extras",
+]

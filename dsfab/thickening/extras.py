@@ -4,7 +4,7 @@ All of it is boolean work of manifold3d; its result passes the same tests as eve
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -266,15 +266,16 @@ def _proven(body: "manifold3d.Manifold", before: Solid) -> Solid:
     body = manifold3d.Manifold.compose(parts)
     mesh = body.to_mesh64()
     V, F = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
-    notes = list(before.notes)
+    notes, repairs = list(before.notes), replace(before.repairs, pairs=0, pairs_at=None)
     if len(pairs := intersecting_pairs(V, F)):
-        x, y, z = V[F[pairs[0]]].mean(axis=(0, 1))
+        x, y, z = (float(c) for c in V[F[pairs[0]]].mean(axis=(0, 1)))
+        repairs = replace(repairs, pairs=len(pairs), pairs_at=(x, y, z))
         notes.append(
             f"{len(pairs)} pairs of faces intersect after the extras, the first near ({x:.4g}, {y:.4g}, {z:.4g}) m; "
             "move the extra a little"
         )
     outer = sum(part.volume() > 0 for part in parts)
-    result = Solid(V, F, len(parts) - euler_characteristic(F, edge_table(F)) // 2, outer, tuple(notes))
+    result = Solid(V, F, len(parts) - euler_characteristic(F, edge_table(F)) // 2, outer, tuple(notes), repairs)
     judge(result)
     return result
 

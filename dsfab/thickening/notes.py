@@ -1,33 +1,68 @@
 """What happened to a solid, in sentences: thinned places, remaining intersections, details that rounding destroys."""
 
+from dataclasses import dataclass, replace
+from typing import Literal
+
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.mesh import Surface
-from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.repair import Repaired
 from dsfab.units import MM_PER_M
 
+Place = tuple[float, float, float]
 
-def repair_notes(surface: Surface, D: Floats, repair: Repaired, F: Ints) -> tuple[str, ...]:
-    """Where the repair made the sheet with offsets D (n, 3) thinner, and which faces of the solid F still intersect."""
-    notes = []
+
+@dataclass(frozen=True)
+class Repairs:
+    """What was done to make a solid buildable, in numbers.
+
+    rung     : the strongest means that it took: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a
+               sheet that crosses itself).
+    found    : pairs of faces that intersected before.
+    thinned  : vertices of the sheet that were made thinner because it met itself, `thinnest` the smallest share of the
+               thickness left there, and `thinnest_at` its place, metres; 0, 1 and None without any.
+    pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
+    crossings : lines along which the sheet crosses itself and its parts were fused.
+    limited  : vertices of the uncut surface made thinner because it bends too tightly there, down to `smallest`.
+    """
+
+    rung: Literal["none", "flipped", "thinned", "united"] = "none"
+    found: int = 0
+    thinned: int = 0
+    thinnest: float = 1.0
+    thinnest_at: Place | None = None
+    pairs: int = 0
+    pairs_at: Place | None = None
+    crossings: int = 0
+    limited: int = 0
+    smallest: float = 1.0
+
+
+def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints) -> tuple[Repairs, tuple[str, ...]]:
+    """What the repair did to the sheet with offsets D (n, 3), in numbers and in sentences; V, F is the solid made."""
+    told, notes = Repairs(rung="flipped" if repair.found else "none", found=repair.found), []
     share = np.linalg.norm(repair.D, axis=1) / np.linalg.norm(D, axis=1)
-    thin = np.flatnonzero(share < 1 - 1e-9)
-    if len(thin):
-        where = _place(surface.V[share.argmin()])
+    thin = int((share < 1 - 1e-9).sum())
+    if thin:
+        at, least = surface.V[share.argmin()], float(share.min())
+        told = replace(told, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(at))
         notes.append(
-            f"the sheet met itself in {repair.found} pairs of faces and was thinned at {len(thin)} of {surface.n} "
-            f"vertices, down to {share.min():.2f} of its thickness near {where}"
+            f"the sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of {surface.n} "
+            f"vertices, down to {least:.2f} of its thickness near {_place(at)}"
         )
+    if repair.union:
+        told = replace(told, rung="united", crossings=repair.union.places)
+        lines = "in one place" if repair.union.places == 1 else f"in {repair.union.places} places"
+        notes.append(f"the sheet crosses itself {lines}; its parts are fused there")
     if len(repair.pairs):
-        V = np.concatenate([surface.V + repair.D, surface.V - repair.D])
-        where = _place(V[F[repair.pairs[0]]].mean(axis=(0, 1)))
+        at = V[F[repair.pairs[0]]].mean(axis=(0, 1))
+        told = replace(told, pairs=len(repair.pairs), pairs_at=_triple(at))
         notes.append(
-            f"{len(repair.pairs)} pairs of faces of the solid still intersect, the first near {where}; "
-            f"{_cause(surface)}"
+            f"{len(repair.pairs)} pairs of faces of the solid still intersect, the first near {_place(at)}; "
+            f"{_cause(repair)}"
         )
-    return tuple(notes)
+    return told, tuple(notes)
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
@@ -43,14 +78,19 @@ def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
     )
 
 
-def _cause(surface: Surface) -> str:
+def _cause(repair: Repaired) -> str:
     """Why the last intersections could not be removed."""
-    crossings = len(intersecting_pairs(surface.V, surface.F))
-    if crossings:
-        return f"the surface itself crosses itself, in {crossings} pairs of faces"
+    if repair.union:
+        return "rounding where parts are fused; programs that slice it for printing take such contacts"
+    if repair.crosses:
+        return f"the surface itself crosses itself, in {repair.crosses} pairs of faces"
     return "parts of the surface are closer together than the sheet is thick"
 
 
 def _place(point: Floats) -> str:
     x, y, z = (float(c) for c in point)
     return f"({x:.4g}, {y:.4g}, {z:.4g}) m"
+
+
+def _triple(point: Floats) -> Place:
+    return float(point[0]), float(point[1]), float(point[2])

@@ -3,30 +3,32 @@
 They are found before anything is cut and carried through the slicer as linear attributes, so that every cut sheet is a
 part of one thickened surface: where the prisms of that surface are valid, no two pieces of the sheet can meet.
 
-        V + D   o-------o   upper skin
+        V + D   o-------o   upper skin               side = "out": skins V + 2 D and V
                  \\     /
-        V        o-----o    the surface
+        V        o-----o    the surface              side = "in":  skins V and V - 2 D
                 /       \\
         V - D  o---------o  lower skin
+
+A surface with one side only has no upper skin: D is seen from the first face around each vertex, and other faces there
+may have it on their lower side (`Offsets.sides`).
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, lock
+from dsfab.arrays import Floats, Ints, first, lock
 from dsfab.errors import SolidError
+from dsfab.surface.cover import corner_sides, one_sided_pieces
 from dsfab.surface.mesh import Surface
-from dsfab.thickening.check import check_edges
+from dsfab.thickening.check import check_oriented
+from dsfab.thickening.normals import corner_angles, mitres, visible_normals
 
-VISIBILITY_GAP = 0.001
-"""A normal is visible enough when its smallest cosine is within this share of the best possible one."""
+Side = Literal["mid", "out", "in"]
 
-VISIBILITY_ROUNDS = 200
-"""Most steps towards the most visible normal. Few vertices need them all, and end within 5 % of the best cosine."""
-
-MITRE_LIMIT = 2.0
-"""Longest offset at a crease, in half thicknesses."""
+SHIFT = {"mid": 0, "out": 1, "in": -1}
+"""By how many D the middle of the sheet lies off the surface."""
 
 SAFE_JACOBIAN = 0.2
 """Smallest Bernstein coefficient of a prism that counts as safe, as a share of a straight prism's. 0.05 was measured
@@ -43,75 +45,78 @@ SMALLEST_OFFSET = 0.05
 class Offsets:
     """Half-thickness vectors of a surface.
 
-    D        : (n, 3) from the surface to its upper skin, metres; minus D leads to the lower skin. Zero without faces.
+    D        : (n, 3) half of the way from the lower to the upper skin, metres. Zero without faces.
     limited  : number of vertices where the surface bends too tightly for the asked thickness.
     smallest : the smallest share of the asked thickness that was left there; 1 when nothing was limited.
+    sides    : (m, 3) of 1 and -1: whether D lies on a face's own side at its corners (see `corner_sides`); all 1 but on
+               surfaces with one side only.
     """
 
     D: Floats
     limited: int
     smallest: float
+    sides: Ints
 
     def __post_init__(self) -> None:
         lock(self, "D", np.float64, (None, 3))
+        lock(self, "sides", np.int64, (None, 3))
+
+    def at_corners(self, F: Ints) -> Floats:
+        """(m, 3, 3) D at the corners of the faces F (m, 3), each seen from its face: what the slicer carries."""
+        seen: Floats = self.D[F] * self.sides[:, :, None]
+        return seen
 
 
-def offsets(surface: Surface, thickness: float) -> Offsets:
+def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
     """Offset vectors that make a sheet of `thickness` (metres, measured normal to its faces) around a surface.
 
     Each runs along the normal that is most visible from the faces around its vertex, is lengthened at creases (mitre,
     at most twice), and is shortened where the prisms over the faces would fold over.
-    Raises SolidError for a thickness that is not a positive number, and for surfaces that are not oriented manifolds.
+
+    thickness : of the whole sheet, or (n,) at each vertex.
+    side : where the sheet lies: around the surface, or on one side of it: "out" is where the normals point.
+
+    Raises SolidError for a thickness that is not positive everywhere, for surfaces that are not manifolds or could be
+    oriented but are not, and for one side of a surface that has one only.
     """
-    if not (np.isfinite(thickness) and thickness > 0):
-        raise SolidError(f"thickness = {thickness} m cannot be built; give a positive number of metres")
-    check_edges(surface)
-    weights = _corner_angles(surface)
-    N = visible_normals(surface, weights)
-    full = 0.5 * thickness * N * _mitres(surface, N, weights)[:, None]
-    share = safe_shares(surface, full)
+    t = _checked_thickness(surface, thickness)
+    check_oriented(surface)
+    if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
+        raise SolidError(f'side = "{side}" needs a surface with two sides, and this one has one only; use "mid"')
+    sides = corner_sides(surface.F, surface.edges)
+    weights, faces = corner_angles(surface), surface.normals[:, None, :] * sides[:, :, None]
+    N = visible_normals(surface, weights, faces)
+    full = 0.5 * N * (t * mitres(surface, N, weights, faces))[:, None]
+    share = safe_shares(surface, full, sides, SHIFT[side])
     limited = int((share < 1).sum())
-    return Offsets(full * share[:, None], limited, float(share.min()))
+    return Offsets(full * share[:, None], limited, float(share.min()), sides)
 
 
-def visible_normals(surface: Surface, weights: Floats) -> Floats:
-    """(n, 3) unit normals with nearly (5 %) the largest possible smallest cosine to the faces around each vertex.
-
-    The best one is the direction of the point nearest to the origin in the convex hull of the face normals
-    [Gilbert 1966: step towards the worst face], and the length of any point there bounds the best cosine from above.
-    Starts from the mean weighted by the corner angles (m, 3), and falls back to it where no direction sees all faces.
-    """
-    mean = _corner_mean(surface, weights, np.repeat(surface.normals, 3, axis=0))
-    point = mean.copy()
-    vertex, normal = surface.F.ravel(), np.repeat(surface.normals, 3, axis=0)
-    by_vertex = np.argsort(vertex, kind="stable")
-    vertex, normal = vertex[by_vertex], normal[by_vertex]
-    for _ in range(VISIBILITY_ROUNDS):
-        worst, lowest = _lowest_corner(vertex, np.einsum("ci,ci->c", normal, point[vertex]))
-        here = vertex[worst]
-        square = np.einsum("vi,vi->v", point[here], point[here])
-        open_ = lowest < (1 - VISIBILITY_GAP) * square
-        if not open_.any():
-            break
-        here, worst, square, lowest = here[open_], worst[open_], square[open_], lowest[open_]
-        towards = normal[worst] - point[here]
-        length2 = np.maximum(np.einsum("vi,vi->v", towards, towards), np.finfo(float).tiny)
-        point[here] += np.clip((square - lowest) / length2, 0, 1)[:, None] * towards
-        still = np.isin(vertex, here)
-        vertex, normal = vertex[still], normal[still]
-    return _settled(surface, point, mean)
+def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
+    """(n,) metres."""
+    t = np.asarray(thickness, dtype=np.float64)
+    if t.shape not in ((), (surface.n,)):
+        raise SolidError(f"thickness has shape {t.shape}; give one number, or one for each of {surface.n} vertices")
+    bad = np.flatnonzero(~(np.isfinite(t) & (t > 0)))
+    if len(bad) and not t.shape:
+        raise SolidError(f"thickness = {thickness} m cannot be built; give a positive number of metres")
+    if len(bad):
+        raise SolidError(f"the thickness is not a positive number at {len(bad)} vertices (first: {first(bad)})")
+    return np.broadcast_to(t, surface.n)
 
 
-def safe_shares(surface: Surface, D: Floats) -> Floats:
+def safe_shares(surface: Surface, D: Floats, sides: Ints, shift: int = 0) -> Floats:
     """(n,) shares of D (n, 3) that leave every prism over a face with a Jacobian that is clearly positive.
 
     A corner that its own offset vector does not see, or hardly, is asked for less: no shrinking can help it.
+    sides : as in `Offsets`.    shift : as in `SHIFT`.
     """
     share = np.ones(surface.n)
     look = np.arange(surface.m)
     while len(look):
         F = surface.F[look]
-        C, asked = _prism_jacobians(surface.V, F, D * share[:, None])
+        d = (D * share[:, None])[F]
+        C, asked = _prism_jacobians(surface.V[F] + shift * d, d * sides[look][:, :, None])
         tight = ((C - asked[:, None, :] < 0) & (asked[:, None, :] > 0)).any(axis=(1, 2))
         shrinks = np.zeros(surface.n, dtype=bool)
         shrinks[F[tight]] = True
@@ -121,14 +126,14 @@ def safe_shares(surface: Surface, D: Floats) -> Floats:
     return share
 
 
-def _prism_jacobians(V: Floats, F: Ints, D: Floats) -> tuple[Floats, Floats]:
-    """Coefficients (m, 3, 3) of the Jacobian of prisms V + s D, -1 <= s <= 1, and what each corner (m, 3) must reach.
+def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and what each corner (m, 3) must reach.
 
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
-    corner v. All positive means that the prism does not fold over. Divided by twice the area and the mean |D|.
+    corner v. All positive means that the prism does not fold over. Divided by twice the area and the mean |d|.
+    P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side their normals point to.
     """
-    d = D[F]
-    e1, e2 = V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]
+    e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     below, above = np.cross(e1 - d1, e2 - d2), np.cross(e1 + d1, e2 + d2)
     middle = np.cross(e1, e2) - np.cross(d1, d2)
@@ -136,59 +141,3 @@ def _prism_jacobians(V: Floats, F: Ints, D: Floats) -> tuple[Floats, Floats]:
     C = np.einsum("kmi,mvi->mkv", np.stack([below, middle, above]), d) / scale[:, None, None]
     straight = np.einsum("mi,mvi->mv", np.cross(e1, e2), d) / scale[:, None]
     return C, np.minimum(SAFE_JACOBIAN, 0.5 * straight)
-
-
-def _mitres(surface: Surface, N: Floats, weights: Floats) -> Floats:
-    """(n,) 1 / mean cosine between each normal and the faces around it, at most MITRE_LIMIT."""
-    cosine = np.einsum("mvi,mi->mv", N[surface.F], surface.normals)
-    mean = _corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0]
-    return 1 / np.clip(mean, 1 / MITRE_LIMIT, 1)
-
-
-def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
-    """(n, k) weighted mean over the corners at each vertex of values (3 m, k); zero without corners."""
-    w, vertex = weights.ravel(), surface.F.ravel()
-    total = np.stack([np.bincount(vertex, w * column, surface.n) for column in values.T], axis=1)
-    whole = np.bincount(vertex, w, surface.n)[:, None]
-    mean: Floats = np.divide(total, whole, out=np.zeros_like(total), where=whole > 0)
-    return mean
-
-
-def _corner_angles(surface: Surface) -> Floats:
-    """(m, 3) angles of the faces at their corners, radians."""
-    P = surface.V[surface.F]
-    ahead, back = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
-    sine = np.linalg.norm(np.cross(ahead, back), axis=2)
-    angles: Floats = np.arctan2(sine, np.einsum("mvi,mvi->mv", ahead, back))
-    return angles
-
-
-def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
-    """Index of the corner with the lowest value at each vertex of a sorted list, and that value."""
-    start = np.flatnonzero(np.concatenate([[True], vertex[1:] != vertex[:-1]]))
-    lowest = np.minimum.reduceat(value, start)
-    run = np.cumsum(np.concatenate([[False], vertex[1:] != vertex[:-1]]))
-    hits = np.flatnonzero(value == lowest[run])
-    _, first_hit = np.unique(run[hits], return_index=True)
-    return hits[first_hit], lowest
-
-
-def _settled(surface: Surface, point: Floats, mean: Floats) -> Floats:
-    """Unit normals from the points found; the mean, or any face's normal, where a point sees a face from behind."""
-    seen = _sees_all(surface, point)
-    N = np.where(seen[:, None], point, mean)
-    lost = np.linalg.norm(N, axis=1) < 1e-6
-    some_face = np.zeros_like(N)
-    some_face[surface.F[:, ::-1].ravel()] = np.repeat(surface.normals, 3, axis=0)
-    N = np.where(lost[:, None], some_face, N)
-    length = np.linalg.norm(N, axis=1, keepdims=True)
-    unit: Floats = np.divide(N, length, out=np.zeros_like(N), where=length > 0)
-    return unit
-
-
-def _sees_all(surface: Surface, N: Floats) -> Bools:
-    """(n,) whether each vector (n, 3) makes an acute angle with all faces around its vertex."""
-    hidden = np.einsum("mvi,mi->mv", N[surface.F], surface.normals) <= 0
-    sees = np.ones(surface.n, dtype=bool)
-    sees[surface.F[hidden]] = False
-    return sees

@@ -1,12 +1,15 @@
-"""Exact test for self-intersection, and what can be done about one: other diagonals, then a thinner sheet."""
+"""Exact test for self-intersection, and what can be done about one: other diagonals, a thinner sheet, a union."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface.mesh import Surface
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.skin import Skin
+from dsfab.thickening.union import United, united
 
 FLIP_ROUNDS = 3
 """Rounds of flipping the diagonals of walls that intersect something."""
@@ -25,23 +28,39 @@ THIN_ROUNDS = 30
 class Repaired:
     """A skin after repair: offsets D (n, 3) metres, diagonals (r,), and the pairs of faces that still intersect (k, 2).
 
-    found : pairs before the repair.
+    found   : pairs before the repair.
+    crosses : pairs of faces in which the sheet itself, without a thickness, crosses itself.
+    union   : what is taken instead where it does; `pairs` are then those of the union.
     """
 
     D: Floats
     backslash: Bools
     pairs: Ints
     found: int
+    crosses: int = 0
+    union: United | None = None
 
 
-def repaired(skin: Skin, V: Floats, D: Floats) -> Repaired:
-    """The skin of the sheet V (n, 3) with offsets D (n, 3), freed from intersections as far as possible."""
+def repaired(surface: Surface, skin: Skin, D: Floats) -> Repaired:
+    """The skin of a sheet with offsets D (n, 3), freed from intersections as far as possible.
+
+    No thinning helps a sheet that crosses itself: it is cut into patches that do not, and their solids are united.
+    """
+    V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
     found = len(pairs)
     backslash, pairs = _flipped(skin, V, D, backslash, pairs)
-    D, pairs = _thinned(skin, V, D, backslash, pairs)
-    return Repaired(D, backslash, pairs, found)
+    crossing = intersecting_pairs(V, surface.F) if len(pairs) else pairs
+    crosses = len(crossing)
+    if crosses:
+        D, pairs = _thinned(skin, V, D, backslash, pairs, _away_from(surface, crossing, D))
+        corners = D[surface.F] * np.where(skin.upper < surface.n, 1, -1)[:, :, None]
+        union = united(surface, corners, skin, pairs)
+        if union is not None and len(union.pairs) < len(pairs):
+            return Repaired(D, backslash, union.pairs, found, crosses, union)
+    D, pairs = _thinned(skin, V, D, backslash, pairs, np.ones(surface.n, dtype=bool))
+    return Repaired(D, backslash, pairs, found, crosses)
 
 
 def _flipped(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Bools, Ints]:
@@ -62,8 +81,17 @@ def _flipped(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) ->
     return backslash, pairs
 
 
-def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Floats, Ints]:
-    """Offsets shortened around the pairs until none is left or none may be shortened; the best state met."""
+def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
+    """(n,) vertices that are no part of where the sheet crosses itself: farther from there than twice its thickness."""
+    reach = 4 * np.linalg.norm(D, axis=1).max()
+    return np.asarray(cKDTree(surface.V[surface.F[crossing]].reshape(-1, 3)).query(surface.V)[0] > reach)
+
+
+def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
+    """Offsets shortened around the pairs until none is left or none may be shortened; the best state met.
+
+    free : (n,) whether a vertex may be shortened.
+    """
     faces = skin.faces(backslash)
     share = np.ones(skin.n)
     best_share, best = share, pairs
@@ -71,7 +99,7 @@ def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) ->
         if not len(pairs):
             break
         involved = np.unique(faces[pairs] % skin.n)
-        involved = involved[share[involved] > THINNEST]
+        involved = involved[free[involved] & (share[involved] > THINNEST)]
         if not len(involved):
             break
         share = share.copy()

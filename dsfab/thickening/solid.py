@@ -1,6 +1,6 @@
 """`Solid`, and `thicken`: from a sheet and its offset vectors to a closed, oriented, judged triangle mesh."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -8,10 +8,12 @@ import numpy as np
 from dsfab.arrays import Floats, Ints, first, lock, locked
 from dsfab.errors import SolidError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import edge_table, euler_characteristic, pieces
+from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces
 from dsfab.thickening.check import check_contacts, check_edges
-from dsfab.thickening.notes import repair_notes, rounding_notes
+from dsfab.thickening.notes import Repairs, repairs_of, rounding_notes
+from dsfab.thickening.offset import SHIFT, Side
 from dsfab.thickening.repair import repaired
+from dsfab.thickening.rounding import is_fine
 from dsfab.thickening.skin import Skin
 
 VOLUME_TOLERANCE = 1e-9
@@ -27,6 +29,7 @@ class Solid:
     genus  : handles of its boundary, summed over all its closed boundary surfaces.
     pieces : connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
     notes  : what was changed to make it buildable, and what remains wrong; a sentence each.
+    repairs : the same in numbers.
     """
 
     V: Floats
@@ -34,6 +37,7 @@ class Solid:
     genus: int
     pieces: int
     notes: tuple[str, ...] = ()
+    repairs: Repairs = field(default_factory=Repairs)
 
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))
@@ -58,29 +62,46 @@ class Solid:
         return corners
 
 
-def thicken(surface: Surface, D: Floats) -> Solid:
+def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
     """The solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
 
-    surface : an oriented edge-manifold sheet without contacts in a point; pieces and closed surfaces are welcome.
-    D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer; never renormalised here.
+    surface : an edge-manifold sheet without contacts in a point; pieces, closed surfaces, and sheets with one side only
+              (a Moebius strip, whose two skins are one) are welcome.
+    D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer; never renormalised here. Where
+              faces do not agree about their side, each is seen from the first face around its vertex.
+    side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
 
     Walls get their shorter diagonal. An exact test finds intersections; they are removed by flipping wall diagonals and
-    by thinning locally, down to 0.3 of D. What was thinned, and what could not be removed, is told in `notes`.
+    by thinning locally, down to 0.3 of D, or, where the sheet crosses itself, by uniting parts of it that do not. What
+    was done, and what could not be removed, is told in `notes` and `repairs`.
+    Vertices are rounded to single precision, in millimetres, before they are tested, unless they lie so far out that it
+    would show: the tested solid is the one in the STL file.
     Raises SolidError for sheets that are not as above, for missing vectors, and when manifold3d rejects the result.
     """
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
-    count, shells = _pieces_and_shells(surface, D)
-    skin = Skin.of(surface)
-    repair = repaired(skin, surface.V, D)
-    V, F = skin.vertices(surface.V, repair.D), skin.faces(repair.backslash)
+    skin = Skin.of(surface, SHIFT[side], is_fine(surface.V, D))
+    _check_upward(surface, skin, D)
+    repair = repaired(surface, skin, D)
+    if skin.single and len(repair.pairs) and not repair.union:  # they may come from rounding alone
+        skin = replace(skin, single=False)
+        exact = repaired(surface, skin, D)
+        skin, repair = (skin, exact) if len(exact.pairs) < len(repair.pairs) else (replace(skin, single=True), repair)
+    if repair.union:
+        V, F, count = repair.union.V, repair.union.F, repair.union.pieces
+        shells = pieces(F, edge_table(F))[0]
+    else:
+        V, F = skin.vertices(surface.V, repair.D), skin.faces(repair.backslash)
+        count, shells = _pieces_and_shells(surface, F)
+    repairs, notes = repairs_of(surface, D, repair, V, F)
     solid = Solid(
         V=V,
         F=F,
         genus=shells - euler_characteristic(F, edge_table(F)) // 2,
         pieces=count,
-        notes=(*repair_notes(surface, D, repair, F), *rounding_notes(V, F)),
+        notes=(*notes, *rounding_notes(V, F)),
+        repairs=repairs,
     )
     judge(solid)
     return solid
@@ -130,19 +151,24 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
     return Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used]
 
 
-def _pieces_and_shells(surface: Surface, D: Floats) -> tuple[int, int]:
-    """Pieces of the sheet, and closed boundary surfaces of its solid: a piece without a boundary has two.
-
-    Raises SolidError for pieces whose offset vectors point to the back of the faces: their solid would be inside out.
-    """
+def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
+    """Raise SolidError for pieces whose offset vectors point to the back of the faces: they would be inside out."""
     count, label = pieces(surface.F, surface.edges)
-    upward = np.einsum("mi,mvi->m", surface.normals, D[surface.F]) * surface.areas
-    turned = np.flatnonzero(np.bincount(label, upward, count) <= 0)
+    turned_corners = skin.upper >= surface.n
+    upward = np.einsum("mi,mvi->mv", surface.normals, D[surface.F]) * np.where(turned_corners, -1, 1)
+    turned = np.flatnonzero(np.bincount(label, upward.sum(axis=1) * surface.areas, count) <= 0)
     if len(turned):
         raise SolidError(
             f"the offset vectors point to the back of {len(turned)} of {count} pieces of the sheet (first piece with "
             f"face {int((label == turned[0]).argmax())}); turn those faces over, or the vectors"
         )
+
+
+def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
+    """Pieces of the sheet, and closed boundary surfaces of its solid F: a closed piece with two sides has two."""
+    count, label = pieces(surface.F, surface.edges)
+    if len(misoriented_edges(surface.F, surface.edges)):
+        return count, pieces(F, edge_table(F))[0]
     open_ = np.zeros(count, dtype=bool)
     open_[label[surface.edges.boundary[surface.edges.of].any(axis=1)]] = True
     return count, count + int((~open_).sum())

@@ -1,0 +1,78 @@
+"""CPU seconds from a surface to a tested solid, stage by stage, and the most memory in use.
+
+    python tests/benchmarks/solid.py [50000,200000,1000000]
+
+The numbers are triangles of the solid, which come out within a fifth. A sphere, two families of stripes of half the
+width, thickness 2 % of the radius; each size in a process of its own, whose peak memory is told.
+"""
+
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import manifold3d
+import numpy as np
+
+from dsfab.slicing import cut, resolve_pinches
+from dsfab.surface import Surface
+from dsfab.thickening import offsets, thicken
+from dsfab.thickening.intersect import intersecting_pairs
+from tests.benchmarks.common import sizes, sphere
+
+ROWS = ("offsets", "slicing", "pinches", "thickening", "of it: test", "of it: manifold3d")
+INSIDE, ALONG = 2.67, 638.0
+"""Triangles of the solid per vertex of the uncut surface, and per square root of that (along the stripes): measured."""
+
+Made = TypeVar("Made")
+
+
+def main() -> None:
+    print(f"{'triangles':>10} " + " ".join(f"{row:>18}" for row in ROWS) + f" {'total':>7} {'GB':>6} {'pairs':>6}")
+    for triangles in sizes(__doc__ or "", "50000,200000,1000000"):
+        subprocess.run([sys.executable, str(Path(__file__).resolve()), "one", str(triangles)], check=True)
+
+
+def one(triangles: int) -> None:
+    """Measure one size, in this process."""
+    root = (np.sqrt(ALONG**2 + 4 * INSIDE * triangles) - ALONG) / (2 * INSIDE)
+    surface = sphere(round(root**2)).surface.build()
+    seconds: dict[str, float] = {}
+
+    def timed(row: str, work: Callable[[], Made]) -> Made:
+        start = time.process_time()
+        done = work()
+        seconds[row] = time.process_time() - start
+        return done
+
+    t = 0.02 * np.linalg.norm(surface.V, axis=1).mean()
+    waves, levels = fields(surface)
+    offset = timed("offsets", lambda: offsets(surface, t))
+    cells = timed("slicing", lambda: cut(surface, waves, levels))
+    sheet = timed("pinches", lambda: resolve_pinches(cells, t / 2)).sheet.kept()
+    D = sheet.carry_corners(offset.at_corners(surface.F), surface.F)
+    solid = timed("thickening", lambda: thicken(sheet.surface, D))
+    timed("of it: test", lambda: intersecting_pairs(solid.V, solid.F))
+    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))
+    timed("of it: manifold3d", lambda: manifold3d.Manifold(mesh).status())
+    total = sum(seconds[row] for row in ROWS[:4])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    cells_ = " ".join(f"{seconds[row]:18.2f}" for row in ROWS)
+    print(f"{len(solid.F):10,} {cells_} {total:7.2f} {peak:6.2f} {solid.repairs.pairs:6}", flush=True)
+
+
+def fields(surface: Surface) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Two smooth fields askew to each other, and levels of eight stripes for each."""
+    x, y, z = (surface.V / np.linalg.norm(surface.V, axis=1).mean()).T
+    waves = [x + 0.3 * y * z, y - 0.4 * x + 0.2 * z**2]
+    return waves, [np.linspace(w.min(), w.max(), 34)[1:-1] for w in waves]
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["one"]:
+        one(int(sys.argv[2]))
+    else:
+        main()
