@@ -10,7 +10,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import dxf, gltf, obj, off, ply, records, stl, svg, tables, threemf, vtu
+from dsfab.export import brep, dxf, gltf, obj, off, ply, records, rhino, stl, svg, tables, threemf, vtu
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.part import Details, Part, part_of
@@ -62,10 +62,12 @@ FORMATS: dict[str, Format] = {
     ".3mf": Format(threemf.prepare, threemf.encode, threemf.check, sheets=False),
     ".step": _STEP,
     ".stp": _STEP,
+    ".brep": Format(brep.prepare, brep.encode, brep.check, sheets=False, attempts=brep.attempts, told=brep.told),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
     ".off": Format(off.prepare, off.encode, off.check, sheets=True),
     ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
+    ".3dm": Format(rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", ready=rhino.ready),
     ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines"),
     ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
     ".csv": Format(tables.prepare, tables.encode, tables.check, sheets=True, takes="lines"),
