@@ -36,8 +36,9 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
 def _facts(design: Design) -> tuple[str, ...]:
     """Lines of a title block."""
     statics, area, pieces = design.preset.statics, design.sheet.surface.area, len(design.slicing.pieces)
+    mass = f"{design.mass:,.0f}".replace(",", " ") if design.mass >= 100 else f"{design.mass:.3g}"
     return (
-        f"sheet {1000 * statics.thickness:.3g} mm thick, {design.mass:,.{0 if design.mass >= 100 else 2}f} kg",
+        f"sheet {1000 * statics.thickness:.3g} mm thick, {mass} kg",
         f"{area:.4g} m2, {area / design.surface.area:.0%} of the uncut surface",
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}",
         "centre lines: blue major, red minor",
