@@ -91,6 +91,13 @@ def test_dxf_draws_plan_and_elevations_beside_a_curved_sheet(tmp_path):
     true = np.concatenate([1000 * line.points[:, :2] for line in details.lines if line.kind == "centre"])
     assert np.ptp(x, axis=0) == pytest.approx(np.ptp(true, axis=0), rel=1e-3)
     assert x.min(axis=0)[0] > 1000 * sheet.V[:, 0].max()
+    sides = {
+        k: [p for e in document.modelspace() if e.dxf.layer.startswith(f"{k}-C") for p in e.get_points("xy")]
+        for k in ("PLAN", "FRONT", "RIGHT")
+    }
+    low, high = ({k: f([x for x, _ in points]) for k, points in sides.items()} for f in (min, max))
+    assert high["PLAN"] < low["FRONT"]
+    assert high["FRONT"] < low["RIGHT"]
     said = [e.dxf.text for e in document.modelspace() if e.dxftype() == "TEXT"]
     assert said == ["arch: plan", "arch: front elevation", "arch: right elevation"]
 
@@ -124,6 +131,7 @@ def test_every_view_lies_inside_the_frame_and_off_the_title_block():
         (sphere(3), (0, 0, 1.0)),
         (grid(8, 80, 0.1, 3.0), (0, 1.0, 0)),
         (grid(80, 8, 9, 0.1), (1, 0, 0)),
+        (grid(20, 14, 1.8, 1.18), (1, 0, 0)),
     ):
         sheet, _ = striped(surface, along)
         scale, placed = arranged(part_of(sheet, "a", 1), TITLE)
