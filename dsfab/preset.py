@@ -236,10 +236,16 @@ class Fabrication(Section):
     """Metres along x, y, z that fit into the machine; the solid may lie on any of its sides."""
 
 
+FormatName = Literal[
+    "stl", "3mf", "step", "brep", "obj", "ply", "off", "glb", "3dm", "dxf", "svg", "csv", "json", "vtu"
+]  # fmt: skip
+
+
 class Export(Section):
     """[export]: the files."""
 
-    formats: tuple[Literal["stl", "3mf", "step", "obj", "ply", "glb"], ...] = ("stl", "3mf", "step")
+    formats: tuple[FormatName, ...] = ("stl", "3mf", "step")
+    """stl, 3mf, step, brep, obj, ply, off, glb: the solid. 3dm: with lines. dxf, svg, csv, json: lines. vtu: fields."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "planar", "faceted"] = "auto"

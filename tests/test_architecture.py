@@ -51,6 +51,8 @@ HOME = {
     "build123d": {"export"},
     "OCP": {"export"},
     "lib3mf": {"export", "surface"},
+    "ezdxf": {"export"},
+    "rhino3dm": {"export"},
     "pyvista": {"app"},
     "vtk": {"app"},
     "trimesh": {"surface", "export"},
@@ -62,7 +64,7 @@ HOME = {
 }
 """Libraries that may be imported in these parts only."""
 
-LAZY = {"build123d", "OCP", "lib3mf", "pyvista", "vtk", "trimesh", "PIL", "matplotlib"}
+LAZY = {"build123d", "OCP", "lib3mf", "ezdxf", "rhino3dm", "pyvista", "vtk", "trimesh", "PIL", "matplotlib"}
 """Slow to import: never at the top of a module."""
 
 

@@ -19,7 +19,7 @@ from dsfab.thickening import Solid
 from tests.zoo import grid, sphere
 
 SIZE = np.array([0.2, 0.3, 0.05])
-TRIMESH = (".stl", ".ply", ".obj", ".glb")
+TRIMESH = (".stl", ".ply", ".obj", ".off", ".glb")
 
 
 def box(size=SIZE, corner=(0.0, 0.0, 0.0)) -> Solid:
@@ -87,13 +87,12 @@ def test_lib3mf_finds_the_solid_in_millimetres(tmp_path):
 
 
 def test_units_are_written_where_the_format_has_room(tmp_path):
-    heads = {
-        suffix: write(box(), tmp_path / f"a{suffix}").read_bytes()[:300] for suffix in (".stl", ".ply", ".obj", ".glb")
-    }
+    heads = {suffix: write(box(), tmp_path / f"a{suffix}").read_bytes()[:300] for suffix in TRIMESH}
     assert b"unit: millimetre" in heads[".stl"][:80]
     assert not heads[".stl"].startswith(b"solid")
     assert b"\ncomment unit: millimetre\n" in heads[".ply"]
     assert b"# unit: millimetre\n" in heads[".obj"]
+    assert b"# unit: millimetre\n" in heads[".off"]
     assert b'"extras":{"unit":"metre"}' in heads[".glb"]
 
 
@@ -105,7 +104,7 @@ def test_stl_is_as_long_as_its_count_says_and_normals_face_outwards(tmp_path):
     assert normal @ np.cross(b - a, c - a) == pytest.approx(np.linalg.norm(np.cross(b - a, c - a)), rel=1e-5)
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", [suffix for suffix, form in FORMATS.items() if form.takes == "mesh"])
 def test_the_same_solid_gives_the_same_bytes_on_another_day(tmp_path, monkeypatch, quick_step, suffix):
     first = write(torus(8, 6), tmp_path / f"a{suffix}").read_bytes()
     now = time.time()
@@ -243,7 +242,7 @@ SPOILT = {
 }
 
 
-@pytest.mark.parametrize("suffix", [".stl", ".3mf", ".ply", ".obj", ".glb"])
+@pytest.mark.parametrize("suffix", [".stl", ".3mf", ".ply", ".obj", ".off", ".glb"])
 @pytest.mark.parametrize("fault", SPOILT)
 def test_a_file_that_says_something_else_is_not_kept(tmp_path, monkeypatch, suffix, fault):
     spoil, said = SPOILT[fault]

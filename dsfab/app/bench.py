@@ -106,6 +106,7 @@ def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
     """One run in this process: seconds per row, peak memory in MiB, and the sizes."""
     from dsfab.export import write
     from dsfab.pipeline import run
+    from dsfab.study.delivery import delivered
 
     start = time.perf_counter()
     design = run(read_preset(name, changes, mesh, unit))
@@ -113,8 +114,8 @@ def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
         begin = time.perf_counter()
         for suffix in design.preset.export.formats:
             if step or suffix != "step":
-                ask, path = design.preset.export, Path(folder) / f"bench.{suffix}"
-                write(design.solid, path, step_faces=ask.step_faces, step=ask.step, step_tolerance=ask.step_tolerance)
+                thing, how = delivered(design, f".{suffix}")
+                write(thing, Path(folder) / f"bench.{suffix}", **how)
         export = time.perf_counter() - begin
     seconds = {**dict.fromkeys(ROWS), **design.seconds, "export": export, "total": time.perf_counter() - start}
     return {

@@ -52,7 +52,7 @@ def build(
         Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")
     ] = None,
     format_: Annotated[
-        str | None, Parameter(name=["--format", "-f"], help="Comma list of stl, 3mf, step, obj, ply, glb.")
+        str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
     ] = None,
     step: Annotated[
         str | None, Parameter(help="How STEP is made: auto, planar (flat sheets, as curves) or faceted.")
@@ -79,6 +79,7 @@ def build(
     if step is not None:
         set_ = (*set_, f"export.step={json.dumps(step)}")
     given = read_preset(preset, set_, mesh, unit)
+    _require(given.export.formats)
     reporter = Reporter(quiet)
     picture = picture and _can_draw(reporter)
     folder = output if output is not None else Path("outputs") / given.name
@@ -113,6 +114,14 @@ def _fixed(design: "Design", reporter: Reporter) -> "Design":
     return done.design
 
 
+def _require(formats: Sequence[str]) -> None:
+    """Raise ExportError before the work begins if a format needs a library that is not there."""
+    from dsfab.export import FORMATS
+
+    for suffix in formats:
+        FORMATS["." + suffix].ready()
+
+
 def _can_draw(reporter: Reporter) -> bool:
     """Whether pictures can be drawn here, asked before the work begins; without them everything else is still built."""
     from dsfab.app.gl import require_rendering
@@ -131,27 +140,18 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
 
     from dsfab.export import write
     from dsfab.preset_file import preset_toml
-    from dsfab.slicing.corners import outline_corners
+    from dsfab.study.delivery import delivered
 
     preset, ask = design.preset, design.preset.export
-    corners = outline_corners(design.sheet, design.surface)
     seconds, files, refused, told = dict(design.seconds), list[Path](), list[str](), list[str]()
     start = time.perf_counter()
     for suffix in ask.formats:
         reporter("export", f"writing and reading back {preset.name}.{suffix}")
         try:
-            path = write(
-                design.solid,
-                folder / f"{preset.name}.{suffix}",
-                step_faces=ask.step_faces,
-                step=ask.step,
-                step_tolerance=ask.step_tolerance,
-                corners=corners,
-                note=told.append,
-            )
-            files.append(path)
+            thing, how = delivered(design, f".{suffix}")
+            files.append(write(thing, folder / f"{preset.name}.{suffix}", note=told.append, **how))
         except ExportError as error:
-            if suffix != "step":
+            if suffix not in ("step", "brep"):
                 raise
             refused.append(str(error))
     for text in told:

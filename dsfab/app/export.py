@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 CALCULIX = "calculix"
 SUFFIX = ".inp"
 
+NAMES = ("stl", "3mf", "step", "brep", "obj", "ply", "off", "glb", "3dm", "dxf", "svg", "csv", "json", "vtu", CALCULIX)
+
 Which = Literal["uncut", "cut"]
 
 
@@ -36,9 +38,7 @@ def export(
     preset: str,
     /,
     *,
-    to: Annotated[
-        str | None, Parameter(help="calculix, stl, 3mf, step, obj, ply or glb [as the suffix of -o].")
-    ] = None,
+    to: Annotated[str | None, Parameter(help=f"{', '.join(NAMES)} [as the suffix of -o].")] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="The file [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
         Which | None,
@@ -49,7 +49,11 @@ def export(
     unit: Unit = None,
     quiet: Quiet = False,
 ) -> int:
-    """Write one file: the solid, a sheet, or a finite element model to check the statics with (--to calculix).
+    """Write one file: the solid, a sheet, lines, fields, or a finite element model to check the statics with.
+
+    The solid: stl, 3mf, step, obj, ply, off, glb, brep; with --sheet, a sheet: stl, obj, ply, off, glb.
+    Lines, the edges by family and the middles of members: dxf (with plan and elevations), svg (a drawing to scale),
+    csv, json; 3dm has the solid and the lines. Fields on the uncut surface: vtu. A check by CalculiX: calculix.
 
     Parameters
     ----------
@@ -101,8 +105,12 @@ def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: 
     if path.suffix.lower() != suffix:
         raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")
     if sheet is not None and suffix != SUFFIX and not FORMATS[suffix].sheets:
-        holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets)
+        holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets and form.takes == "mesh")
         raise ExportError(f"a {suffix} file holds solids only; leave out --sheet, or write {holds}")
+    if suffix != SUFFIX:
+        if sheet is not None and FORMATS[suffix].takes != "mesh":
+            raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
+        FORMATS[suffix].ready()
     return Ask(suffix, path, sheet)
 
 
@@ -148,20 +156,19 @@ def _mesh(given: "Preset", ask: Ask, reporter: Reporter) -> list[str]:
     """Write the solid or a sheet; returns what to tell about it."""
     from dsfab.export import write
     from dsfab.pipeline import run
-    from dsfab.slicing.corners import outline_corners
+    from dsfab.study.delivery import delivered
 
     told: list[str] = []
-    step: dict[str, Any] = {}
+    how: dict[str, Any] = {}
     if ask.sheet == "uncut":
         reporter("surface", "making the surface")
         thing: Solid | Surface = given.surface.build()
     else:
-        design, how = run(given, reporter), given.export
-        thing = design.solid if ask.sheet is None else design.sheet.surface
-        corners = outline_corners(design.sheet, design.surface)
-        step = {"step_faces": how.step_faces, "step": how.step, "step_tolerance": how.step_tolerance}
-        step |= {"corners": corners, "note": told.append}
+        design = run(given, reporter)
+        thing, how = delivered(design, ask.suffix)
+        thing = design.sheet.surface if ask.sheet == "cut" else thing
+        how["note"] = told.append
     reporter("export", f"writing and reading back {ask.path.name}")
     _make_folder(ask.path)
-    write(thing, ask.path, name=given.name, **step)
+    write(thing, ask.path, name=given.name, **how)
     return told

@@ -10,10 +10,10 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import gltf, obj, ply, stl, threemf
+from dsfab.export import brep, dxf, gltf, obj, off, ply, records, rhino, stl, svg, tables, threemf, vtu
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
-from dsfab.export.part import Part, part_of
+from dsfab.export.part import Details, Part, part_of
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
@@ -24,6 +24,9 @@ STEP_FACES = 30_000
 
 Route = Literal["auto", "planar", "faceted"]
 """How a STEP file is made."""
+
+
+Takes = Literal["mesh", "lines", "both", "fields"]
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,10 @@ class Format:
     """The part in the ways to write it, the best first: the next is tried when one is refused."""
     told: Callable[[Part, str], str] = lambda part, refused: ""
     """A line about the way taken, given why the one before it was refused ("" if it was not)."""
+    takes: Takes = "mesh"
+    """What it is for: a mesh; lines on a sheet; a solid and lines; or fields on a sheet."""
+    ready: Callable[[], None] = lambda: None
+    """Raises ExportError where a library is missing that the format needs."""
 
 
 _STEP = Format(
@@ -53,25 +60,19 @@ _STEP = Format(
 FORMATS: dict[str, Format] = {
     ".stl": Format(stl.prepare, stl.encode, stl.check, sheets=True),
     ".3mf": Format(threemf.prepare, threemf.encode, threemf.check, sheets=False),
-    ".step": Format(
-        step_format.prepare,
-        step_format.encode,
-        step_format.check,
-        sheets=False,
-        attempts=step_format.attempts,
-        told=step_format.told,
-    ),
-    ".stp": Format(
-        step_format.prepare,
-        step_format.encode,
-        step_format.check,
-        sheets=False,
-        attempts=step_format.attempts,
-        told=step_format.told,
-    ),
+    ".step": _STEP,
+    ".stp": _STEP,
+    ".brep": Format(brep.prepare, brep.encode, brep.check, sheets=False, attempts=brep.attempts, told=brep.told),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
+    ".off": Format(off.prepare, off.encode, off.check, sheets=True),
     ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
+    ".3dm": Format(rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", ready=rhino.ready),
+    ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines"),
+    ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
+    ".csv": Format(tables.prepare, tables.encode, tables.check, sheets=True, takes="lines"),
+    ".json": Format(records.prepare, records.encode, records.check, sheets=True, takes="lines"),
+    ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
 }
 """The suffixes that `write` knows."""
 
@@ -85,6 +86,7 @@ def write(
     step: Route = "auto",
     step_tolerance: float = 0.0,
     corners: Floats | None = None,
+    details: Details | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Path:
     """Write a solid, or a sheet, in the format that the suffix of `path` names, and read it back; returns the path.
@@ -96,16 +98,19 @@ def write(
                  takes planar where the solid is flat and the file stands the check, else faceted.
     step_tolerance : metres that curves may be off the outline; a fortieth of the thickness if 0.
     corners    : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
+    details    : lines, fields and facts, for the formats that hold them.
     note       : called with a line that says how the STEP file was made, and why not otherwise.
 
     The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
     same volume (area of a sheet) to 0.1 %; only then does the file take its name, in one step. After a failure there is
     no new file, and an older one of that name is as it was.
-    Raises ExportError: unknown suffix, a sheet where the format needs a solid, a shape that the format cannot hold, too
-    many faces for STEP, no permission or space, and a file that reads back different.
+    Raises ExportError: unknown suffix, a library that is not installed, a sheet where the format needs a solid, lines
+    where there are none, a shape that the format cannot hold, too many faces for STEP, no permission or space,
+    and a file that reads back different.
     """
     path = Path(path)
     form = format_of(path)
+    form.ready()
     part = part_of(thing, path.stem if name is None else name, step_faces)
     if not (part.is_solid or form.sheets):
         open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if f.sheets)
@@ -116,7 +121,8 @@ def write(
     marked = np.zeros((0, 3)) if corners is None else np.asarray(corners, dtype=np.float64)
     if step not in step_format.ROUTES:
         raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(step_format.ROUTES)}")
-    part = replace(part, step=step, tolerance=step_tolerance * MM_PER_M, corners=marked * MM_PER_M)
+    about = (details or Details()).scaled(MM_PER_M)
+    part = replace(part, details=about, step=step, tolerance=step_tolerance * MM_PER_M, corners=marked * MM_PER_M)
     part = form.prepare(part)
     with replacing(path) as temporary:
         taken, refused = _put(form, part, temporary)

@@ -1,5 +1,6 @@
 """`Part`: what goes into a file, in millimetres, and how it survives the rounding of a file format."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,10 +10,32 @@ from scipy.sparse.csgraph import connected_components
 
 from dsfab.arrays import Floats, Ints, first, lock
 from dsfab.errors import ExportError
+from dsfab.surface.lines import Line
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
+
+
+@dataclass(frozen=True, eq=False)
+class Details:
+    """What some formats hold besides a mesh; each takes what it can.
+
+    lines     : edges and centre lines, metres.
+    tolerance : metres that `lines` may be off the true ones.
+    values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
+    facts     : short lines for a title block.
+    """
+
+    lines: tuple[Line, ...] = ()
+    tolerance: float = 0.0
+    values: Mapping[str, Floats] = field(default_factory=dict)
+    facts: tuple[str, ...] = ()
+
+    def scaled(self, factor: float) -> "Details":
+        """The same with `lines` and `tolerance` in another unit of length."""
+        lines = tuple(replace(x, points=factor * x.points, length=factor * x.length) for x in self.lines)
+        return replace(self, lines=lines, tolerance=factor * self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +50,7 @@ class Part:
     step       : how a STEP file is made: `auto`, `planar` or `faceted` (see `dsfab.export.step`).
     tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
+    details    : lines, fields and facts; its lengths in millimetres too.
     """
 
     V: Floats
@@ -37,6 +61,7 @@ class Part:
     step: str = "faceted"
     tolerance: float = 0.0
     corners: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    details: Details = field(default_factory=Details)
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))

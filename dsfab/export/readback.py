@@ -1,5 +1,6 @@
 """Whether a file says what was written: judged on the mesh that a reader which is not the writer finds in it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part, area, box, open_edges, volume
+from dsfab.surface.lines import polyline_length
 
 TOLERANCE = 1e-3
 """Largest accepted change of volume, area or, as a share of the size, of the bounding box."""
@@ -46,6 +48,26 @@ def check_measure(part: Part, found: float) -> None:
             f"{part.name!r} reads back with {what} {found:.6g} {unit} instead of {expected:.6g} {unit}; "
             "write another format"
         )
+
+
+def check_lines(part: Part, found: Sequence[Floats]) -> None:
+    """Raise ExportError unless as many polylines (k, 3) were found, of the same length together, to 0.1 %."""
+    lines = part.details.lines
+    if len(found) != len(lines):
+        raise differs(part, "lines", len(lines), len(found))
+    expected, there = (sum(map(polyline_length, points)) for points in ([line.points for line in lines], found))
+    if not abs(there - expected) <= TOLERANCE * expected:
+        raise ExportError(
+            f"the lines of {part.name!r} read back {there:.6g} mm long instead of {expected:.6g} mm; "
+            "write another format"
+        )
+
+
+def with_lines(part: Part, format_name: str) -> Part:
+    """The part itself; raises ExportError if it has no lines, and so nothing for such a file."""
+    if not part.details.lines:
+        raise ExportError(f"a {format_name} file holds lines and {part.name!r} comes with none; give write() details")
+    return part
 
 
 def differs(part: Part, what: str, expected: int, found: int) -> ExportError:

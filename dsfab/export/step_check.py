@@ -1,4 +1,4 @@
-"""What build123d (OCCT) finds in a STEP file: a program of its own, because the check of a shape may not end.
+"""What build123d (OCCT) finds in a STEP or BREP file: a program of its own, because the check of a shape may not end.
 
     python -P step_check.py FILE
 
@@ -15,11 +15,11 @@ from typing import Any
 
 def inspected(path: Path) -> dict[str, Any]:
     """Number of solids and faces, OCCT's validity check, and the volume of all solids together."""
-    from build123d import import_step
+    from build123d import import_brep, import_step
     from OCP.Message import Message
 
     Message.DefaultMessenger_s().ChangePrinters().Clear()
-    shape = import_step(path)
+    shape = import_brep(path) if path.suffix == ".brep" else import_step(path)
     solids = shape.solids()
     return {
         "solids": len(solids),

@@ -1,5 +1,7 @@
 """Where the outline of a sheet passes from the edge of one family to that of another."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -9,16 +11,34 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import half_edges
 
 
-def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
-    """Vertices (k, 3) of the boundary of a kept sheet where two curves meet, metres, at whatever angle.
+class Labels(NamedTuple):
+    """Boundary edges of a kept sheet: half-edge, first and last vertex, and family (k,) each; `VOID` (-1) for those on
+    the boundary of the uncut surface."""
+
+    half_edge: Ints
+    start: Ints
+    end: Ints
+    family: Ints
+
+
+def outline_labels(sheet: Sheet, uncut: Surface) -> Labels:
+    """The edges of the outline of a kept sheet, cut from the surface `uncut`.
 
     The edge of a cell belongs to the family that made the cell material, or to the boundary of the uncut surface where
-    it lies on it. `uncut` is the surface that `sheet` was cut from.
+    it lies on it.
     """
     table = sheet.surface.edges
     h = table.order[table.start[:-1][table.boundary]]
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
-    family = np.where(_on_boundary(sheet, uncut, a, b), VOID, sheet.family[h // 3])
+    return Labels(h, a, b, np.where(_on_boundary(sheet, uncut, a, b), VOID, sheet.family[h // 3]))
+
+
+def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
+    """Vertices (k, 3) of the boundary of a kept sheet where two curves meet, metres, at whatever angle.
+
+    `uncut` is the surface that `sheet` was cut from.
+    """
+    _, a, b, family = outline_labels(sheet, uncut)
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
     for end in (a, b):
         np.minimum.at(low, end, family)

@@ -1,0 +1,55 @@
+"""BREP (OCCT's own text) for FreeCAD and scripts on OCCT: the shape of the STEP file, planar or faceted. Millimetres.
+
+OCCT reads the STEP text and writes the shape that it made of it. The file is read back as STEP is, in a process with a
+time limit. BREP has no place for a unit: OCCT and FreeCAD take millimetres.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from dsfab.errors import ExportError
+from dsfab.export import step
+from dsfab.export.part import Part
+from dsfab.export.readback import check_measure, differs
+from dsfab.export.shells import solids_of
+
+
+def prepare(part: Part) -> Part:
+    """As for STEP."""
+    return step.prepare(part)
+
+
+def attempts(part: Part) -> tuple[Part, ...]:
+    """As for STEP."""
+    return step.attempts(part)
+
+
+def told(part: Part, refused: str) -> str:
+    """As for STEP."""
+    return step.told(part, refused).replace("STEP", "BREP", 1)
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """STEP to a temporary file, read and written again by OCCT."""
+    chunks = step.encode(part)
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
+        given, path = Path(folder) / "a.step", Path(folder) / "a.brep"
+        given.write_bytes(b"".join(chunks))
+        from build123d import export_brep, import_step
+        from OCP.Message import Message
+
+        Message.DefaultMessenger_s().ChangePrinters().Clear()
+        if not export_brep(import_step(given), path):
+            raise ExportError(f"OCCT could not write {part.name!r} as BREP; write STEP instead")
+        yield path.read_bytes()
+
+
+def check(part: Part, path: Path) -> None:
+    """Read back with build123d, in a process with a time limit: as many solids, all valid, with the part's volume."""
+    found, solids = step.inspection(part, path), len(solids_of(part)[1])
+    if found["solids"] != solids:
+        raise differs(part, "solids", solids, found["solids"])
+    if not (found["valid"] and found["tessellates"]):
+        raise ExportError(f"build123d finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
+    check_measure(part, found["volume"])

@@ -1,0 +1,133 @@
+"""DXF (R2010) for CAD and cutting: edges and centre lines in place, and plan and elevations beside them. Millimetres.
+
+Lines of a flat sheet in a plane z = constant are LWPOLYLINE, which cutting programs want, others POLYLINE in space.
+Layers: BOUNDARY, EDGES-MAJOR, CENTRE-MAJOR ...; of a curved sheet also PLAN-..., FRONT-..., RIGHT-... for the views.
+Every line in place has its id and length as extended data of the application DSFAB.
+"""
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.arrays import Floats
+from dsfab.errors import ExportError
+from dsfab.export.part import Part
+from dsfab.export.readback import check_lines, with_lines
+from dsfab.export.text import one_line
+from dsfab.export.views import View, views
+from dsfab.surface.lines import Line
+
+APPLICATION = "DSFAB"
+GAP = 0.15
+"""Between the sheet and its views, as a share of the sheet's longest side."""
+COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
+"""Of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
+WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}
+"""Hundredths of a millimetre."""
+
+
+def prepare(part: Part) -> Part:
+    """The part as it is; raises ExportError if it has no lines."""
+    return with_lines(part, ".dxf")
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The drawing as text; no date and no random identifier in it."""
+    with _same_bytes():
+        import ezdxf
+
+        document = ezdxf.new("R2010", setup=["linetypes"])
+        document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1
+        document.header["$LWDISPLAY"] = 1
+        document.header["$LTSCALE"] = float(np.ptp(part.box, axis=0).max()) / 1000
+        document.header.custom_vars.append("program", f"dsfab {__version__}")
+        document.header.custom_vars.append("unit", "millimetre")
+        document.appids.add(APPLICATION)
+        space = document.modelspace()
+        flat = bool((part.V[:, 2] == part.V[0, 2]).all())
+        for line in part.details.lines:
+            entity = _drawn(space, line.points, flat, _layer(document, line))
+            entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
+        if not flat:
+            _beside(document, part)
+        text = io.StringIO()
+        document.write(text)
+    yield text.getvalue().encode(document.output_encoding, errors="dxfreplace")
+
+
+def _beside(document: Any, part: Part) -> None:
+    """The views in a row to the right of the sheet, each with its title below."""
+    gap = GAP * float(np.ptp(part.box, axis=0).max())
+    at = np.array([part.box[1, 0] + 3 * gap, part.box[0, 1]])
+    for view in views(part):
+        _placed(document, view, at - view.low, gap / 5, one_line(part.name))
+        at = at + [view.extent[0] + 2 * gap, 0.0]
+
+
+def _placed(document: Any, view: View, shift: Floats, height: float, name: str) -> None:
+    space, prefix = document.modelspace(), view.title.split()[0].upper() + "-"
+    for line, run in view.runs:
+        flat = np.c_[run + shift, np.zeros(len(run))]
+        _drawn(space, flat, True, _layer(document, line, prefix))
+    if prefix + "TEXT" not in document.layers:
+        document.layers.add(prefix + "TEXT")
+    text = space.add_text(f"{name}: {view.title.lower()}", height=height, dxfattribs={"layer": prefix + "TEXT"})
+    text.set_placement(tuple(view.low + shift - [0.0, 2.5 * height]))
+
+
+def _drawn(space: Any, points: Floats, flat: bool, layer: str) -> Any:
+    closed = len(points) > 2 and bool((points[0] == points[-1]).all())
+    points = points[:-1] if closed else points
+    if not flat:
+        return space.add_polyline3d(points.tolist(), close=closed, dxfattribs={"layer": layer})
+    attributes = {"layer": layer, "elevation": float(points[0, 2])}
+    return space.add_lwpolyline(points[:, :2].tolist(), close=closed, dxfattribs=attributes)
+
+
+def _layer(document: Any, line: Line, prefix: str = "") -> str:
+    """The layer of a line, made when it is first asked for."""
+    name = prefix + line.layer.upper()
+    if name not in document.layers:
+        weight = WEIGHTS.get(line.family, WEIGHTS[line.kind])
+        style = "CENTER" if line.kind == "centre" else "CONTINUOUS"
+        document.layers.add(name, color=COLOURS.get(line.family, 7), linetype=style, lineweight=weight)
+    return name
+
+
+@contextmanager
+def _same_bytes() -> Iterator[None]:
+    """ezdxf writes dates and random identifiers unless told not to."""
+    import ezdxf
+
+    before = ezdxf.options.write_fixed_meta_data_for_testing
+    ezdxf.options.write_fixed_meta_data_for_testing = True
+    try:
+        yield
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = before
+
+
+def check(part: Part, path: Path) -> None:
+    """Read back by ezdxf with its auditor: no error, millimetres, every line in place."""
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    errors = document.audit().errors
+    if errors or document.header["$INSUNITS"] != 4:
+        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .svg or .csv instead")
+    check_lines(part, [_points(entity) for entity in document.modelspace() if entity.has_xdata(APPLICATION)])
+
+
+def _points(entity: Any) -> Floats:
+    """(k, 3) points of a polyline of either kind, its first one again at the end if it is closed."""
+    if entity.dxftype() == "LWPOLYLINE":
+        flat = np.array([point[:2] for point in entity.get_points()])
+        points = np.c_[flat, np.full(len(flat), entity.dxf.elevation)]
+    else:
+        points = np.array([tuple(vertex.dxf.location) for vertex in entity.vertices])
+    return np.concatenate([points, points[:1]]) if entity.is_closed else points

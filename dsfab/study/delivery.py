@@ -1,0 +1,45 @@
+"""What of a design goes into a file of which format: the solid, the sheet with its lines, or the fields."""
+
+from typing import Any
+
+from dsfab.design import Design
+from dsfab.export import Details
+from dsfab.export.formats import FORMATS
+from dsfab.slicing.corners import outline_corners
+from dsfab.study.fields import design_fields
+from dsfab.study.lines import design_lines
+from dsfab.surface import Surface
+from dsfab.thickening import Solid
+
+SHARE_OF_THICKNESS = 1 / 40
+"""Tolerance of lines unless export.step_tolerance says otherwise, as a share of the thickness."""
+
+
+def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
+    """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
+
+    The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines; the
+    uncut surface for fields, which are known there.
+    """
+    ask, takes = design.preset.export, FORMATS[suffix].takes
+    if takes == "fields":
+        return design.surface, {"details": Details(values=design_fields(design))}
+    if takes == "mesh":
+        corners = outline_corners(design.sheet, design.surface)
+        how = {"step_faces": ask.step_faces, "step": ask.step, "step_tolerance": ask.step_tolerance}
+        return design.solid, {**how, "corners": corners}
+    tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
+    details = Details(design_lines(design, tolerance), tolerance, facts=_facts(design))
+    return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
+
+
+def _facts(design: Design) -> tuple[str, ...]:
+    """Lines of a title block."""
+    statics, area, pieces = design.preset.statics, design.sheet.surface.area, len(design.slicing.pieces)
+    mass = f"{design.mass:,.0f}".replace(",", " ") if design.mass >= 100 else f"{design.mass:.3g}"
+    return (
+        f"sheet {1000 * statics.thickness:.3g} mm thick, {mass} kg",
+        f"{area:.4g} m2, {area / design.surface.area:.0%} of the uncut surface",
+        f"{pieces} {'piece' if pieces == 1 else 'pieces'}",
+        "centre lines: blue major, red minor",
+    )
