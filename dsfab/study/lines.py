@@ -30,11 +30,11 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[Line, ...]:
 
 def stripe_phase(design: Design, k: int) -> Floats | None:
     """z (n,) of field k, whose integers are the middles of its stripes; None for a field that draws none."""
-    pattern, families = design.pattern, design.preset.pattern
+    pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in ("major", "minor"):
         return None
     if field.ndim == 2:
         return np.asarray(field.mean(axis=1))
     which = ("major", "minor").index(pattern.names[k])
-    return np.asarray(pattern.frequency[which] * field + (families.major, families.minor)[which].phase)
+    return np.asarray(pattern.frequency[which] * field + pattern.phase[which])
