@@ -1,6 +1,7 @@
 """Solids over a zoo, thin and thick: closed, of the right genus, and free of intersections, also as STL holds them."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -104,6 +105,8 @@ def test_surfaces_of_presets_become_sound_solids(name, share):
     preset = dsfab.load_preset(name)
     if getattr(preset.surface, "edge", None):
         preset = dsfab.load_preset(name, {"surface.edge": 2 * preset.surface.edge})
+    if not preset.surface.model_dump().get("shape"):
+        preset = dsfab.load_preset(name, {}, mesh_file(Path(preset.surface.file).name))
     surface = preset.surface.build()
     judge(made(surface, share * surface.size / 2))
 

@@ -74,14 +74,15 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
     Walls get their shorter diagonal. An exact test finds intersections; they are removed by flipping wall diagonals and
     by thinning locally, down to 0.3 of D, or, where the sheet crosses itself, by uniting parts of it that do not. What
     was done, and what could not be removed, is told in `notes` and `repairs`.
-    Vertices are rounded to single precision, in millimetres, before they are tested, unless they lie so far out that it
-    would show: the tested solid is the one in the STL file.
+    Vertices are rounded to single precision, in millimetres, before they are tested, unless the sheet is flat or lies
+    so far out that it would show: the tested solid is the one in the STL file.
     Raises SolidError for sheets that are not as above, for missing vectors, and when manifold3d rejects the result.
     """
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
-    skin = Skin.of(surface, SHIFT[side], is_fine(surface.V, D))
+    single = is_fine(surface.V, D) and not surface.is_flat  # a tilted plane would not stay one, and STEP asks for it
+    skin = Skin.of(surface, SHIFT[side], single)
     _check_upward(surface, skin, D)
     repair = repaired(surface, skin, D)
     if skin.single and len(repair.pairs) and not repair.union:  # they may come from rounding alone
