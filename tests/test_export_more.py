@@ -241,11 +241,10 @@ def test_build_and_export_write_them(tmp_path, capsys):
 def test_every_format_is_named_in_the_help_and_known_to_presets(capsys):
     from typing import get_args
 
-    from dsfab.app.export import CALCULIX, NAMES
     from dsfab.preset import FormatName
 
-    assert {"." + name for name in NAMES} - {f".{CALCULIX}"} == set(FORMATS) - {".stp"}
     assert {"." + name for name in get_args(FormatName)} == set(FORMATS) - {".stp"}
     assert main(["export", "--help"]) == 0
     said = capsys.readouterr().out
-    assert all(name in said for name in NAMES)
+    assert all(suffix[1:] in said for suffix in FORMATS if suffix != ".stp")
+    assert "calculix" in said

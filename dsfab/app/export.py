@@ -20,7 +20,11 @@ if TYPE_CHECKING:
 CALCULIX = "calculix"
 SUFFIX = ".inp"
 
-NAMES = ("stl", "3mf", "step", "brep", "obj", "ply", "off", "glb", "3dm", "dxf", "svg", "csv", "json", "vtu", CALCULIX)
+TO = (
+    "The solid: stl, 3mf, step, brep, obj, ply, off, glb; 3dm with edges and centre lines. Lines by family: dxf (with "
+    "plan and elevations), svg (a drawing to scale), csv, json. Fields on the uncut surface: vtu. A check: calculix. "
+    "[as the suffix of -o]"
+)
 
 Which = Literal["uncut", "cut"]
 
@@ -38,7 +42,7 @@ def export(
     preset: str,
     /,
     *,
-    to: Annotated[str | None, Parameter(help=f"{', '.join(NAMES)} [as the suffix of -o].")] = None,
+    to: Annotated[str | None, Parameter(help=TO)] = None,
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="The file [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
         Which | None,
@@ -49,11 +53,7 @@ def export(
     unit: Unit = None,
     quiet: Quiet = False,
 ) -> int:
-    """Write one file: the solid, a sheet, lines, fields, or a finite element model to check the statics with.
-
-    The solid: stl, 3mf, step, obj, ply, off, glb, brep; with --sheet, a sheet: stl, obj, ply, off, glb.
-    Lines, the edges by family and the middles of members: dxf (with plan and elevations), svg (a drawing to scale),
-    csv, json; 3dm has the solid and the lines. Fields on the uncut surface: vtu. A check by CalculiX: calculix.
+    """Write one file: the solid, a sheet, lines, a drawing, fields, or a finite element model to check the statics.
 
     Parameters
     ----------
