@@ -176,7 +176,7 @@ def with_needles(height: float) -> Surface:
     return Surface(V, plate.F)
 
 
-def test_needles_are_counted_and_the_worst_is_shown(tmp_path):
+def test_needles_are_counted_and_the_worst_is_shown(tmp_path, monkeypatch):
     assert "needle" not in drafted(grid(10, 10, 2.0, 2.0), tmp_path / "plate.obj")
     assert "needle" not in drafted(with_needles(0.01), tmp_path / "flat.obj")
     told = drafted(with_needles(0.002), tmp_path / "needles.obj")
@@ -185,6 +185,7 @@ def test_needles_are_counted_and_the_worst_is_shown(tmp_path):
     assert worst
     assert abs(float(worst[1]) - 0.6) < 0.003
     assert abs(float(worst[2]) - 1.0) < 0.21
+    monkeypatch.setattr(factor, "REFINEMENTS", 0)  # longer numbers would solve even these
     with pytest.raises(StaticsError, match=r"solved to \d.*20 of 200 triangles are needles"):
         drafted(with_needles(0.0001), tmp_path / "needles.obj")
 

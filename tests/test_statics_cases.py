@@ -107,9 +107,10 @@ def test_the_residual_of_a_combination_bounds_the_true_one(monkeypatch):
 def test_all_cases_together_are_the_load_case_without_names(name):
     s = ZOO[name]()
     supports = [Support(Vertices(tuple(np.unique(s.F[:: max(1, s.m // 6)]).tolist())))]
-    whole = LoadCase.build(s, supports, LOADS)
-    cases = load_cases(s, supports, LOADS)
-    assert list(cases) == ["snow", "wind", "crane"]
+    loads = [load for load in LOADS if name != "moebius" or load.case != "wind"]  # no outside, no wind
+    whole = LoadCase.build(s, supports, loads)
+    cases = load_cases(s, supports, loads)
+    assert list(cases) == list(dict.fromkeys(load.case for load in loads))
     assert_allclose(together(cases).force, whole.force, rtol=1e-12, atol=1e-12 * np.abs(whole.force).max())
     for case in (together(cases), *cases.values()):
         assert np.array_equal(case.loaded, whole.loaded)

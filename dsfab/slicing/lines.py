@@ -31,9 +31,9 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
             number[mine] = np.rint(sheet.carry(z)[corners].mean(axis=1))
     of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
     chosen: list[tuple[str, int, Floats]] = []
-    for loop in _loops(sheet.surface):
-        at = np.array([of_half_edge[h] for h in loop.tolist()])
-        points = sheet.surface.V[labels.start[at]]
+    for loop, along in _loops(sheet.surface):
+        at = np.array([of_half_edge[h] for h in along])
+        points = sheet.surface.V[loop]
         label = np.stack([labels.family[at], number[at]], axis=1)
         for run in _runs(label):
             family, stripe = (int(value) for value in label[run[0]])
@@ -68,14 +68,18 @@ def _numbered(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[Line]:
     ]
 
 
-def _loops(surface: Surface) -> list[Ints]:
-    """The boundary as loops of half-edges, each with the surface on its left."""
+def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
+    """The boundary as loops of vertices, and the half-edge from each to the next.
+
+    The surface is on the left of a loop, unless it has one side only: then half-edges may run against it.
+    """
     table = surface.edges
     half_edge = table.order[table.start[:-1][table.boundary]]
     start, end = surface.F.ravel(), np.roll(surface.F, -1, axis=1).ravel()
-    by_ends = {(int(start[h]), int(end[h])): int(h) for h in half_edge}
+    by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
+    by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}
     return [
-        np.array([by_ends[int(a), int(b)] for a, b in zip(loop, np.roll(loop, -1), strict=True)])
+        (loop, [by_ends[int(a), int(b)] for a, b in zip(loop, np.roll(loop, -1), strict=True)])
         for loop in surface.loops
     ]
 
