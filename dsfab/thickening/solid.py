@@ -10,9 +10,10 @@ from dsfab.errors import SolidError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces
 from dsfab.thickening.check import check_contacts, check_edges
+from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.notes import Repairs, repairs_of, rounding_notes
 from dsfab.thickening.offset import SHIFT, Side
-from dsfab.thickening.repair import repaired
+from dsfab.thickening.repair import Repaired, repaired
 from dsfab.thickening.rounding import is_fine
 from dsfab.thickening.skin import Skin
 
@@ -74,8 +75,9 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
     Walls get their shorter diagonal. An exact test finds intersections; they are removed by flipping wall diagonals and
     by thinning locally, down to 0.3 of D, or, where the sheet crosses itself, by uniting parts of it that do not. What
     was done, and what could not be removed, is told in `notes` and `repairs`.
-    Vertices are rounded to single precision, in millimetres, before they are tested, unless the sheet is flat or lies
-    so far out that it would show: the tested solid is the one in the STL file.
+    What is tested is rounded to single precision, in millimetres, as an STL file holds it, unless the sheet is flat or
+    lies so far out that it would show. The solid itself stays exact where it passes the same test, so that triangles of
+    one plane are one face of a STEP file.
     Raises SolidError for sheets that are not as above, for missing vectors, and when manifold3d rejects the result.
     """
     check_edges(surface)
@@ -93,7 +95,8 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
         V, F, count = repair.union.V, repair.union.F, repair.union.pieces
         shells = pieces(F, edge_table(F))[0]
     else:
-        V, F = skin.vertices(surface.V, repair.D), skin.faces(repair.backslash)
+        F = skin.faces(repair.backslash)
+        V = _vertices(surface, skin, repair, F)
         count, shells = _pieces_and_shells(surface, F)
     repairs, notes = repairs_of(surface, D, repair, V, F)
     solid = Solid(
@@ -106,6 +109,15 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid") -> Solid:
     )
     judge(solid)
     return solid
+
+
+def _vertices(surface: Surface, skin: Skin, repair: Repaired, F: Ints) -> Floats:
+    """Of the repaired solid: exact where these do not intersect more than the rounded ones, which were tested."""
+    V = skin.vertices(surface.V, repair.D)
+    if not skin.single:
+        return V
+    exact = replace(skin, single=False).vertices(surface.V, repair.D)
+    return exact if len(intersecting_pairs(exact, F)) <= len(repair.pairs) else V
 
 
 def judge(solid: Solid) -> None:
