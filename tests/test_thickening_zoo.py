@@ -48,8 +48,10 @@ SHAPES: dict[str, Callable[[], Surface]] = {
     "creased box": creased_box,
 }
 
-PLAIN = [name for name in sorted(shipped()) if dsfab.load_preset(name).surface.model_dump().get("shape") not in FIGURES]
-"""Presets but those on stand-ins for the paper's figures, whose limbs a coarse mesh at this thickness cannot show."""
+SHAPE_OF = {name: dsfab.load_preset(name).surface.model_dump().get("shape") for name in sorted(shipped())}
+PLAIN = [name for name, shape in SHAPE_OF.items() if shape not in FIGURES and name != "roof"]
+"""Presets but `roof`, which waits for a mesh of the user's, and those on stand-ins for the paper's figures, whose limbs
+a coarse mesh at this thickness cannot show."""
 
 MESHES = [
     *("Botanic", "BubbleShell", "barrel_vault", "blub", "bob", "camelhead", "canopy_quad", "halftunnel", "hypar"),
