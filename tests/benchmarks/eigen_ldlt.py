@@ -4,7 +4,8 @@
 
 needs g++ and libeigen3-dev. Eigen's column is compute + solve of the free unknowns' matrix alone, which is given to it;
 dsfab's is everything: pattern and assembly (membrane, hinge), factor, solve, checks and stress, on a surface that was
-not solved before. CPU seconds of all threads, the best and the median of three runs of each, taken in turn.
+not solved before. CPU seconds of all threads, then seconds of the clock on all cores (Eigen's solver has one thread:
+both are the same for it on a quiet machine); the best and the median of three runs of each, taken in turn.
 """
 
 import subprocess
@@ -48,7 +49,7 @@ def timed(solver, preset, load):
 def shown(name: str, runs: list[float], theirs: list[float]) -> str:
     """Best and median, and how many times faster than the other side's best and median."""
     return (
-        f"{name:>14} {min(runs):8.3f} {np.median(runs):8.3f} {min(theirs) / min(runs):8.1f} "
+        f"{name:>20} {min(runs):8.3f} {np.median(runs):8.3f} {min(theirs) / min(runs):8.1f} "
         f"{np.median(theirs) / np.median(runs):8.1f}"
     )
 
@@ -67,16 +68,21 @@ def main() -> None:
             write_lower(folder / "matrix", factor.inner, factor.scale * load.force.ravel()[factor.free])
             del factor
             runs: dict[str, list[float]] = {solver: [] for solver in ("Eigen", *solvers)}
+            clock: dict[str, list[float]] = {solver: [] for solver in solvers}
             for _ in range(RUNS):
                 done = subprocess.run([program, folder / "matrix"], capture_output=True, text=True, check=True)
                 compute, solve, residual = map(float, done.stdout.split())
                 runs["Eigen"].append(compute + solve)
                 for solver in solvers:
-                    runs[solver].append(timed(solver, preset, load)[0])
+                    cpu, wall, _ = timed(solver, preset, load)
+                    runs[solver].append(cpu)
+                    clock[solver].append(wall)
             print(f"{surface.n:,} vertices; Eigen's residual {residual:.1e}")
-            print(f"{'':>14} {'best s':>8} {'median s':>8} {'x best':>8} {'x median':>8}")
+            print(f"{'':>20} {'best s':>8} {'median s':>8} {'x best':>8} {'x median':>8}")
             for solver, seconds in runs.items():
                 print(shown(solver, seconds, runs["Eigen"]), flush=True)
+            for solver, seconds in clock.items():
+                print(shown(f"{solver}, clock", seconds, runs["Eigen"]), flush=True)
 
 
 if __name__ == "__main__":
