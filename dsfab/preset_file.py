@@ -25,7 +25,7 @@ def shipped() -> dict[str, Path]:
 
 def headline(path: Path) -> str:
     """The first sentence of a preset's description, without checking the preset."""
-    return str(_read(path).get("description", "")).strip().split("\n")[0]
+    return str(read_toml(path).get("description", "")).strip().split("\n")[0]
 
 
 def load_preset(
@@ -39,7 +39,7 @@ def load_preset(
     Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
     """
     path = _find(name_or_path)
-    values = _read(path)
+    values = read_toml(path)
     values.setdefault("name", path.stem)
     if mesh is not None:
         _replace_surface(values, Path(mesh).absolute())
@@ -49,6 +49,18 @@ def load_preset(
     if isinstance(surface, dict) and isinstance(surface.get("file"), str):
         surface["file"] = str(path.absolute().parent / surface["file"])
     return preset_from(values, f"preset {path.name}")
+
+
+def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
+    """The tables of a TOML file, not checked yet; raises PresetError, which calls the file a `kind`."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise PresetError(f"{kind} {path.name} is not valid TOML: {error}") from None
+    except UnicodeDecodeError:
+        raise PresetError(f"{kind} {path.name} is not a text file; give a .toml {kind}") from None
+    except OSError as error:
+        raise PresetError(f"{kind} {path} cannot be read: {error.strerror}") from None
 
 
 def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
@@ -103,17 +115,6 @@ def _find(name_or_path: str | Path) -> Path:
         f"preset {str(name_or_path)!r} not found{did_you_mean(path.stem, presets)}; "
         f"give the path of a .toml file or one of {', '.join(presets)}"
     )
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise PresetError(f"preset {path.name} is not valid TOML: {error}") from None
-    except UnicodeDecodeError:
-        raise PresetError(f"preset {path.name} is not a text file; give a .toml preset") from None
-    except OSError as error:
-        raise PresetError(f"preset {path} cannot be read: {error.strerror}") from None
 
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:

@@ -1,6 +1,6 @@
 """The load case of a cut sheet: what the uncut surface carried, handed to the material that is left."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -40,6 +40,13 @@ def lost_load(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Iterable[Load
             place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
             return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
     return ""
+
+
+def sheet_loads(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
+    """The `sheet_load` of each; raises StaticsError as it does, and for a load that is lost (see `lost_load`)."""
+    if lost := lost_load(surface, drawn, sheet, loads.values()):
+        raise StaticsError(f"{lost}; {ATTACH}")
+    return {name: sheet_load(surface, sheet, load) for name, load in loads.items()}
 
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:

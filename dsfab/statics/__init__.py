@@ -123,9 +123,7 @@ def solve_cases(
     elements = Elements(membrane, bending)
     if flat_axis(surface, *loads.values()) is not None:
         elements = elements.in_plane
-    K = membrane_stiffness(surface, material, thickness, law, elements)
-    if elements.bending:
-        K = added(K, bending_stiffness(surface, material, thickness, elements))
+    K = sheet_stiffness(surface, material, thickness, law, elements)
     given = None if spreads is None else [spreads[name] for name in loads]
     table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
     answers = equilibria(surface, K, list(loads.values()), elements, clamped, given, table)

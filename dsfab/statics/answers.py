@@ -15,6 +15,7 @@ from dsfab.statics.material import Law, Material
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
 from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad
+from dsfab.statics.supports import all_clamped
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -111,7 +112,7 @@ def sheet_answers(
     if not ask.modes:
         return Answers(held, solved, stress)
     refusals: list[str] = []
-    clamped = load.clamped if len(load.clamped) else None
+    clamped = all_clamped(load, None)
     shared: dict[str, Any] = {"law": law, "elements": rich, "clamped": clamped, "K": stiffness(rich)}
     shared["factor_of"] = again if plane else factor_of
     vibration = factors = None

@@ -17,7 +17,7 @@ from dsfab.statics.mechanisms import require_held
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.solve import Equilibrium
 from dsfab.statics.stress import stress
-from dsfab.statics.supports import held_on_edges, require_clampable, with_springs
+from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
@@ -143,9 +143,8 @@ def buckling(
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
         K = sheet_stiffness(surface, material, thickness, law, elements)
-    if len(load.clamped):
-        clamped = load.clamped if clamped is None else clamped | load.clamped
-    inverse, shapes = _largest(surface, minus_Kg, K, load, elements, clamped, count, factor_of)
+    turning = all_clamped(load, clamped)
+    inverse, shapes = _largest(surface, minus_Kg, K, load, elements, turning, count, factor_of)
     return Buckling(1 / inverse, shapes)
 
 

@@ -15,7 +15,7 @@ from dsfab.statics.factor import FactorOf, factored, refined
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
 from dsfab.statics.needles import needles_told
 from dsfab.statics.spread import SpreadLoad
-from dsfab.statics.supports import held_on_edges, require_clampable, with_springs
+from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -157,8 +157,7 @@ def _supported(
 ) -> tuple[Bools, Bools | None]:
     """(n, 3) held directions and (e,) edges that do not turn, None without rotations; raises StaticsError."""
     first = loads[0]
-    if len(first.clamped):
-        clamped = first.clamped if clamped is None else clamped | first.clamped
+    clamped = all_clamped(first, clamped)
     require_clampable(surface, elements, clamped)
     fixed = first.fixed.copy()
     if (axis := flat_axis(surface, *loads)) is not None:

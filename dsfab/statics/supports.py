@@ -63,6 +63,13 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
         )
 
 
+def all_clamped(load: LoadCase, clamped: Bools | None) -> Bools | None:
+    """(e,) edges that may not turn, by the supports of `load` or by `clamped`; None where neither names any."""
+    if not len(load.clamped):
+        return clamped
+    return load.clamped if clamped is None else clamped | load.clamped
+
+
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
     """K, N/m, with the spring supports of `load` on the diagonal of its first 3 n unknowns; K itself without any."""
     if not load.spring.any():

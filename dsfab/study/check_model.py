@@ -14,6 +14,7 @@ from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.structure import check_scale, surface_step
 from dsfab.preset import Preset
 from dsfab.statics import VERDICT, Equilibrium, SpreadLoad, flat_axis, solve_cases
+from dsfab.statics.supports import all_clamped
 from dsfab.study.finite_elements import axes_of_file, nodal_forces, sheet_model
 from dsfab.surface import LoadCase, Surface
 
@@ -81,7 +82,7 @@ def _checked(
     answers = _answers(preset, surface, acting, cases)
     steps = {loading.name: nodal_forces(surface, loading.load.force, loading.spread) for loading in acting}
     across = 2 if axis is None else axis
-    sheet, clamped = preset.statics, load.clamped if len(load.clamped) else None
+    sheet, clamped = preset.statics, all_clamped(load, None)
     holding = {name: fixed for name, fixed in held.items() if fixed.any()}
     model = sheet_model(
         surface, sheet.material, sheet.thickness, holding, steps, clamped, load.spring, element, axis=across

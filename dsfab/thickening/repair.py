@@ -9,16 +9,10 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.skin import Skin
-from dsfab.thickening.union import United, united
+from dsfab.thickening.union import THIN, THINNEST, United, united
 
 FLIP_ROUNDS = 3
 """Rounds of flipping the diagonals of walls that intersect something."""
-
-THIN = 0.8
-"""What offsets are multiplied by around an intersection, per round."""
-
-THINNEST = 0.3
-"""Share of the given offset below which the repair does not thin."""
 
 THIN_ROUNDS = 30
 """Rounds of thinning; each vertex takes part in six at most."""

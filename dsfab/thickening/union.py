@@ -26,7 +26,7 @@ ROUNDS = 30
 """Rounds of finding faces that meet within a colour, and separating them or, if they touch in the sheet, thinning."""
 
 THIN = 0.8
-"""What offsets are multiplied by where neighbours meet, per round."""
+"""What offsets are multiplied by where faces meet, per round."""
 
 THINNEST = 0.3
 """Share of the given offset below which nothing is thinned."""

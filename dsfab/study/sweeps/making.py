@@ -5,10 +5,9 @@ from functools import cached_property
 from types import MappingProxyType
 
 from dsfab.design import Design, Draft, SlicingResult, StaticsResult
-from dsfab.errors import StaticsError
 from dsfab.pipeline import draft
 from dsfab.pipeline.geometry import slicing_step, thickening_step
-from dsfab.pipeline.handover import ATTACH, lost_load, sheet_load
+from dsfab.pipeline.handover import sheet_loads
 from dsfab.pipeline.log import Log
 from dsfab.preset import STAGES, Preset
 from dsfab.slicing import Sheet
@@ -101,9 +100,7 @@ class Making:
 def loads_on(made: Design | Making) -> dict[str, LoadCase]:
     """By name, the loads that the pattern follows, on the cut sheet; raises StaticsError where nothing carries them."""
     loads = {name: made.statics.cases[name].load for name in made.preset.followed}
-    if lost := lost_load(made.surface, made.slicing.cells.kept(), made.sheet, loads.values()):
-        raise StaticsError(f"{lost}; {ATTACH}")
-    return {name: sheet_load(made.surface, made.sheet, load) for name, load in loads.items()}
+    return sheet_loads(made.surface, made.slicing.cells.kept(), made.sheet, loads)
 
 
 def carried(

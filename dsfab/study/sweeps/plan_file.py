@@ -1,6 +1,5 @@
 """Sweep files: reading, writing, and one sentence for everything that is wrong."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from pydantic_core import ErrorDetails
 
 from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset
+from dsfab.preset_file import load_preset, read_toml
 from dsfab.study.sweeps.plan import Plan, Search
 from dsfab.study.sweeps.values import Range
 
@@ -23,15 +22,7 @@ def load_plan(path: Path) -> Plan:
 
 def read_plan(path: Path) -> dict[str, Any]:
     """The tables of a sweep file, its paths starting at its folder, not checked yet; raises PresetError."""
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise PresetError(f"sweep {path.name} is not valid TOML: {error}") from None
-    except UnicodeDecodeError:
-        raise PresetError(f"sweep {path.name} is not a text file; give a .toml sweep") from None
-    except OSError as error:
-        raise PresetError(f"sweep {path} cannot be read: {error.strerror}") from None
-    return _from_folder(values, path.absolute().parent)
+    return _from_folder(read_toml(path, "sweep"), path.absolute().parent)
 
 
 def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
