@@ -78,7 +78,8 @@ def _head(tests: Sequence[Test], rows: Sequence[Row]) -> str:
         [
             "<h1>Can the statics be trusted?</h1>",
             "<p>Structures with known answers, each on at least three meshes. <b>Ratio</b> is the value found over ",
-            f"the reference. The pair <b>{VERDICT}</b> judges structures; the others are shown beside it. Verdicts: ",
+            "the reference; where thin sheets converge to something else, the share of that limit follows, which the ",
+            f"targets are about. The pair <b>{VERDICT}</b> judges structures; the others stand beside it. Verdicts: ",
             "<span class=ok>ok</span> within the tolerance of the test, <span class=coarse>coarse</span> not yet but ",
             "on a finer mesh, <span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
             "where hinges cannot hold what the test holds. In the plots lines are the mesh patterns in the order of ",
@@ -99,7 +100,7 @@ def _cells(count: int) -> str:
 def _error(row: Row, limit: float | None) -> str:
     if row.value is None:
         return "no value"
-    of = f" of {limit:g}, which flat triangles converge to" if limit else ""
+    of = f" of {limit:.5g}, the limit of thin sheets" if limit else ""
     return f"{row.value / (limit or row.reference):.4f}{of}; wanted within {100 * (row.target or 0):.2g} %"
 
 
@@ -156,9 +157,13 @@ def _section(test: Test, rows: Sequence[Row], against: Sequence[Standing], short
     note = f"<p>{escape(short[test.name])}.</p>" if test.name in short else ""
     return (
         f'<section id="{test.name}"><h2>{test.name}</h2><p>{escape(test.about.capitalize())}. Reference '
-        f"{test.reference:.6g}: {escape(test.source)}.</p><figure>{sketch}{plot}</figure>"
+        f"{test.reference:.6g}: {escape(test.source)}.{_limit(test)}</p><figure>{sketch}{plot}</figure>"
         f"{_table(test, here)}{note}{_beside(beside)}</section>"
     )
+
+
+def _limit(test: Test) -> str:
+    return "" if test.limit is None else f" Targets are about {test.limit:.6g}; the second ratio is over it."
 
 
 def _table(test: Test, rows: Sequence[Row]) -> str:
@@ -186,6 +191,8 @@ def _table(test: Test, rows: Sequence[Row]) -> str:
 
 def _numbers(row: Row) -> str:
     ratio = "" if row.ratio is None else f"{row.ratio:.4f}"
+    if row.of_limit is not None:
+        ratio += f" <span class=quiet>/ {row.of_limit:.4f}</span>"
     rate = "" if row.rate is None else f"{row.rate:.1f}"
     return f"<td class=quiet>{row.unknowns}</td><td>{ratio}</td><td>{rate}</td>{_verdict(row.verdict)}"
 
