@@ -35,8 +35,8 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
 They look alike from every direction, so the element does not depend on how its corners are numbered. Nine stresses are
 needed (twelve edge displacements less three rigid motions); those of degree 2 and 3 are seven. Of the four of degree 4
 two would do, but one such pair, r^2 (x^2 - y^2) and r^2 x y, lets a right isosceles triangle collapse; with the other
-the weakest strain of that triangle keeps 0.19 of the energy in the quadratic one, with all four 0.22. Without compatibility
-there would be one more, r^4, which changes nothing that a table shows."""
+the weakest strain of that triangle keeps 0.19 of its energy in the quadratic one, with all four 0.22. Without
+compatibility there would be one more, r^4, which changes nothing that a table shows."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
