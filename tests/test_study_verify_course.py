@@ -222,3 +222,12 @@ def test_targets_are_about_the_limit_where_there_is_one():
     assert row.met
     assert abs(row.value / 0.0935 - 1) < 0.001
     assert not series(replace(test, cells=(16,), limit=0.0945), "union_jack", VERDICT)[0].met
+
+
+@pytest.mark.parametrize(("name", "within"), [("curved_beam_in_plane", 0.0015), ("scordelis_lo", 0.001)])
+def test_limits_are_what_meshes_come_to_and_usual_references_are_not(name, within):
+    test = TESTS[name]
+    row = series(replace(test, cells=(test.cells[2],)), "union_jack", VERDICT)[0]
+    assert row.limit == test.limit
+    assert row.of_limit == pytest.approx(1, abs=within)
+    assert abs(row.ratio - 1) > 4 * within
