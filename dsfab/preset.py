@@ -36,7 +36,7 @@ class Statics(Section):
     law: Law = "plane_stress"
     """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
     membrane: Membrane = "constant"
-    """constant strain (the paper), or quadratic: right for slender parts too, at several times the cost."""
+    """constant strain (the paper), or quadratic or hybrid: right for slender parts too, at several times the cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
     strength: Annotated[float, Ge(0)] = 0.0
