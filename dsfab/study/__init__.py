@@ -1,6 +1,6 @@
 """Questions about designs: parametric sweeps, comparisons with other designs, and the verification of the elements."""
 
-from dsfab.study.comparison import Comparison, Competitor, compare
+from dsfab.study.comparison import Comparison, Competitor, compare, compare_at
 from dsfab.study.sweeps import METRICS, Run, sweep
 
-__all__ = ["METRICS", "Comparison", "Competitor", "Run", "compare", "sweep"]
+__all__ = ["METRICS", "Comparison", "Competitor", "Run", "compare", "compare_at", "sweep"]
