@@ -17,64 +17,12 @@ from dsfab.errors import DsfabError
 from dsfab.slicing.features import features, kept_cells
 from dsfab.study.baselines import DEFAULT, Baseline, Brief, Structure, Variant, chosen
 from dsfab.study.baselines.matching import striped
-from dsfab.study.judging import Judge, Judgement, quick
+from dsfab.study.competitors import Competitor, Spread
+from dsfab.study.judging import Judge, quick
+from dsfab.study.sweeps.making import Making
 
 Told = Callable[[str], None]
 """Called with the name of the competitor that is about to be made."""
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Compliances of a competitor's variants, joules, by `quick`.
-
-    tried, carried : variants, and those of them that carry the loads.      best, mean : of these.
-    median         : of all, those that carry nothing counted as infinitely soft.
-    """
-
-    tried: int
-    carried: int
-    best: float
-    mean: float
-    median: float
-
-    @classmethod
-    def of(cls, compliances: Sequence[float]) -> "Spread":
-        """Infinite ones carry nothing."""
-        sound = [value for value in compliances if np.isfinite(value)]
-        best, mean = (min(sound), float(np.mean(sound))) if sound else (float("inf"), float("inf"))
-        return cls(len(compliances), len(sound), best, mean, float(np.median(compliances)))
-
-
-@dataclass(frozen=True)
-class Competitor:
-    """A structure under the design's loads, or the reason (`error`) why there is none.
-
-    variant         : which of several was the stiffest, such as "modes 1, 2".
-    area_fraction   : of the surface; 1 for those that are not cut.       mass : kg.     thickness : metres.
-    judgement       : None with an error.       pieces : of the sheet.      loose : share of the material left out.
-    smallest_member : metres; None where there is none to be measured.
-    spread          : over the variants, where there are several.
-    seconds_made, seconds : of making all variants, and of making and judging them.
-    """
-
-    name: str
-    variant: str = ""
-    area_fraction: float = float("nan")
-    mass: float = float("nan")
-    thickness: float = float("nan")
-    judgement: Judgement | None = None
-    pieces: int = 0
-    loose: float = 0.0
-    smallest_member: float | None = None
-    spread: Spread | None = None
-    seconds_made: float = 0.0
-    seconds: float = 0.0
-    error: str = ""
-
-    @property
-    def compliance(self) -> float:
-        """Joules; infinite where nothing carries the loads."""
-        return self.judgement.compliance if self.judgement else float("inf")
 
 
 @dataclass(frozen=True)
@@ -106,34 +54,14 @@ class Comparison:
 
     def record(self) -> dict[str, Any]:
         """Plain values for a file, SI units: `name`, and `competitors`, a flat table of one row each."""
-        return {"name": self.name, "competitors": [self._row(one) for one in self.competitors]}
-
-    def _row(self, one: Competitor) -> dict[str, Any]:
-        known: dict[str, Any] = {
-            "name": one.name,
-            "variant": one.variant,
-            "area_fraction": _number(one.area_fraction),
-            "mass_kg": _number(one.mass),
-            "thickness_m": _number(one.thickness),
-            "compliance_J": _number(one.compliance),
-            "ratio_to_full": _number(one.compliance / self.full.compliance),
-            "ratio_to_design": _number(self.gain(one.name)),
+        return {
+            "name": self.name,
+            "competitors": [one.row(self.full.compliance, self.design.compliance) for one in self.competitors],
         }
-        measured = _judged(one.judgement) if one.judgement else {}
-        made = {
-            "pieces": one.pieces,
-            "loose_share": one.loose,
-            "smallest_member_m": one.smallest_member,
-            "seconds_made": round(one.seconds_made, 3),
-            "seconds": round(one.seconds, 3),
-        }
-        spread = vars(one.spread) if one.spread else {}
-        apart = {f"variants_{key}": _number(value) for key, value in spread.items()}
-        return {**known, **measured, **made, **apart, "error": one.error}
 
 
 def compare(
-    design: Design, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
+    design: Design | Making, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
 ) -> Comparison:
     """The design's compliance on its own cut sheet, beside competitors of the same mass.
 
@@ -143,9 +71,10 @@ def compare(
     which reaches no support counts as not carried. DsfabError for names of no baseline.
     """
     rivals = chosen(against)
-    brief = Brief.of(design, design.sheet.surface.area)
-    slicing, thickness = design.slicing, design.preset.statics.thickness
-    own = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
+    made = design.draft if isinstance(design, Making) else design
+    brief = Brief.of(made, design.sheet.surface.area)
+    slicing, thickness = design.slicing, made.preset.statics.thickness
+    own = Structure(slicing.cells, made.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
     entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse=True)
     return _compared(brief, entered, rivals, judge, told)
 
@@ -188,9 +117,7 @@ def _compared(
     return Comparison(brief.preset.name, full, design, tuple(entered))
 
 
-def _entered(
-    brief: Brief, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
-) -> Competitor:
+def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False) -> Competitor:
     """The stiffest of the variants; `refuse` raises what the first of them is refused for."""
     start, making, found, errors = time.perf_counter(), 0.0, [], []
     several = len(variants) > 1
@@ -237,28 +164,3 @@ def _smallest_member(structure: Structure) -> float | None:
     kept = kept_cells(structure.cells, structure.sheet)
     member = features(structure.cells, kept, structure.names).member
     return None if member is None else member.size
-
-
-def _judged(judgement: Judgement) -> dict[str, Any]:
-    """The columns of a judgement: the worst over the cases, and all reactions."""
-    found: dict[str, Any] = {"bound": judgement.bound, "verdict": judgement.verdict, "reason": judgement.reason}
-    for name, unit in (("displacement", "m"), ("tension", "Pa"), ("compression", "Pa"), ("stress", "Pa")):
-        worst = judgement.worst(name)
-        found |= {f"{name}_{unit}": worst.value, f"{name}_at_m": worst.place, f"{name}_999_{unit}": worst.quantile}
-    cases = judgement.cases.values()
-    shares = [case.utilisation for case in cases if case.utilisation]
-    if shares:
-        found["utilisation_999"], found["utilisation"] = (max(column) for column in zip(*shares, strict=True))
-    for name, lowest in (("buckling", min), ("frequency", min)):
-        known = [value for case in cases if (value := getattr(case, name)) is not None]
-        if known:
-            found[f"{name}{'_hz' if name == 'frequency' else '_factor'}"] = lowest(known)
-    found["reactions_N"] = {name: case.reactions for name, case in judgement.cases.items()}
-    found["imbalance"] = max(case.imbalance for case in cases)
-    found["residual"] = max(case.residual for case in cases)
-    return found
-
-
-def _number(value: float) -> float | int | None:
-    """Infinite and unknown numbers have no place in JSON."""
-    return value if np.isfinite(value) else None

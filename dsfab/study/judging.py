@@ -15,7 +15,6 @@ from dsfab.statics import (
     Ask,
     Elements,
     Equilibrium,
-    SheetStress,
     buckling,
     flat_axis,
     frequencies,
@@ -48,7 +47,7 @@ class Carried:
     """How a sheet answers one load.
 
     compliance, displacement : joules, and metres with its place.
-    tension, compression     : the largest principal stress of the three layers, and minus the smallest, Pa; not under 0.
+    tension, compression     : the largest principal stress of all layers, and minus the smallest, Pa; not under 0.
     stress      : the largest von Mises stress, Pa.      utilisation : over the strength, of `QUANTILE` and at the peak.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.

@@ -1,15 +1,14 @@
-"""Competitors made of stripes, as the design is, but along other directions: of chance, turned, of von Mises, a grid."""
+"""Competitors made of stripes, as the design is, but along other directions: deaf, turned, of von Mises, straight."""
 
 from collections.abc import Callable, Iterable
 from functools import cache, partial
-from itertools import product
 
 import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.design import DiffusionResult
 from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, reference_axes
-from dsfab.pattern import Family, Stripes
+from dsfab.pattern import Family, Stripes, vertex_means
 from dsfab.pipeline.directions import diffusion_step, load_axes
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
@@ -22,6 +21,9 @@ from dsfab.surface.hats import voronoi_mass
 MODES = 3
 """Pairs are made of the first so many modes: where modes repeat, one pair would be a lucky draw."""
 
+PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]
+"""Of the major and of the minor stripes."""
+
 PHASES = (0.0, 0.25, 0.5, 0.75)
 """Periods by which stripes are shifted that have no pairs of modes to choose from."""
 
@@ -30,7 +32,7 @@ TIE = 1e-3
 
 
 def isotropic(brief: Brief) -> list[Variant]:
-    """Stripes of the same frequencies on modes that do not hear the stress (r = 1), of plain width: all pairs of modes."""
+    """Stripes of plain width and the same frequencies on modes that do not hear the stress (r = 1): all pairs."""
     blind = overridden(
         brief.preset,
         {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": brief.share}},
@@ -39,7 +41,7 @@ def isotropic(brief: Brief) -> list[Variant]:
     both = blind.pattern.major, blind.pattern.minor
     alike = both[0].stripes == both[1].stripes and both[0].spacing == both[1].spacing
     # without stress both families have the same modes: (1, 2) is (2, 1) where they are striped alike
-    wanted = (pair for pair in product(range(1, MODES + 1), repeat=2) if not alike or pair[0] <= pair[1])
+    wanted = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return _pairs(brief, blind, diffusion, wanted)
 
 
@@ -54,12 +56,12 @@ def rotated(brief: Brief) -> list[Variant]:
         major, minor = (diffusion_modes(brief.surface, L, MODES, axes) for L in operators)
         return DiffusionResult(tensors, major, minor)
 
-    return _pairs(brief, brief.preset, diffusion, product(range(1, MODES + 1), repeat=2))
+    return _pairs(brief, brief.preset, diffusion, PAIRS)
 
 
 def von_mises(brief: Brief) -> list[Variant]:
     """Stripes of one family on the von Mises stress, of plain width: the paper's answer to "why not follow that?"."""
-    value = as_mode(brief.surface, face_means(brief.surface, brief.statics.answers.stress.largest))
+    value = as_mode(brief.surface, brief.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain, brief, {"von Mises": (value, brief.frequency[0])}, phase))
         for phase in PHASES
@@ -70,10 +72,8 @@ def grid(brief: Brief) -> list[Variant]:
     """Stripes of plain width, straight along the surface's two principal axes, as many as the design has."""
     centred = brief.surface.V - brief.surface.V.mean(axis=0)
     fields = {
-        name: (as_mode(brief.surface, centred @ axis), frequency)
-        for name, axis, frequency in zip(
-            ("along", "across"), principal_axes(brief), brief.frequency, strict=True
-        )
+        name: (scaled(brief.surface, centred @ axis), frequency)
+        for name, axis, frequency in zip(("along", "across"), principal_axes(brief), brief.frequency, strict=True)
     }
     return [Variant(f"phase {phase:g}", partial(_plain, brief, fields, phase)) for phase in PHASES]
 
@@ -88,13 +88,12 @@ def turned(surface: Surface, tensors: DiffusionTensors, angle: float) -> Diffusi
     return DiffusionTensors(major, minor, tensors.isotropic, tensors.principal)
 
 
-def face_means(surface: Surface, face: Floats) -> Floats:
-    """(n,) means of the values (m,) of the faces around each vertex, by area."""
-    sums = np.bincount(surface.F.ravel(), np.repeat(face * surface.areas, 3), surface.n)
-    return np.asarray(sums / np.bincount(surface.F.ravel(), np.repeat(surface.areas, 3), surface.n))
+def as_mode(surface: Surface, face: Floats) -> Floats:
+    """(n,) values of faces (m,) at the vertices, `scaled` like a mode."""
+    return scaled(surface, vertex_means(surface, face))
 
 
-def as_mode(surface: Surface, value: Floats) -> Floats:
+def scaled(surface: Surface, value: Floats) -> Floats:
     """(n,) values of vertices (n,) scaled like a mode (see `dsfab.diffusion.Modes`), so that frequencies mean the same:
     mean 0, and area / 4 pi as the integral of the square."""
     mass = voronoi_mass(surface)

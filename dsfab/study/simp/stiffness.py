@@ -20,7 +20,7 @@ from dsfab.surface import LoadCase, Surface
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """K = sum over the faces of s_f K_f on the free unknowns of constant strain and, unless in the plane, mid-edge bending.
+    """K = sum over the faces of s_f K_f on the free unknowns: constant strain and, out of the plane, mid-edge bending.
 
     blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` where it is held.
     places : (nnz, m) from factors s (m,) to the values of K.     indices, indptr : where they stand.
@@ -40,9 +40,7 @@ class FaceStiffness:
     force: Floats
 
     @classmethod
-    def of(
-        cls, surface: Surface, material: Material, thickness: float, loads: Sequence[LoadCase], law: Law
-    ) -> Self:
+    def of(cls, surface: Surface, material: Material, thickness: float, loads: Sequence[LoadCase], law: Law) -> Self:
         """Raises StaticsError when the supports leave a motion free or a load acts on nothing."""
         axis = flat_axis(surface, *loads)
         elements = Elements("constant", None if axis is not None else "midedge")
@@ -65,9 +63,7 @@ class FaceStiffness:
         force[: 3 * surface.n] = np.stack([load.force.ravel() for load in loads], axis=1)
         points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
         node = np.where(numbers < 3 * surface.n, numbers // 3, numbers - 2 * surface.n)
-        return cls(
-            blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers])
-        )
+        return cls(blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers]))
 
     def matrix(self, scale: Floats) -> csr_array:
         """(count, count) K for the factors `scale` (m,)."""
@@ -96,7 +92,7 @@ class FaceStiffness:
 def face_blocks(
     surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
 ) -> tuple[Floats, Ints]:
-    """(m, c, c) stiffness of each face, N/m, and (m, c) its unknowns: of constant strain, c = 9, and mid-edge bending, 12."""
+    """(m, c, c) stiffness of each face, N/m, and (m, c) its unknowns: c = 9 in the plane, 12 with mid-edge bending."""
     names = ("rotation",) if elements.bending else ()
     columns = elements.columns(surface, *names)
     blocks = np.zeros((surface.m, columns.shape[1], columns.shape[1]))
