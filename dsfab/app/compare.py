@@ -48,7 +48,7 @@ def compare(
     """Compare a design with others of the same mass: a thinner full sheet, stripes that ignore the stress, and more.
 
     Each is solved on its own cut mesh under the same loads. The smaller the compliance, the stiffer. Writes results.csv
-    and results.json.
+    and results.json, and with --volumes a chart of compliance over mass.
 
     Parameters
     ----------
@@ -76,7 +76,8 @@ def compare(
     elif not quiet:
         out("\n\n".join(_text(share, comparison) for share, comparison in found))
         out("one solve each on the cut mesh: fit for comparing, not a verdict on safety")
-        out(f"  {folder / 'results.csv'}\n  {folder / 'results.json'}")
+        files = ("results.csv", "results.json", *(("chart.svg", "chart.png") if len(shares) > 1 else ()))
+        out("\n".join(f"  {folder / name}" for name in files))
     return 0
 
 
@@ -137,6 +138,10 @@ def _write(preset: "Preset", found: "list[tuple[float | None, Comparison]]", fol
     document = json.dumps({**about, "competitors": rows}, indent=2)
     (folder / "results.json").write_text(document + "\n", encoding="utf-8")
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
+    if len({row["volume"] for row in rows}) > 1:
+        from dsfab.app.compare_chart import write_chart
+
+        write_chart(rows, f"{preset.name}: compliance over mass", folder / "chart")
     return document
 
 
