@@ -1,6 +1,7 @@
 """The chart of a comparison at several volumes: compliance over mass, a line for each competitor, as SVG and PNG."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +55,7 @@ def write_chart(rows: Sequence[Row], title: str, path: Path) -> None:
 
 def _save(figure: "Figure", path: Path) -> None:
     figure.savefig(path.with_suffix(".svg"), format="svg", metadata={"Date": None, "Creator": None})
-    figure.savefig(path.with_suffix(".png"), format="png", dpi=140, metadata={"Software": None})
+    figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
 
 
 def _draw(axes: "Axes", rows: Sequence[Row], title: str) -> None:
@@ -81,11 +82,15 @@ def _draw(axes: "Axes", rows: Sequence[Row], title: str) -> None:
     axes.set_xlabel(f"mass, {unit}")
     axes.set_ylabel("compliance over that of the full sheet")
     axes.set_title(title, fontsize=11, loc="left")
-    share = axes.secondary_xaxis("top", functions=(lambda m: 100 * m / whole, lambda p: p * whole / 100))
+    share = axes.secondary_xaxis("top", functions=(partial(_times, 100 / whole), partial(_times, whole / 100)))
     share.set_xlabel("share of the surface, %", fontsize=9)
     axes.grid(True, which="both", color="#dddddd", linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize=9)
+
+
+def _times(factor: float, x: Any) -> Any:
+    return factor * x
 
 
 def _over(row: Row, key: str) -> float:

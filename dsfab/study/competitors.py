@@ -103,6 +103,8 @@ def _judged(judgement: Judgement) -> dict[str, Any]:
         if known:
             found[f"{name}{'_hz' if name == 'frequency' else '_factor'}"] = lowest(known)
     found["reactions_N"] = {name: case.reactions for name, case in judgement.cases.items()}
+    if refusals := [told for case in cases for told in case.refusals]:
+        found["refusals"] = "; ".join(refusals)
     found["imbalance"] = max(case.imbalance for case in cases)
     found["residual"] = max(case.residual for case in cases)
     return found

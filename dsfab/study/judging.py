@@ -52,6 +52,7 @@ class Carried:
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None where they were not asked for or there is none.
+    refusals    : why they could not be found.
     """
 
     compliance: float
@@ -65,6 +66,7 @@ class Carried:
     residual: float
     buckling: float | None = None
     frequency: float | None = None
+    refusals: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -135,8 +137,7 @@ def _carried(
         _reactions(brief, structure, answer),
         answer.imbalance,
         answer.residual,
-        _buckling(brief, structure, load, answer) if ask.buckling else None,
-        _frequency(brief, structure, load) if ask.frequencies else None,
+        *_modes(brief, structure, load, answer, ask),
     )
 
 
@@ -167,22 +168,24 @@ def _reactions(brief: Brief, structure: Structure, answer: Equilibrium) -> tuple
     return tuple(_point((answer.reaction * share).sum(axis=0)) for share in shares)
 
 
-def _buckling(brief: Brief, structure: Structure, load: LoadCase, answer: Equilibrium) -> float | None:
+def _modes(
+    brief: Brief, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
+) -> tuple[float | None, float | None, tuple[str, ...]]:
+    """`buckling`, `frequency` and `refusals` of a `Carried`."""
     statics, surface = brief.preset.statics, structure.sheet.surface
-    given = statics.material, load, answer, structure.thickness, 1
-    try:
-        factors = buckling(surface, *given, law=statics.law, elements=VERDICT).factor
-    except StaticsError:
-        return None
-    return float(factors[0]) if len(factors) else None
-
-
-def _frequency(brief: Brief, structure: Structure, load: LoadCase) -> float | None:
-    statics, surface = brief.preset.statics, structure.sheet.surface
-    given = statics.material, load.fixed, structure.thickness, 1
     clamped = load.clamped if len(load.clamped) else None
-    how: dict[str, Any] = {"law": statics.law, "elements": VERDICT, "clamped": clamped, "spring": load.spring}
+    how: dict[str, Any] = {"law": statics.law, "elements": VERDICT}
+    held: dict[str, Any] = {**how, "clamped": clamped, "spring": load.spring}
+    factor, hertz, refusals = np.empty(0), np.empty(0), []
     try:
-        return float(frequencies(surface, *given, **how).hertz[0])
-    except StaticsError:
-        return None
+        if ask.buckling:
+            factor = buckling(surface, statics.material, load, answer, structure.thickness, 1, **how).factor
+    except StaticsError as error:
+        refusals.append(f"no buckling factor: {error}")
+    try:
+        if ask.frequencies:
+            hertz = frequencies(surface, statics.material, load.fixed, structure.thickness, 1, **held).hertz
+    except StaticsError as error:
+        refusals.append(f"no natural frequency: {error}")
+    lowest = [float(found[0]) if len(found) else None for found in (factor, hertz)]
+    return lowest[0], lowest[1], tuple(refusals)

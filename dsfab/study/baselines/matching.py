@@ -1,6 +1,7 @@
 """Cutting a competitor until it has the mass that is asked for, to a thousandth."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from dsfab.errors import PatternError
 from dsfab.pattern import Family, Layer
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import SHARE_SNAP, drawn, striped_families
+from dsfab.pipeline.patterns import drawn, striped_families
 from dsfab.preset import Preset
 from dsfab.slicing import material_area
 from dsfab.study.baselines.brief import Brief, Structure
@@ -23,8 +24,11 @@ DRAWN = 0.3
 ROUNDS = 6
 """How often more is asked for to make up for what is dropped."""
 
-Drawing = Callable[[float, float], Sequence[Layer]]
-"""(share of the surface, tolerance) -> what to cut, with that share of material."""
+FINE = 0.01
+"""Snap fraction of a second try: values that are snapped to a level make the area jump, on coarse meshes by more."""
+
+Drawing = Callable[[Brief, float, float], Sequence[Layer]]
+"""(brief, share of the surface, tolerance) -> what to cut, with that share of material."""
 
 
 def matched(brief: Brief, drawing: Drawing) -> Structure:
@@ -34,9 +38,17 @@ def matched(brief: Brief, drawing: Drawing) -> Structure:
 
     Raises PatternError where the area cannot be met.
     """
+    try:
+        return _matched(brief, drawing)
+    except PatternError:
+        slicing = brief.preset.slicing.model_copy(update={"snap": min(FINE, brief.preset.slicing.snap)})
+        return _matched(replace(brief, preset=brief.preset.model_copy(update={"slicing": slicing})), drawing)
+
+
+def _matched(brief: Brief, drawing: Drawing) -> Structure:
     ask, nearest = brief.share, float("inf")
     for _ in range(ROUNDS):
-        made = sliced(brief, drawing(ask, DRAWN * SAME_MASS * brief.share))
+        made = sliced(brief, drawing(brief, ask, DRAWN * SAME_MASS * brief.share))
         off = made.sheet.surface.area / brief.area - 1
         if abs(off) <= SAME_MASS:
             return made
@@ -60,7 +72,7 @@ def sliced(brief: Brief, layers: Sequence[Layer]) -> Structure:
 def area_share(brief: Brief, layers: Sequence[Layer]) -> float:
     """The share of the surface that layers make material."""
     fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
-    return material_area(brief.surface, fields, levels, SHARE_SNAP) / brief.surface.area
+    return material_area(brief.surface, fields, levels, brief.preset.slicing.snap) / brief.surface.area
 
 
 def striped(brief: Brief, preset: Preset, diffusion: DiffusionResult) -> Structure:
@@ -73,7 +85,7 @@ def widened(brief: Brief, preset: Preset, families: Sequence[Family]) -> Structu
     """Families of stripes by the width rule of a preset, as wide as the area of the brief asks."""
     factor = 0.0
 
-    def drawing(share: float, tolerance: float) -> Sequence[Layer]:
+    def drawing(brief: Brief, share: float, tolerance: float) -> Sequence[Layer]:
         nonlocal factor
         width = preset.pattern.width.model_copy(update={"solid_fraction": share})
         asked = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})

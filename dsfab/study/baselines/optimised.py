@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.errors import PatternError
 from dsfab.pattern import Layer, solved_factor, vertex_means
 from dsfab.study.baselines.brief import Brief, Structure, Variant
 from dsfab.study.baselines.matching import area_share, matched
@@ -14,7 +15,7 @@ from dsfab.study.simp import Densities, Simp, densities
 
 def simp(brief: Brief) -> list[Variant]:
     """Densities of the same area by SIMP, cut where they exceed the value that gives that area."""
-    return [Variant("", lambda: level_line(brief, optimised(brief).density))]
+    return [Variant("", lambda: _cut(brief, optimised(brief)))]
 
 
 def optimised(brief: Brief, ask: Simp | None = None) -> Densities:
@@ -26,10 +27,20 @@ def optimised(brief: Brief, ask: Simp | None = None) -> Densities:
 
 def level_line(brief: Brief, density: Floats) -> Structure:
     """The structure where densities of faces (m,), averaged around the vertices, exceed one value."""
-    return matched(brief, partial(_drawing, brief, vertex_means(brief.surface, density)))
+    return matched(brief, partial(_drawing, vertex_means(brief.surface, density)))
 
 
-def _drawing(brief: Brief, field: Floats, share: float, tolerance: float) -> Sequence[Layer]:
+def _cut(brief: Brief, found: Densities) -> Structure:
+    """`level_line`; where it falls apart, the reason tells how much was left grey."""
+    try:
+        return level_line(brief, found.density)
+    except PatternError as error:
+        raise PatternError(
+            f"{error}; SIMP left {found.grey(brief.surface):.0%} of the area neither void nor material"
+        ) from None
+
+
+def _drawing(field: Floats, brief: Brief, share: float, tolerance: float) -> Sequence[Layer]:
     """What is kept, and where a field (n,) exceeds the value that makes `share` of the surface material."""
     high, low = float(field.max()), float(field.min())
     margin = 1e-3 * (high - low)

@@ -13,6 +13,9 @@ from dsfab.study.simp.filtering import face_filter, filtered_sensitivity
 from dsfab.study.simp.stiffness import FaceStiffness
 from dsfab.surface import LoadCase, Surface
 
+GREY = 0.1
+"""Densities nearer than this to 0 or 1 count as void or material."""
+
 BISECTED = 1e-6
 """The Lagrange multiplier of the area is found to this share."""
 
@@ -79,6 +82,15 @@ class Densities:
     def compliance(self) -> float:
         """Joules, of the last densities but one, as the method itself counts it."""
         return float(self.history[-1])
+
+    def grey(self, surface: Surface) -> float:
+        """The share of the area whose density is in between, from 0.1 to 0.9: neither void nor material.
+
+        Large where both principal stresses are as large and of opposite sign, as on a sphere pressed at its pole: there
+        an even grey is stable whatever the start, for what a rib gains along itself it loses across.
+        """
+        between = (self.density > GREY) & (self.density < 1 - GREY)
+        return float(surface.areas @ between) / surface.area
 
 
 def densities(
