@@ -72,9 +72,9 @@ def _draw(axes: "Axes", rows: Sequence[Row], title: str) -> None:
         told = NAMES[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
         axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=wide, label=told)
         if name == "isotropic" and told == NAMES[name]:
-            reach = [[_over(row, key) for row in mine] for key in ("variants_best", "variants_worst")]
+            low, high = ([_over(row, f"variants_{key}") for row in mine] for key in ("best", "worst"))
             axes.fill_between(
-                mass, *reach, color=colour, alpha=0.13, linewidth=0, label="isotropic, all pairs that carry"
+                mass, low, high, color=colour, alpha=0.13, linewidth=0, label="isotropic, all pairs that carry"
             )
     axes.set_yscale("log")
     for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
