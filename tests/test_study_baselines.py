@@ -55,6 +55,10 @@ def test_tensors_turn_in_the_tangent_plane_and_keep_their_values(brief):
     assert twice.major == pytest.approx(tensors.minor, abs=1e-9)  # a quarter turn swaps the families
     assert np.linalg.eigvalsh(once.major) == pytest.approx(np.linalg.eigvalsh(tensors.major), abs=1e-9)
     assert np.abs(once.major @ surface.normals[:, :, None]).max() < 1e-9
+    third = turned(surface, tensors, np.pi / 6).major
+    c, t = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    R = np.array([[c, -t, 0.0], [t, c, 0.0], [0.0, 0.0, 1.0]])
+    assert third == pytest.approx(R @ tensors.major @ R.T, abs=1e-9)  # the plate's normals point up
     shear = np.abs(once.major - tensors.major).max(axis=(1, 2))[~tensors.isotropic]
     assert shear.min() > 40  # r = 100: the diagonal terms become the mean, 50.5
 
