@@ -1,0 +1,59 @@
+"""How a compliance follows from those on two or three meshes, and how far off it may be: calibrated, not proven.
+
+The numbers were fitted on the random designs of `dsfab.study.verdict.calibration`, whose table ships with dsfab.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+CONVERGED = 0.02
+"""A compliance counts as known within this bound."""
+
+STEP = 2.0
+"""Each refinement takes the error to 1 / (1 + STEP) of what it was: the value is c1 + (c1 - c0) / STEP."""
+
+OF_STEP = 0.6
+"""The bound is at least this share of the last step |c1 - c0|."""
+
+OF_SPREAD = 0.1
+"""And at least this share of the spread against quadratic + midedge."""
+
+OF_RECOVERY = 0.1
+"""And at least this share of the recovery error, membrane and bending together."""
+
+FLOOR = 0.003
+"""And never less than this: what differs between the smooth surfaces that one mesh may stand for."""
+
+ONE_MESH = 0.06
+"""Bound of quadratic + hhj on the cut mesh alone."""
+
+QUICK = {True: (0.03, 0.06), False: (0.04, 0.15)}
+"""Error of the quick level (quadratic + midedge, as cut) in the plane and out of it: the median, and what nine in ten
+designs keep."""
+
+MEMBER = 4.0
+"""Fewer edges of the uncut mesh across a member are told."""
+
+FACETS = 0.2
+"""Larger L^2 / (R h) of the uncut mesh is told: flat facets are off by 1 % there."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """value : compliance, J.  bound : half width of its interval, over the value."""
+
+    value: float
+    bound: float
+
+
+def estimate(values: Sequence[float], spread: float, recovery: float) -> Estimate:
+    """From compliances by quadratic + hhj on one or more meshes, each of four times the triangles, coarse to fine.
+
+    spread : against quadratic + midedge on the finest where both were solved.    recovery : ZZ on the finest mesh.
+    """
+    if len(values) < 2:
+        return Estimate(values[0], max(ONE_MESH, OF_SPREAD * abs(spread)))
+    step = values[-1] - values[-2]
+    value = values[-1] + step / STEP
+    off = max(OF_STEP * abs(step) / value, OF_SPREAD * abs(spread), OF_RECOVERY * recovery, FLOOR)
+    return Estimate(value, off)
