@@ -72,7 +72,7 @@ def _verdict(climb: Climb, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: 
     first = cases[0]
     reason = first.reason if len(cases) == 1 else f"{first.name}: {first.reason}"
     across = members(sheet) / surface.mean_edge
-    facets = 8 * float(np.median(np.linalg.norm(climb.smooth.bulge, axis=1))) / thickness
+    facets = facets_of(climb.smooth, thickness)
     warnings = tuple(_warnings(across, facets))
     return Verdict(
         climb.depth,
@@ -94,6 +94,11 @@ def members(sheet: Sheet) -> float:
     ends = surface.V[surface.edges.ends[surface.edges.boundary]]
     length = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
     return 2 * surface.area / length if length else float("inf")
+
+
+def facets_of(smooth: SmoothSurface, thickness: float) -> float:
+    """L^2 / (R h) of the flat faces: eight times how far the middle of an edge is off its chord, the median."""
+    return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 
 def _warnings(across: float, facets: float) -> list[str]:

@@ -1,7 +1,8 @@
 """`Climb`: a sheet solved on finer and finer meshes until its compliance is known, or something stops it."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import islice
 
 from dsfab.arrays import Floats
 from dsfab.errors import DsfabError
@@ -10,7 +11,7 @@ from dsfab.slicing import Sheet
 from dsfab.sparse import NotPositiveDefinite
 from dsfab.statics import Elements, flat_axis
 from dsfab.study.verdict import rules
-from dsfab.study.verdict.finer import finer, on_mesh, shares
+from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.levels import HHJ, MIDEDGE, Level, level, memory_needed
 from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.structure import Structure
@@ -41,7 +42,8 @@ class Climb:
     def up(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
         """Solve what is needed. loads : on the sheet, as they are handed to it."""
         forces = shares(sheet, loads)
-        for mesh in self._meshes(sheet):
+        bent = islice(meshes(sheet, self.smooth), LEVELS)
+        for mesh in [sheet] if self.depth == "quick" else bent:
             if told := self._too_large(mesh.surface):
                 self.stopped = "unknown", told
                 return
@@ -62,15 +64,6 @@ class Climb:
     def plane(self) -> bool:
         """Whether the sheet is solved in its plane."""
         return flat_axis(self.structure.surface, *self.structure.loads.values()) is not None
-
-    def _meshes(self, sheet: Sheet) -> Iterator[Sheet]:
-        if self.depth == "quick":
-            yield sheet
-            return
-        mesh = replace(sheet, surface=Surface(self.smooth.points(sheet.weights), sheet.surface.F))
-        yield mesh
-        for _ in range(LEVELS - 1):
-            yield (mesh := finer(mesh, self.smooth))
 
     @property
     def _pair(self) -> Elements:

@@ -1,6 +1,6 @@
 """A cut sheet and its loads on finer and finer meshes: the same structure, every triangle in four."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -31,6 +31,14 @@ def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
     parts = [np.stack([F[:, k], mid[:, k], mid[:, k - 1]], axis=1) for k in range(3)]
     surface = Surface(smooth.points(weights), np.concatenate([*parts, mid]))
     return Sheet(surface, np.tile(sheet.parent, 4), np.tile(sheet.family, 4), weights)
+
+
+def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
+    """The cut mesh with its points on the smooth surface, then finer and finer ones, without end."""
+    mesh = replace(sheet, surface=Surface(smooth.points(sheet.weights), sheet.surface.F))
+    while True:
+        yield mesh
+        mesh = finer(mesh, smooth)
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Floats]:

@@ -15,10 +15,10 @@ STEP = 2.0
 OF_STEP = 0.6
 """The bound is at least this share of the last step |c1 - c0|."""
 
-OF_SPREAD = 0.1
+OF_SPREAD = 0.2
 """And at least this share of the spread against quadratic + midedge."""
 
-OF_RECOVERY = 0.1
+OF_RECOVERY = 0.25
 """And at least this share of the recovery error, membrane and bending together."""
 
 FLOOR = 0.003

@@ -11,7 +11,9 @@ from dsfab.design import Design
 from dsfab.errors import StaticsError
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.slicing import Sheet
-from dsfab.statics import Law, Material
+from dsfab.statics import Law, Material, flat_axis
+from dsfab.statics.mechanisms import require_held
+from dsfab.statics.supports import all_clamped
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 
@@ -58,7 +60,8 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached(structure: Structure, material: Sheet) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """What of the material reaches a support over edges, what does not (largest first), and the loads on what does.
 
-    Raises StaticsError when nothing is held, when a load stands on a piece that is not, and when it finds no material.
+    Raises StaticsError when nothing is held, when a load stands on a piece that is not or finds no material, and when
+    the supports leave a motion free.
     """
     s, held = material.surface, next(iter(structure.loads.values())).held
     count, label = pieces(s.F, s.edges)
@@ -72,4 +75,15 @@ def attached(structure: Structure, material: Sheet) -> tuple[Sheet, tuple[Droppe
         x, y, z = s.centroids[int((label == k).argmax())].tolist()
         dropped.append(Dropped(float(area[k]), (x, y, z)))
     sheet = material.kept(reach[label]) if loose else material
-    return sheet, tuple(dropped), sheet_loads(structure.surface, material, sheet, structure.loads)
+    loads = sheet_loads(structure.surface, material, sheet, structure.loads)
+    _require_held(sheet.surface, loads)
+    return sheet, tuple(dropped), loads
+
+
+def _require_held(surface: Surface, loads: Mapping[str, LoadCase]) -> None:
+    """Raise StaticsError for a sheet that can move without deforming."""
+    load, axis = next(iter(loads.values())), flat_axis(surface, *loads.values())
+    fixed = load.fixed.copy()
+    if axis is not None:
+        fixed[:, axis] = True
+    require_held(surface, load, fixed, all_clamped(load, None))
