@@ -11,7 +11,19 @@ from dsfab.app.report import Reporter, out, table
 if TYPE_CHECKING:
     from dsfab.study.verdict.calibration import Row
 
-HEAD = ("design", "width", "share", "triangles", "edges/member", "facets", "meshes", "bound", "error", "", "quick error")
+HEAD = (
+    "design",
+    "width",
+    "share",
+    "triangles",
+    "edges/member",
+    "facets",
+    "meshes",
+    "bound",
+    "error",
+    "",
+    "quick error",
+)
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
@@ -19,8 +31,8 @@ def calibrate(folder: Path, as_json: bool) -> int:
 
     Exit code 1 when less than 95 % of the designs lie inside their bound.
     """
-    from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
+    from dsfab.study.verdict.trials import calibrate as measured
 
     reporter = Reporter(quiet=as_json)
     try:

@@ -21,7 +21,7 @@ from dsfab.surface import LoadCase, Surface
 LEVELS = 3
 """Meshes at most: the cut mesh and two refinements."""
 
-COUNT = {1: "one mesh", 2: "two levels", 3: "three levels"}
+COUNT = {2: "two levels", 3: "three levels"}
 
 
 @dataclass
@@ -92,20 +92,20 @@ class Climb:
         last, values = self.levels[-1], [one.compliance[name] for one in self.levels]
         errors = last.zz_membrane[name], last.zz_bending[name]
         if self.depth == "quick":
-            typical, most = rules.QUICK[self.plane]
+            typical, most = rules.QUICK
             told = f"one solve on the cut mesh: typically within {percent(typical)}, nine in ten within {percent(most)}"
             return CaseVerdict(name, values[0], most, "unknown", told, 0.0, *errors)
         both = [one.midedge[name] / one.compliance[name] - 1 for one in self.levels if one.midedge]
         spread = both[-1] if both else 0.0
         found = rules.estimate(values, spread, sum(errors))
         known = len(values) > 1 and found.bound <= rules.CONVERGED
-        status: Status = "pass" if known else "unknown"
-        count = COUNT[len(values)]
-        told = "converged within" if known else "not converged:"
-        after = "" if known else f" after {count}"
-        return CaseVerdict(
-            name, found.value, found.bound, status, f"{told} {percent(found.bound)}{after}", spread, *errors
-        )
+        if len(values) == 1:
+            told = f"{percent(found.bound)} by the recovery error of one mesh, which alone shows no convergence"
+        elif known:
+            told = f"converged within {percent(found.bound)}"
+        else:
+            told = f"not converged: {percent(found.bound)} after {COUNT[len(values)]}"
+        return CaseVerdict(name, found.value, found.bound, "pass" if known else "unknown", told, spread, *errors)
 
 
 def percent(share: float) -> str:
