@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dsfab
+from dsfab.app.verify import verify
 from dsfab.slicing import cut
 from dsfab.statics import Material
 from dsfab.study.verdict import Sheeting, Structure, check, whole_sheet
@@ -151,17 +152,20 @@ def test_points_of_finer_meshes_lie_on_the_sphere_and_flat_and_creased_faces_sta
     assert 0 < np.linalg.norm(strip.bulge, axis=1).max() < 0.01
 
 
-def test_a_design_in_the_plane_is_judged_and_the_quick_level_says_what_it_is(cantilever):
-    verdict, quick = check(cantilever), check(cantilever, depth="quick")
+def test_a_design_in_the_plane_is_judged_and_the_quick_level_says_what_it_is():
+    row = next(row for row in shipped_table() if row.kind == "cantilever" and row.seed == 3)
+    design = random_design("cantilever", 3)
+    verdict, quick = check(design), check(design, depth="quick")
     assert verdict.status == "pass"
     assert verdict.reason.startswith("converged within")
     values = [one.compliance["load"] for one in verdict.levels]
-    assert sorted(values) == values  # stiffer elements soften as they shrink
-    assert verdict.value > values[-1]
-    assert [one.triangles for one in verdict.levels[:2]] == [cantilever.sheet.surface.m, 4 * cantilever.sheet.surface.m]
+    assert [one.triangles for one in verdict.levels] == [design.sheet.surface.m, 4 * design.sheet.surface.m]
+    assert values[0] < values[1] < verdict.value  # stiff elements soften as they shrink
+    assert abs(verdict.value - row.truth) <= verdict.bound * verdict.value
     assert quick.status == "unknown"
     assert quick.reason.startswith("one solve on the cut mesh: typically within")
-    assert quick.value == pytest.approx(verdict.value, rel=0.1)  # members are less than an edge wide
+    assert quick.value == pytest.approx(row.quick, rel=1e-4)
+    assert quick.value == pytest.approx(verdict.value, rel=quick.bound)
     assert len(quick.levels) == 1
     assert "edges of the uncut mesh wide" in verdict.warnings[0]
     told = json.loads(json.dumps(verdict.record(), allow_nan=False))
@@ -291,3 +295,20 @@ def test_calibrating_takes_the_next_draw_where_one_falls_apart(monkeypatch):
     rows = list(calibrate(1, lambda kind, seed: seeds.append(seed)))
     assert rows[0].seed == seeds[-1]
     assert len(rows) == 1
+
+
+def test_verify_writes_the_calibration_and_fails_when_bounds_do_not_hold(monkeypatch, tmp_path, capsys):
+    rows = shipped_table()
+    monkeypatch.setattr("dsfab.study.verdict.trials.calibrate", lambda told: rows)
+    assert verify(calibration=True, out_=tmp_path) == 0
+    text = capsys.readouterr().out
+    assert f"verdicts on {sum(row.tested for row in rows)} random designs: " in text
+    assert "cantilever: verdicts on" in text
+    told = json.loads((tmp_path / "calibration.json").read_text(encoding="utf-8"))
+    assert told["summary"]["inside"] >= 0.95
+    assert len(told["designs"]) == len(rows)
+    assert read_table((tmp_path / "calibration.csv").read_text(encoding="utf-8")) == rows
+    outside = replace(rows[0], compliance=(1.0, 1.0, 1.2, 1.25), midedge=1.0, recovery=(0.0, 0.0, 0.0, 0.0))
+    monkeypatch.setattr("dsfab.study.verdict.trials.calibrate", lambda told: [outside])
+    assert verify(calibration=True, json_=True, out_=tmp_path) == 1
+    assert json.loads(capsys.readouterr().out)["summary"]["inside"] == 0
