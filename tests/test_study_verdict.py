@@ -253,6 +253,7 @@ def test_the_bound_follows_the_largest_of_what_is_known():
     for other in ([0.9, 1.0], 0.0, 0.0), ([1.0, 1.0], 0.5, 0.0), ([1.0, 1.0], 0.0, 0.5):
         assert estimate(*other).bound > 0.05
     assert estimate([1.0], 0.0, 0.05).bound > 0.05
+    assert estimate([1.0, 1.0, 1.0], 0.5, 0.0).bound == pytest.approx(estimate([1.0, 1.0], 0.5, 0.0).bound / 2)
 
 
 def test_the_shipped_table_keeps_what_the_bounds_promise():
@@ -263,6 +264,8 @@ def test_the_shipped_table_keeps_what_the_bounds_promise():
     told = summary(rows)
     assert told.inside >= 0.95
     assert told.median_bound < 0.02
+    alone = [(row, estimate(row.compliance[:1], 0.0, row.recovery[0])) for row in rows]
+    assert np.mean([abs(row.truth - one.value) <= one.bound * one.value for row, one in alone]) >= 0.95
     assert told.quick_median <= QUICK[0]
     assert told.quick_most <= QUICK[1]
     assert read_table(table_text(rows)) == rows
