@@ -25,8 +25,8 @@ FLOOR = 0.003
 """And never less than this: the truth in the table is itself known to 0.1 or 0.2 % only."""
 
 ONE_MESH = 1.6
-"""Where one mesh alone was solved, the bound is at least this multiple of its recovery error. It is told, and held in 19 of
-20 designs, but a compliance is never called converged by one mesh."""
+"""Where one mesh alone was solved, the bound is at least this multiple of its recovery error. It is told (19 of 20
+designs keep it), but a compliance is never called converged by one mesh."""
 
 QUICK = (0.03, 0.08)
 """Error of the quick level (quadratic + midedge, as cut): the median, and what nine in ten designs keep."""
