@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from dsfab.app.report import Reporter, out, table
+from dsfab.app.verify_calibration import summary_text
 
 if TYPE_CHECKING:
     from dsfab.study.verification import Row, Test
@@ -31,7 +32,10 @@ def verify(
     list_: Annotated[bool, Parameter(name="--list", negative=(), help="List tests and sources only.")] = False,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
     page: Annotated[bool, Parameter(negative=(), help="Write a page of plots as well: index.html.")] = False,
-    out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder of the page.")] = PAGE,
+    calibration: Annotated[
+        bool, Parameter(negative=(), help="Measure the bounds of verdicts on random designs anew (15 min).")
+    ] = False,
+    out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder of the page and the calibration.")] = PAGE,
 ) -> int:
     """Solve plates, beams, shells and vessels with known answers, and say how near each pair of elements comes.
 
@@ -45,6 +49,10 @@ def verify(
     from dsfab.statics import VERDICT, Elements
     from dsfab.study import verification
 
+    if calibration:
+        from dsfab.app.verify_calibration import calibrate
+
+        return calibrate(out_, json_)
     chosen = verification.choose(tests)
     if list_:
         out("\n".join(f"{test.name:<41} {test.source}" for test in chosen))
@@ -85,6 +93,7 @@ def _cells(row: "Row") -> tuple[str, ...]:
 def _remarks(tests: Sequence["Test"], rows: Sequence["Row"]) -> list[str]:
     """Below the table: known shortfalls, targets, the spread between patterns, and the standing against others."""
     from dsfab.statics import VERDICT
+    from dsfab.study.verdict.calibration import shipped_table
     from dsfab.study.verification import pattern_spread, shortfalls, standings
 
     lines = [f"{name}: {text}" for name, text in shortfalls(rows).items()]
@@ -99,4 +108,4 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["Row"]) -> list[str]:
     if counts:
         told = ", ".join(f"{outcome} {counts[outcome]}" for outcome in ("better", "alike", "worse") if counts[outcome])
         lines.append(f"{VERDICT} against {counts.total()} published values, at equal unknowns or cells: {told}")
-    return lines
+    return [*lines, summary_text(shipped_table())]
