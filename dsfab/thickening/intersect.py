@@ -17,12 +17,18 @@ FOLDED = -0.9
 """Neighbours over an edge whose normals have a larger cosine cannot lie on each other."""
 
 
-def intersecting_pairs(V: Floats, F: Ints) -> Ints:
+def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     """(k, 2) pairs of faces, in ascending order, that meet elsewhere than in what their corners share.
 
     V : (n, 3) any unit, F : (m, 3) an oriented manifold. Touching counts as meeting: so do, here and not
     in CGAL, points at one place under two indices, and the neighbours of a face without area.
+    among : (m,) look at pairs of these faces only, because the others are known to meet none (see `apart`).
     """
+    if among is not None and not among.all():
+        which = np.flatnonzero(among)
+        used, corner = np.unique(F[which], return_inverse=True)
+        found = intersecting_pairs(V[used], corner.reshape(-1, 3)) if len(which) else np.empty((0, 2), dtype=np.int64)
+        return np.asarray(which[found])
     V, F = np.array(V, dtype=np.float64), np.array(F, dtype=np.int64)
     _, found, _ = igl.predicates.find_self_intersections(V, F)
     apart = np.asarray(found, dtype=np.int64).reshape(-1, 2)
