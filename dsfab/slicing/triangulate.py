@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, sorted_order
 from dsfab.slicing.cells import Cells
 
 LARGEST = 9
@@ -32,7 +32,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
             triangles.append(T)
             owners.append(owner[row])
     T, owner = np.concatenate(triangles), np.concatenate(owners)
-    order = np.argsort(owner, kind="stable")
+    order = sorted_order(owner)
     return T[order], owner[order]
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, grouped
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import misoriented_edges
 from dsfab.thickening.offset import SHIFT, Side
@@ -123,11 +123,13 @@ def _boxes(layer: Layer, off: float, count: int) -> _Boxes:
     width = max(2.1 * reach.max(), *least)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
     shape = place.max(axis=0) + REACH + 1
-    key, of = np.unique(np.ravel_multi_index(tuple(place.T), tuple(shape)), return_inverse=True)
+    flat = np.ravel_multi_index(tuple(place.T), tuple(shape))
+    order, begins, of = grouped(flat)
+    key = flat[order[begins]]
     grid = np.full(shape, -1)
     grid.ravel()[key] = np.arange(len(key))
-    centre = np.stack([np.bincount(of, column) for column in middle.T], axis=1) / np.bincount(of)[:, None]
-    axis = np.stack([np.bincount(of, column) for column in uncut.normals.T], axis=1)
+    centre: Floats = np.stack([np.bincount(of, column) for column in middle.T], axis=1) / np.bincount(of)[:, None]
+    axis: Floats = np.stack([np.bincount(of, column) for column in uncut.normals.T], axis=1).astype(np.float64)
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), np.finfo(float).tiny)
     radius = np.zeros(len(key))
     np.maximum.at(radius, of, np.linalg.norm(middle - centre[of], axis=1) + reach)
@@ -221,8 +223,10 @@ def _rims(uncut: Surface, boxes: _Boxes, good: Bools) -> list[tuple[Ints, Ints]]
     here, beyond = boxes.of[h // 3], boxes.of[g // 3]
     crosses = here != beyond
     h, here, beyond = h[crosses], here[crosses], beyond[crosses]
-    ways, way = np.unique(boxes.place[beyond] - boxes.place[here], axis=0, return_inverse=True)
-    found = []
+    moved = boxes.place[beyond] - boxes.place[here]
+    span = 2 * np.abs(moved).max(initial=0) + 1
+    order, begins, way = grouped((moved + span // 2) @ np.array([span**2, span, 1]))
+    ways, found = moved[order[begins]], []
 
     def collect(h: Ints, step: Ints) -> None:
         box = boxes.near(boxes.of[h // 3], step)
@@ -230,7 +234,7 @@ def _rims(uncut: Surface, boxes: _Boxes, good: Bools) -> list[tuple[Ints, Ints]]
         found.append((box[here], h[here]))
 
     for k, d in enumerate(ways):
-        mine = h[way.ravel() == k]
+        mine = h[way == k]
         for step in _steps():
             if np.abs(step - d).max() > REACH:
                 collect(mine, step)

@@ -8,7 +8,7 @@ tube without any, 41 of 71 overlooked on meshes of 1e-6 m; CGAL and this module 
 import igl.predicates
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, sorted_order
 
 CLEAR = 1e-12
 """Unit vectors whose product with a separating direction is larger are on their side whatever rounding did."""
@@ -43,7 +43,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     s, a, b = (np.roll(F, -k, axis=1).ravel() for k in range(3))
     ahead, behind = _unit(V[a] - V[s]), _unit(V[b] - V[s])
     middle = _unit(ahead + behind)
-    corner = np.argsort(s, kind="stable")
+    corner = sorted_order(s)
     around = s[corner]
     at, hits = np.arange(len(corner)), []
     for distance in range(1, len(corner)):  # as often as the busiest vertex has faces
@@ -115,7 +115,7 @@ def _over_edges(V: Floats, F: Ints) -> Ints:
     """Pairs that share an edge and are folded flat onto each other."""
     p, q, apex = F.ravel(), np.roll(F, -1, axis=1).ravel(), np.roll(F, 1, axis=1).ravel()
     n = len(V)
-    order = np.argsort(np.minimum(p, q) * n + np.maximum(p, q), kind="stable")
+    order = sorted_order(np.minimum(p, q) * n + np.maximum(p, q))
     h, g = order[:-1], order[1:]
     twins = (p[h] == q[g]) & (q[h] == p[g])
     h, g = h[twins], g[twins]

@@ -21,6 +21,10 @@ VOLUME_TOLERANCE = 1e-9
 """Agreement of our volume with manifold3d's, as a share of area times size: both only round."""
 
 
+CHUNK = 1 << 15
+"""Faces measured together."""
+
+
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A closed triangle mesh, ready to be built.
@@ -47,14 +51,24 @@ class Solid:
     @cached_property
     def volume(self) -> float:
         """Enclosed volume, cubic metres: signed tetrahedra from the middle of the box (no digits are lost far out)."""
-        a, b, c = (self.V[self.F[:, i]] - self.box.mean(axis=0) for i in range(3))
-        return float(np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
+        return self._volume_and_area[0]
 
     @cached_property
     def area(self) -> float:
         """Area of the whole boundary, square metres."""
-        a, b, c = (self.V[self.F[:, i]] for i in range(3))
-        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+        return self._volume_and_area[1]
+
+    @cached_property
+    def _volume_and_area(self) -> tuple[float, float]:
+        """A few faces at a time: that is faster, and needs little memory."""
+        V, volume, area = np.ascontiguousarray((self.V - self.box.mean(axis=0)).T), 0.0, 0.0
+        for k in range(0, len(self.F), CHUNK):
+            a, b, c = (V[:, corner] for corner in self.F[k : k + CHUNK].T)
+            (x, y, z), (u, v, w) = b - a, c - a
+            N = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+            volume += float((a * N).sum()) / 6
+            area += float(np.sqrt((N**2).sum(axis=0)).sum()) / 2
+        return volume, area
 
     @cached_property
     def box(self) -> Floats:

@@ -61,11 +61,11 @@ def one(triangles: int) -> None:
     layer = Layer(surface, offset.D, whole.surface, whole.carry(offset.D), whole.parent)
     proven = timed("proof", lambda: apart(layer))[whole.material]
     solid = timed("thickening", lambda: thicken(sheet.surface, D, proven=proven))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     timed("test unproven", lambda: intersecting_pairs(solid.V, solid.F))
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))
     timed("of it: manifold3d", lambda: manifold3d.Manifold(mesh).status())
     total = sum(seconds[row] for row in ROWS[:STAGES])
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     cells_ = " ".join(f"{seconds[row]:18.2f}" for row in ROWS)
     print(f"{len(solid.F):10,} {cells_} {total:7.2f} {peak:6.2f} {solid.repairs.pairs:6}", flush=True)
 
