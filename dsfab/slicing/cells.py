@@ -52,6 +52,12 @@ class Cells:
         on = active[self.owner]
         return self.corner[on], self.corner[self.following[on]]
 
+    def some(self, which: Ints) -> "Cells":
+        """The polygons (k,) of this list alone."""
+        sizes = self.sizes[which]
+        start = np.concatenate([[0], np.cumsum(sizes)])
+        return Cells(start, self.corner[np.repeat(self.start[which] - start[:-1], sizes) + np.arange(start[-1])])
+
     def areas(self, X: Floats) -> tuple[Floats, Floats]:
         """(c,) areas of the polygons, and (c,) the squared distance of the farthest corner from the first."""
         spoke = X[self.corner] - np.repeat(X[self.corner[self.start[:-1]]], self.sizes, axis=0)

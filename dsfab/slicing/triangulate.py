@@ -52,6 +52,8 @@ def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     i---j
     """
     g, size = polygons.shape
+    if size == 3:
+        return polygons, np.arange(g)
     P = X[polygons]
     best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
     apex = np.zeros((size, size, g), dtype=np.int64)

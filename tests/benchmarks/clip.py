@@ -10,6 +10,7 @@ Ours are all cells, void ones too, on shared vertices; VTK's are material only, 
 
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -50,9 +51,10 @@ def by_vtk(surface: Surface, fields: list[np.ndarray], levels: list[np.ndarray])
     area = 0.0
     for k, at in enumerate(levels):
         limits = np.concatenate([[-np.inf], at, [np.inf]])
-        bands = [band(left, str(k), low, high) for low, high in zip(limits[:-1], limits[1:], strict=True)]
+        bands = [band(left, str(k), low, high) for low, high in pairwise(limits)]
         area += sum(piece.triangulate().area for piece in bands[1::2])
-        left = pv.append_polydata(*(piece for piece in bands[::2] if piece.n_cells)) if k == 0 else left
+        first, *others = [piece for piece in bands[::2] if piece.n_cells]
+        left = first.append_polydata(*others)
     return area
 
 
