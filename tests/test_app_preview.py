@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_erosion
 
 from dsfab.app import gl, light, marks, preview
+from dsfab.app.edges import edges
 from dsfab.app.lettering import length_label, round_length
 from dsfab.app.palette import PAPER
 from dsfab.app.preview import picture, write_picture
@@ -263,14 +264,14 @@ def test_edges_are_drawn_where_faces_meet_and_not_along_a_slope() -> None:
     up, side = np.array([127, 127, 255], dtype=np.uint8), np.array([255, 127, 127], dtype=np.uint8)
     slope = np.tile(np.linspace(2, 3, 20, dtype=np.float32), (20, 1))
     level = np.broadcast_to(up, (20, 20, 3))
-    assert light.edges(Pixels(slope, level, level), 0.01).max() == 0
+    assert edges(Pixels(slope, level, level), 0.01).max() == 0
     stepped = slope + np.where(np.arange(20) < 10, 0, 1).astype(np.float32)
-    lines = light.edges(Pixels(stepped, level, level), 0.01)
+    lines = edges(Pixels(stepped, level, level), 0.01)
     assert (lines[:, 9] == 1).all()
     assert lines[:, [*range(9), *range(10, 20)]].max() == 0
-    assert (light.edges(Pixels(stepped[:, ::-1], level, level), 0.01) == lines[:, ::-1]).all()
+    assert (edges(Pixels(stepped[:, ::-1], level, level), 0.01) == lines[:, ::-1]).all()
     folded = np.where((np.arange(20) < 10)[None, :, None], up, side) * np.ones((20, 1, 1), dtype=np.uint8)
-    assert (light.edges(Pixels(slope, folded, folded), 0.01).max(axis=1) == 1).all()
+    assert (edges(Pixels(slope, folded, folded), 0.01).max(axis=1) == 1).all()
 
 
 @pytest.mark.parametrize(("longest", "length"), [(0.99, 0.5), (1.0, 1.0), (4.9, 2.0), (37.0, 20.0), (0.0034, 0.002)])

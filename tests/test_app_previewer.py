@@ -9,9 +9,9 @@ from dsfab.app import scene as scene_module
 from dsfab.app import shader
 from dsfab.app.colouring import diverging, stress_label
 from dsfab.app.light import QUICK
-from dsfab.app.preview import on_page
 from dsfab.app.previewer import TRIAL, Previewer
 from dsfab.app.scene import Body, Scene
+from dsfab.app.staging import on_page
 from dsfab.app.view import named_side
 from dsfab.design import Draft
 from dsfab.errors import DsfabError, PatternError, PresetError

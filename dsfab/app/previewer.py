@@ -12,12 +12,13 @@ import numpy as np
 from dsfab.app import light
 from dsfab.app.colouring import ANSWERS, DEFORMED, MODES, WHOLE_SHEET, Bar, check_show, coloured, with_bar
 from dsfab.app.crosses import crosses
+from dsfab.app.drawing import rendered
 from dsfab.app.gl import require_rendering
 from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
-from dsfab.app.preview import legend, on_page, rendered, staged
 from dsfab.app.scene import Body, Bytes, Scene
 from dsfab.app.shader import BY_VERTEX, NO_REACH, NOTHING, WHOLE, Settings, StripeShader
+from dsfab.app.staging import legend, on_page, staged
 from dsfab.app.view import View, named_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design, Draft

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.app import light
+from dsfab.app.drawing import rendered
 from dsfab.app.gl import require_rendering
 from dsfab.app.palette import PAPER
-from dsfab.app.preview import Stage, on_page, rendered, staged
 from dsfab.app.scene import Body, Scene
+from dsfab.app.staging import Stage, on_page, staged
 from dsfab.app.view import named_side, up_axis
 from dsfab.study.sweeps.making import Making
 
