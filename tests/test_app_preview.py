@@ -14,6 +14,7 @@ from dsfab.app import gl, light, marks, preview
 from dsfab.app.edges import edges
 from dsfab.app.lettering import length_label, round_length
 from dsfab.app.palette import PAPER
+from dsfab.app.person import person
 from dsfab.app.preview import picture, write_picture
 from dsfab.app.scene import Body, Scene
 from dsfab.app.view import ANGLE, best_side, framed, up_axis
@@ -138,7 +139,7 @@ def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.3)
     load = weighed(surface, low(surface))
     free = ~load.held
-    pulls = marks._gathered(surface, load, free, marks.SPREAD_LOAD, 1.0, surface.size)
+    pulls = marks._gathered(surface.V, load.force, free, marks.SPREAD_LOAD, 1.0, surface.size)
     assert free.sum() > 1000
     assert 8 < len(pulls.at) <= marks.SPREAD_LOAD.most
     np.testing.assert_allclose(pulls.pull.sum(axis=0), load.force[free].sum(axis=0), rtol=1e-9, atol=1e-6)
@@ -172,7 +173,7 @@ def test_supports_point_away_from_the_structure() -> None:
 
 
 def test_a_person_is_1_75_metres_tall() -> None:
-    V, F = marks.person(np.array([3.0, 2.0, 1.0]), np.array([1.0, 0, 0]), Z)
+    V, F = person(np.array([3.0, 2.0, 1.0]), np.array([1.0, 0, 0]), Z)
     assert np.ptp(V[:, 2]) == pytest.approx(1.75)
     assert V[:, 2].min() == pytest.approx(1.0)
     assert 0.4 < np.ptp(V[:, 0]) < 0.7

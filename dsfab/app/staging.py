@@ -1,5 +1,6 @@
 """What stands where before a picture is taken: the structure, its marks, a person, the ground and the camera."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,10 +8,17 @@ import numpy as np
 from dsfab.app import marks
 from dsfab.app.lettering import Legend
 from dsfab.app.palette import MarkName, Palette
-from dsfab.app.scene import Body
+from dsfab.app.person import PERSON, person
+from dsfab.app.scene import Body, Colour
 from dsfab.app.view import Side, View, framed
 from dsfab.arrays import Floats
 from dsfab.surface import LoadCase, Surface
+
+EVERY_LAYER = ("loads", "supports", "reactions", "person")
+"""What can be drawn beside a structure to explain it."""
+
+LAYERS = ("loads", "supports", "person")
+"""What is drawn when nothing else is asked for."""
 
 PERSON_FITS = (2.0, 60.0)
 """A person is drawn beside structures of these heights, metres."""
@@ -42,13 +50,14 @@ def staged(
     load: LoadCase | None,
     palette: Palette,
     size: tuple[int, int],
-    marked: bool = True,
-    person: bool = True,
+    layers: Collection[str] = LAYERS,
+    reaction: Floats | None = None,
 ) -> Stage:
     """Place the camera, then the marks, then move the camera back until all of it is on the page.
 
     half   : half the thickness of the structure, metres.
-    marked : whether loads and supports are drawn; person : whether somebody may stand beside the structure.
+    layers : which of `EVERY_LAYER` are drawn; a person only beside what has a fitting size.
+    reaction : (n, 3) N, of the supports on the structure.
     """
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
@@ -56,13 +65,14 @@ def staged(
     bodies, level = [body], float((V @ up).min())
     stands = True
     if surface is not None and load is not None:
-        bodies += _marks(surface, load, side, up, reach, half, palette) if marked else []
+        bodies += _marks(surface, load, side, up, reach, half, palette, layers, reaction)
         stands = _stands(surface, load, V, up, reach)
-        if stands and marked:  # on the feet of its support cones; arrows that hang lower are drawn through the ground
+        if stands and "supports" in layers:
+            # on the feet of its support cones; arrows that hang lower are drawn through the ground
             level -= marks.CONE * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - BOARD * reach, True
-    elif person and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
+    elif "person" in layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
         bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
     view = on_page(bodies, side, size)
     radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
@@ -86,12 +96,24 @@ def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: floa
 
 
 def _marks(
-    surface: Surface, load: LoadCase, side: Side, up: Floats, reach: float, half: float, palette: Palette
+    surface: Surface,
+    load: LoadCase,
+    side: Side,
+    up: Floats,
+    reach: float,
+    half: float,
+    palette: Palette,
+    layers: Collection[str],
+    reaction: Floats | None,
 ) -> list[Body]:
-    """Load arrows and support cones, those that there are."""
-    arrows = marks.load_arrows(surface, load, reach, half, side.towards)
-    cones = marks.support_cones(surface, load, reach, up, half)
-    drawn = [Body(*arrows, palette.of("load")), Body(*cones, palette.of("support"))]
+    """Load arrows, support cones and reactions, those that are asked for and that there are."""
+    drawn = []
+    if "loads" in layers:
+        drawn.append(Body(*marks.load_arrows(surface, load, reach, half, side.towards), palette.of("load")))
+    if "supports" in layers:
+        drawn.append(Body(*marks.support_cones(surface, load, reach, up, half), palette.of("support")))
+    if "reactions" in layers and reaction is not None:
+        drawn.append(Body(*marks.reaction_arrows(surface, load, reaction, reach), palette.of("reaction")))
     return [body for body in drawn if len(body.F)]
 
 
@@ -102,14 +124,16 @@ def _person_beside(V: Floats, side: Side, foot: float) -> marks.Mesh:
     level = np.cross(right, up)
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
     middle = middle - (middle @ up) * up + foot * up
-    near_foot = V[V @ up < foot + marks.PERSON + 0.6]  # what stands in the way of a person
+    near_foot = V[V @ up < foot + PERSON + 0.6]  # what stands in the way of a person
     beside = float(((near_foot - middle) @ right).max()) + 0.55
-    return marks.person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, up)
+    return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, up)
 
 
-def legend(stage: Stage, caption: str, palette: Palette, size: tuple[int, int]) -> Legend:
+def legend(
+    stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
+) -> Legend:
     """Words and scale: pixels per metre are those in the middle of the structure."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
-    kinds: tuple[MarkName, ...] = ("load", "support")
+    kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     names = [name for name in kinds if any(np.array_equal(body.colour, palette.of(name)) for body in stage.bodies[1:])]
-    return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth))
+    return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth), swatches)

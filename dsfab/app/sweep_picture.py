@@ -60,7 +60,7 @@ class SheetDrawer:
             side = named_side(surface.V, up, self.view)
             whole = Body(surface.V, surface.F, MEMBERS, casts=True)
             half = made.preset.statics.thickness / 2
-            stage = staged(whole, side, up, half, surface, load, PAPER, self.size, marked=False, person=False)
+            stage = staged(whole, side, up, half, surface, load, PAPER, self.size, layers=())
             stage = replace(stage, view=on_page([whole], side, self.size, words=False))
             if side.towards @ up < 0:  # from below one looks through the ground
                 stage = replace(stage, level=None)
