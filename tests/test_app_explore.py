@@ -10,10 +10,10 @@ import pytest
 from PIL import Image
 
 from dsfab import pipeline
-from dsfab.app import explore as explore_module
+from dsfab.app import variants as variants_module
 from dsfab.app.cli import main
 from dsfab.app.contact import Tile, columns, contact_sheet, page
-from dsfab.app.explore import picture_size
+from dsfab.app.options import picture_size
 from dsfab.app.palette import PAPER
 from dsfab.app.variations import best_order, combinations, expected_seconds, short_names, spelled, varied
 from dsfab.errors import DsfabError
@@ -161,7 +161,7 @@ def test_many_variants_are_asked_about_and_nothing_is_written(
 def test_more_than_the_limit_are_drawn_after_yes(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(explore_module, "ASKS", 1)
+    monkeypatch.setattr(variants_module, "ASKS", 1)
     vary = ["--vary", "pattern.major.frequency=4,8", "-o", str(tmp_path)]
     assert "add --yes" in refused(capsys, "explore", "dome", *COARSE, *vary)
     assert run(capsys, "explore", "dome", *COARSE, *vary, "--yes", "-q") == (0, "", "")

@@ -126,6 +126,10 @@ def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring
     colour = {"major": palette.families[0], "minor": palette.families[2], "loads": plain, "directions": plain}
     one = np.array(colour.get(show, palette.members), dtype=np.uint8)
     face = np.broadcast_to(one, (design.surface.m, 3))
+    if show == "loads":
+        return Colouring(
+            face, words=f"loads, {force_label(float(np.linalg.norm(design.load.force.sum(axis=0))))} in all"
+        )
     if show == "directions":
         signs = Bar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
         return Colouring(face, signs)
@@ -178,6 +182,12 @@ def stress_label(pascals: float) -> str:
     size = abs(pascals)
     factor, unit = next(((f, u) for f, u in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")) if size >= f), (1.0, "Pa"))
     return f"{pascals / factor:.3g} {unit}"
+
+
+def force_label(newtons: float) -> str:
+    """'1.2 kN', '350 N', with three digits."""
+    factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
+    return f"{newtons / factor:.3g} {unit}"
 
 
 def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dsfab.app.drawing import rendered
+from dsfab.app.files import write_png
 from dsfab.app.gl import require_rendering
 from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
@@ -70,17 +71,10 @@ def write_picture(
 
     Raises what `picture` raises, and ExportError for a file that cannot be written.
     """
-    from PIL import Image
-
-    from dsfab.export.atomic import replacing
-
     pixels = picture(
         V, F, surface=surface, load=load, family=family, caption=caption, size=size, up=up, palette=palette
     )
-    target = Path(path)
-    with replacing(target) as temporary:
-        Image.fromarray(pixels).save(temporary, format="PNG")
-    return target
+    return write_png(pixels, Path(path))
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:

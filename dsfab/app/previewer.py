@@ -1,6 +1,5 @@
 """`Previewer`: a design's uncut surface, drawn as if it were cut; parameters change, the geometry stays."""
 
-import io
 import threading
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -13,6 +12,7 @@ from dsfab.app import light
 from dsfab.app.colouring import ANSWERS, DEFORMED, MODES, WHOLE_SHEET, Bar, check_show, coloured, with_bar
 from dsfab.app.crosses import crosses
 from dsfab.app.drawing import Ground, check_ground, rendered
+from dsfab.app.files import png, write_png
 from dsfab.app.gl import require_rendering
 from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
@@ -207,22 +207,11 @@ class Previewer:
 
     def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:
         """Write `picture` as a PNG file, whole or not at all; raises ExportError for a file that cannot be written."""
-        from PIL import Image
-
-        from dsfab.export.atomic import replacing
-
-        pixels, target = self.picture(size, caption), Path(path)
-        with replacing(target) as temporary:
-            Image.fromarray(pixels).save(temporary, format="PNG")
-        return target
+        return write_png(self.picture(size, caption), Path(path))
 
     def _repr_png_(self) -> bytes:
         """The picture in a notebook."""
-        from PIL import Image
-
-        file = io.BytesIO()
-        Image.fromarray(self.picture((800, 600))).save(file, format="PNG")
-        return file.getvalue()
+        return png(self.picture((800, 600)))
 
     def _caption(self) -> str:
         return f"{self._preset.name} - {self._words or f'{self._show}, preview before cutting'}"
