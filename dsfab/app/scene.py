@@ -63,6 +63,7 @@ class Scene:
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         import pyvista as pv
+        from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
         self.centre, self.radius = centre, radius
         plotter: Any = pv.Plotter  # its decorated constructor is typed as a method
@@ -73,6 +74,7 @@ class Scene:
             self.window.SetMultiSamples(0)  # mixed normals and depths at edges would be neither
             self.actors = [self._add(body) for body in bodies]
             self.bodies = bodies
+            self._pixel = vtkUnsignedCharArray()
             self.casts = [body.casts for body in bodies]
         except BaseException:
             self.plotter.close()
@@ -106,6 +108,13 @@ class Scene:
         yield
         for shader, _ in shaded:
             shader.look(None, 0.0)
+
+    def frame(self, view: View, width: int, height: int) -> None:
+        """Draw, wait until it is drawn, and read nothing back but the middle pixel."""
+        self._look(view)
+        self.window.SetSize(width, height)
+        self.window.Render()
+        self.window.GetPixelData(width // 2, height // 2, width // 2, height // 2, 1, self._pixel, 0)
 
     def mask(self, view: View, width: int, height: int) -> Bools:
         """(h, w) where the eye sees something that casts shadows, were it alone."""

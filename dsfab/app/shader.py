@@ -4,7 +4,6 @@ It asks the question that slicing answers with cuts, material is |z - k| < d for
 fields at every pixel. So a change of pattern is a change of a few numbers on the graphics side.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -63,29 +62,6 @@ float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
         """
   vec3 dsHere = dsDepth(stripesVS, keptVS);
   vec3 dsWall = vec3(0.0);
-  if (dsThick > 0.0) {  // a slab: the ray goes through it sideways, and so through the fields, which are linear here
-    vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
-    vec4 sx = dFdx(stripesVS), sy = dFdy(stripesVS);
-    vec2 kx = dFdx(keptVS), ky = dFdy(keptVS);
-    vec3 normal = normalize(cross(px, py));
-    float along = dot(ray, normal);
-    vec3 across = (ray - along * normal) * dsThick / max(abs(along), dsSteep);
-    float xx = dot(px, px), xy = dot(px, py), yy = dot(py, py), det = max(xx * yy - xy * xy, 1e-30);
-    vec2 ab = vec2(dot(across, px) * yy - dot(across, py) * xy, dot(across, py) * xx - dot(across, px) * xy) / det;
-    vec4 ds = ab.x * sx + ab.y * sy;
-    vec2 dk = ab.x * kx + ab.y * ky;
-    dsHere = dsDepth(stripesVS - ds, keptVS - dk);
-    bool top = dsMost(dsHere) > 0.0;
-    for (float t = -0.75; t < 1.01 && dsMost(dsHere) <= 0.0; t += 0.25) {
-      dsHere = dsDepth(stripesVS + t * ds, keptVS + t * dk);
-    }
-    if (!top && dsMost(dsHere) > 0.0) {
-      vec2 g = 0.5 * vec2(dsMost(dsDepth(stripesVS + sx, keptVS + kx)) - dsMost(dsDepth(stripesVS - sx, keptVS - kx)),
-                          dsMost(dsDepth(stripesVS + sy, keptVS + ky)) - dsMost(dsDepth(stripesVS - sy, keptVS - ky)));
-      dsWall = -((g.x * yy - g.y * xy) * px + (g.y * xx - g.x * xy) * py) / det;
-      dsWall = dot(dsWall, dsWall) > 0.0 ? normalize(dsWall) : -normalize(across);
-    }
-  }
   if (dsMost(dsHere) <= 0.0) discard;
 """,
     ),
@@ -98,6 +74,38 @@ float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
   } else if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWall + 0.5;
 """,
     ),
+)
+
+
+# a slab: the ray goes through it sideways, and so through the fields, which are linear here; it ends in face or wall.
+# A program of its own: software rendering runs both sides of every `if`
+_WALLS = (
+    "//VTK::Clip::Impl",
+    """
+  vec3 dsWall = vec3(0.0);
+  vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
+  vec4 sx = dFdx(stripesVS), sy = dFdy(stripesVS);
+  vec2 kx = dFdx(keptVS), ky = dFdy(keptVS);
+  vec3 normal = normalize(cross(px, py));
+  float along = dot(ray, normal);
+  vec3 across = (ray - along * normal) * dsThick / max(abs(along), dsSteep);
+  float xx = dot(px, px), xy = dot(px, py), yy = dot(py, py), det = max(xx * yy - xy * xy, 1e-30);
+  vec2 ab = vec2(dot(across, px) * yy - dot(across, py) * xy, dot(across, py) * xx - dot(across, px) * xy) / det;
+  vec4 ds = ab.x * sx + ab.y * sy;
+  vec2 dk = ab.x * kx + ab.y * ky;
+  vec3 dsHere = dsDepth(stripesVS - ds, keptVS - dk);
+  bool top = dsMost(dsHere) > 0.0;
+  for (float t = -0.75; t < 1.01 && dsMost(dsHere) <= 0.0; t += 0.25) {
+    dsHere = dsDepth(stripesVS + t * ds, keptVS + t * dk);
+  }
+  if (!top && dsMost(dsHere) > 0.0) {
+    vec2 g = 0.5 * vec2(dsMost(dsDepth(stripesVS + sx, keptVS + kx)) - dsMost(dsDepth(stripesVS - sx, keptVS - kx)),
+                        dsMost(dsDepth(stripesVS + sy, keptVS + ky)) - dsMost(dsDepth(stripesVS - sy, keptVS - ky)));
+    dsWall = -((g.x * yy - g.y * xy) * px + (g.y * xx - g.x * xy) * py) / det;
+    dsWall = dot(dsWall, dsWall) > 0.0 ? normalize(dsWall) : -normalize(across);
+  }
+  if (dsMost(dsHere) <= 0.0) discard;
+""",
 )
 
 
@@ -131,13 +139,13 @@ class StripeShader:
 
     fields: Floats
     tints: tuple[Colour, Colour, Colour] | None = None
-    _parts: list[Mapping[str, Any]] = field(default_factory=list)
+    _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
         """Put the shader on an actor; `source` (k,) is the body's vertex that each point of its mesh comes from."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
-        self._parts.append({"actor": actor, "mesh": mesh, "source": source})
+        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "walls": False})
         self.replace_fields(self.fields)
         for name in ("stripes", "kept"):
             mapper.MapDataArrayToVertexAttribute(name + "MC", name, vtkDataObject.FIELD_ASSOCIATION_POINTS, -1)
@@ -184,9 +192,16 @@ class StripeShader:
 
         A hint, no solid: walls are those of a slab in the plane of each triangle, and the rim of the surface has none.
         """
+        walls = eye is not None and half > 0
+        for part in self._parts:
+            if walls != part["walls"]:
+                tag, text = _WALLS if walls else _FRAGMENT[1]
+                code = part["actor"].GetShaderProperty()
+                code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
+                part["walls"] = walls
         for uniforms in self._uniforms():
             uniforms.SetUniform3f("dsEye", [0.0, 0.0, 0.0] if eye is None else [float(x) for x in eye])
-            uniforms.SetUniformf("dsThick", 0.0 if eye is None else half)
+            uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
         """Give out 'colour' or 'normal'."""
