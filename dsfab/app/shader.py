@@ -61,17 +61,7 @@ float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
         "//VTK::Clip::Impl",
         """
   vec3 dsHere = dsDepth(stripesVS, keptVS);
-  vec3 dsWall = vec3(0.0);
   if (dsMost(dsHere) <= 0.0) discard;
-""",
-    ),
-    (
-        "//VTK::TCoord::Impl",
-        """
-  if (dsPass < 0.5) {
-    if (dsTinted > 0.5) gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsKept;
-    if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb *= dsShade;
-  } else if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWall + 0.5;
 """,
     ),
 )
@@ -109,6 +99,12 @@ _WALLS = (
 )
 
 
+_COLOURS = "//VTK::TCoord::Impl"
+_TINTED = "  gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsKept;\n"
+_WALL_COLOUR = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb *= dsShade;\n"
+_WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWall + 0.5;\n"
+
+
 @dataclass(frozen=True)
 class Settings:
     """The numbers of a pattern, of the major and of the minor family each.
@@ -140,12 +136,14 @@ class StripeShader:
     fields: Floats
     tints: tuple[Colour, Colour, Colour] | None = None
     _parts: list[dict[str, Any]] = field(default_factory=list)
+    _walls: bool = False
+    _normals: bool = False
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
         """Put the shader on an actor; `source` (k,) is the body's vertex that each point of its mesh comes from."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
-        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "walls": False})
+        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": (False, "")})
         self.replace_fields(self.fields)
         for name in ("stripes", "kept"):
             mapper.MapDataArrayToVertexAttribute(name + "MC", name, vtkDataObject.FIELD_ASSOCIATION_POINTS, -1)
@@ -159,7 +157,6 @@ class StripeShader:
         for uniforms in self._uniforms():
             uniforms.SetUniformf("dsSteep", 1 / STEEPEST)
             uniforms.SetUniformf("dsShade", SHADE)
-            uniforms.SetUniformf("dsTinted", float(self.tints is not None))
             for name, tint in zip(("dsMajor", "dsMinor", "dsKept"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
         self.colour_by("colour")
@@ -192,21 +189,29 @@ class StripeShader:
 
         A hint, no solid: walls are those of a slab in the plane of each triangle, and the rim of the surface has none.
         """
-        walls = eye is not None and half > 0
-        for part in self._parts:
-            if walls != part["walls"]:
-                tag, text = _WALLS if walls else _FRAGMENT[1]
-                code = part["actor"].GetShaderProperty()
-                code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
-                part["walls"] = walls
+        self._walls = eye is not None and half > 0
+        self._program()
         for uniforms in self._uniforms():
             uniforms.SetUniform3f("dsEye", [0.0, 0.0, 0.0] if eye is None else [float(x) for x in eye])
-            uniforms.SetUniformf("dsThick", half if walls else 0.0)
+            uniforms.SetUniformf("dsThick", half if self._walls else 0.0)
 
     def colour_by(self, name: str) -> None:
         """Give out 'colour' or 'normal'."""
-        for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsPass", float(name == "normal"))
+        self._normals = name == "normal"
+        self._program()
+
+    def _program(self) -> None:
+        """Put together what the fragments need, and no more: VTK keeps the programs that it has compiled."""
+        colour = _TINTED if self.tints and not self._normals else ""
+        if self._walls:
+            colour += _WALL_NORMAL if self._normals else _WALL_COLOUR
+        for part in self._parts:
+            if part["program"] == (self._walls, colour):
+                continue
+            part["program"] = (self._walls, colour)
+            code = part["actor"].GetShaderProperty()
+            for tag, text in (_WALLS if self._walls else _FRAGMENT[1], (_COLOURS, colour)):
+                code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
 
     def _uniforms(self) -> list[Any]:
         return [part["actor"].GetShaderProperty().GetFragmentCustomUniforms() for part in self._parts]
