@@ -43,7 +43,7 @@ def rendered(
     from PIL import Image
 
     width, height = FINER * size[0], FINER * size[1]
-    all_lamps = light.lamps(stage.view, stage.view.floor, quality)
+    all_lamps = light.lamps(stage.view, stage.view.floor, quality.fitting(size[1]))
     pixels = scene.pixels(stage.view, width, height)
     level = None
     if stage.level is not None:

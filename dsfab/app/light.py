@@ -4,7 +4,7 @@ A point is lit by a lamp that sees it (Williams 1978, shadow maps); the mean ove
 plaster model.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -44,6 +44,11 @@ class Quality:
     sharp: int = 1280
     coarse: int = 768
     blur: tuple[float, float] = (0.004, 0.028)
+
+    def fitting(self, height: int) -> "Quality":
+        """The same for a picture of this many rows: what lamps see need not be finer than what the eye sees."""
+        sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
+        return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
 
 FINE, QUICK = Quality(), Quality(5, 14, 3, 448, 256, (0.012, 0.05))
