@@ -378,6 +378,7 @@ def test_a_machine_that_cannot_draw_is_told_what_to_install(asked_anew: pytest.M
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:
         preview.picture(*SHAPES["slab"](), size=SIZE)
     assert str(caught.value).count(".") == 0  # one sentence
+    assert all(name in str(caught.value) for name in ("Debian, Ubuntu", "Fedora", "macOS", "Windows", "--no-preview"))
     assert "libosmesa6" in str(caught.value)
 
 

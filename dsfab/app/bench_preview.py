@@ -69,6 +69,7 @@ def measure(triangles: int) -> dict[str, Any]:
         for kind, shader in (("plain", None), ("shader", stripes))
     }
     try:
+        scenes["plain"].frame(view, *PIXELS)  # only then there is a renderer to name
         found["renderer"] = _renderer(scenes["plain"])
         change: list[float] = []
         kinds = {

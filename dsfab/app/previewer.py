@@ -186,9 +186,10 @@ class Previewer:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         view = self._view(size, words)
         stage = replace(self._stage, view=view)
-        if not self._scene.mask(view, *TRIAL).any() and not self.mask(size, words).any():
-            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
+        alone = len(stage.bodies) == 1  # then nothing is seen if there is no material, and that costs no frame
+        if self._scene.empty if alone else not self.mask(size, words).any():
+            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
             line = self._caption() if caption is None else caption
             image = lettered(image, legend(stage, line, self._palette, size, self._swatches), self._palette)

@@ -74,6 +74,7 @@ class Scene:
             self.window.SetMultiSamples(0)  # mixed normals and depths at edges would be neither
             self.actors = [self._add(body) for body in bodies]
             self.bodies = bodies
+            self.empty = True
             self._pixel = vtkUnsignedCharArray()
             self.casts = [body.casts for body in bodies]
         except BaseException:
@@ -95,6 +96,7 @@ class Scene:
             z, normal = self._depth(), self._colours()
             self._colour_by("colour")
             self.window.Render()
+        self.empty = not (z < 1).any()
         depth = np.where(z < 1, near * far / (far - z * (far - near)), np.inf).astype(np.float32)
         return Pixels(depth, normal, self._colours())
 
