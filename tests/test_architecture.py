@@ -26,7 +26,9 @@ PACKAGE = ROOT / "dsfab"
 GROUND = {"errors", "units", "arrays", "sparse", "__init__"}
 STAGES = {"statics", "diffusion", "pattern", "slicing", "thickening"}
 ALLOWED: dict[str, set[str]] = {
-    "__init__": {"design", "errors", "export", "pipeline", "preset", "preset_file"} | {"study", "surface"} | STAGES,
+    "__init__": {"app", "design", "errors", "export", "pipeline", "preset", "preset_file"}
+    | {"study", "surface"}
+    | STAGES,
     "errors": set(),
     "units": {"errors"},
     "arrays": {"errors"},

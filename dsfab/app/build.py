@@ -60,7 +60,7 @@ def build(
     fix: Annotated[
         bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
     ] = False,
-    picture: Annotated[bool, Parameter(help="Also make preview.png.")] = True,
+    picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True,
     quiet: Quiet = False,
 ) -> int:
     """Build a preset: solid, sheet, picture and numbers, in one folder.
