@@ -251,7 +251,9 @@ class Export(Section):
     step: Literal["auto", "planar", "faceted"] = "auto"
     """STEP of flat sheets: planar (lines and splines) or faceted; auto takes planar where it can."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Metres that the curves of planar STEP may be off the mesh; 0: a fortieth of the thickness."""
+    """Metres that planar or simplified STEP may be off the mesh; 0: a share of the thickness, a faceted file exact."""
+    step_mb: Annotated[float, Ge(0)] = 0.0
+    """Largest size of a STEP file in MB; 0 is no limit."""
 
 
 class Preset(Section):

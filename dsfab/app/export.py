@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
 from dsfab.app.report import Reporter, length, out, size
+from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
 from dsfab.errors import ExportError
 
 if TYPE_CHECKING:
@@ -51,6 +52,10 @@ def export(
     set_: Set = (),
     mesh: Mesh = None,
     unit: Unit = None,
+    step: Step = None,
+    max_faces: MaxFaces = None,
+    max_mb: MaxMb = None,
+    estimate: EstimateOnly = False,
     quiet: Quiet = False,
 ) -> int:
     """Write one file: the solid, a sheet, lines, a drawing, fields, or a finite element model to check the statics.
@@ -60,9 +65,11 @@ def export(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
-    given, folder = _source(preset, set_, mesh, unit)
-    ask = _asked(to, output, folder, given.name, sheet)
+    given, folder = _source(preset, (*set_, *overrides(step, max_faces, max_mb)), mesh, unit)
     reporter = Reporter(quiet)
+    if estimate:
+        return estimated(given, reporter)
+    ask = _asked(to, output, folder, given.name, sheet)
     try:
         told = (_model if ask.suffix == SUFFIX else _mesh)(given, ask, reporter)
         reporter.done()

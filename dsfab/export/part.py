@@ -51,6 +51,8 @@ class Part:
     tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
     details    : lines, fields and facts; its lengths in millimetres too.
+    step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
+    note       : what was done to the mesh on its way here.
     """
 
     V: Floats
@@ -62,6 +64,8 @@ class Part:
     tolerance: float = 0.0
     corners: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     details: Details = field(default_factory=Details)
+    step_mb: float = 0.0
+    note: str = ""
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))

@@ -37,6 +37,7 @@ from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
+from dsfab.export.simplify import simplified, usual_tolerance
 from dsfab.export.step_text import DIGITS, entities
 from dsfab.surface.topology import edge_table
 
@@ -66,16 +67,35 @@ def prepare(part: Part) -> Part:
     return part
 
 
-def attempts(part: Part) -> tuple[Part, ...]:
-    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted."""
-    if part.step == "faceted":
-        return (part,)
-    planar = replace(part, step="planar", tolerance=part.tolerance or _default_tolerance(part))
-    ways = [planar, replace(planar, tolerance=TIGHTER * planar.tolerance)] if planar.tolerance else [planar]
-    return tuple(ways if part.step == "planar" else [*ways, replace(part, step="faceted")])
+def attempts(part: Part) -> Iterator[Part]:
+    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted, simplified.
+
+    A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
+    """
+    if part.step in ("auto", "planar"):
+        planar = replace(part, step="planar", tolerance=part.tolerance or default_tolerance(part))
+        yield planar
+        if planar.tolerance:
+            yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+    if part.step in ("auto", "faceted"):
+        faceted = replace(part, step="faceted")
+        if part.tolerance:
+            yield _simpler(faceted, part.tolerance)
+        else:
+            yield faceted
+            if part.step == "auto" and (simple := _simpler(faceted, usual_tolerance(part))).F is not faceted.F:
+                yield simple
 
 
-def _default_tolerance(part: Part) -> float:
+def _simpler(part: Part, tolerance: float) -> Part:
+    """The part simplified within `tolerance`, or as it is if that does not help."""
+    try:
+        return prepare(simplified(part, tolerance))
+    except ExportError as error:
+        return replace(part, note=f"not simplified, since {error}")
+
+
+def default_tolerance(part: Part) -> float:
     """Millimetres; 0 for a solid that is not flat, which will be told why when it is encoded."""
     try:
         return SHARE_OF_THICKNESS * outlines_of(part).thickness
@@ -88,7 +108,8 @@ def told(part: Part, refused: str) -> str:
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused})" if refused else ""
         return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
-    return "STEP is faceted" + (f": {refused}" if refused else "")
+    note = f", {part.note}" if part.note else ""
+    return f"STEP is faceted{note}" + (f": {refused}" if refused else "")
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -100,7 +121,7 @@ def encode(part: Part) -> Iterator[bytes]:
         texts = plate_entities(shape, part.name)
     else:
         texts = _faceted(part)
-    return (text.encode("ascii") for text in texts)
+    return _within_size(part, (text.encode("ascii") for text in texts))
 
 
 def _faceted(part: Part) -> Iterator[str]:
@@ -115,10 +136,25 @@ def _faceted(part: Part) -> Iterator[str]:
 
 def _within_budget(part: Part, count: int) -> None:
     if count > part.step_faces:
-        raise ExportError(
-            f"the STEP file of {part.name!r} would have {count} planar faces, more than "
-            f"step_faces = {part.step_faces}; write STL or 3MF instead, coarsen the mesh, or raise step_faces"
-        )
+        raise too_much(part, f"{count} planar faces, more than step_faces = {part.step_faces}", "step_faces")
+
+
+def _within_size(part: Part, chunks: Iterator[bytes]) -> Iterator[bytes]:
+    """The file, as long as it is not larger than allowed."""
+    size = 0
+    for chunk in chunks:
+        size += len(chunk)
+        if part.step_mb and size > 1e6 * part.step_mb:
+            raise too_much(part, f"over step_mb = {part.step_mb:g} MB", "step_mb")
+        yield chunk
+
+
+def too_much(part: Part, what: str, key: str) -> ExportError:
+    """The refusal of a file above the budget, with the ways out."""
+    return ExportError(
+        f"the STEP file of {part.name!r} would have {what}; write STL or 3MF instead, coarsen the mesh, "
+        f"simplify with step_tolerance, or raise {key}"
+    )
 
 
 def check(part: Part, path: Path) -> None:

@@ -88,6 +88,21 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
     yield from closing(shape.shell, solids, faces, int(free[0]))
 
 
+def faceted_bytes(shape: Polyhedron) -> float:
+    """How long the text of `entities` will be, from its numbers of rows; to a tenth, less if directions repeat."""
+    v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
+    steps, bounds = len(shape.steps), len(shape.loops) - 1
+    reference = np.log10(FIRST + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # digits of a number, and its #
+    digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + DIGITS + 1.5
+    unit = DIRECTION_DIGITS + 2.0
+    point, direction = 25 + reference + 3 * digits, 20 + reference + 3 * unit
+    vertex = 22 + 2 * reference
+    edge = direction + (15 + 2 * reference) + (13 + 3 * reference) + (25 + 4 * reference)
+    step, bound = 32 + 3 * reference, 45 + 4 * reference
+    face = direction + (31 + 3 * reference) + (14 + 2 * reference) + (27 + 4 * reference)
+    return float(1500 + v * (point + vertex) + e * edge + steps * step + bounds * bound + f * face)
+
+
 def header(name: str, description: str) -> str:
     """The beginning of the file: entities 1 to 18.
 
