@@ -22,9 +22,9 @@ CALCULIX = "calculix"
 SUFFIX = ".inp"
 
 TO = (
-    "The solid: stl, 3mf, step, brep, obj, ply, off, glb; 3dm with edges and centre lines. Lines by family: dxf (with "
-    "plan and elevations), svg (a drawing to scale), csv, json. Fields on the uncut surface: vtu. A check: calculix. "
-    "[as the suffix of -o]"
+    "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
+    "edges and centre lines. Lines by family: dxf (with plan and elevations), svg (a drawing to scale), lines.step "
+    "(curves), csv, json. Fields on the uncut surface: vtu. A check: calculix. [as the suffix of -o]"
 )
 
 Which = Literal["uncut", "cut"]

@@ -10,7 +10,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import brep, dxf, gltf, obj, off, ply, records, rhino, stl, svg, tables, threemf, vtu
+from dsfab.export import brep, dxf, gltf, obj, off, ply, records, rhino, stl, stpz, svg, tables, threemf, vtu
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate, estimates
@@ -23,7 +23,7 @@ STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
 
-Route = Literal["auto", "planar", "faceted"]
+Route = Literal["auto", "planar", "faceted", "tessellated"]
 """How a STEP file is made."""
 
 
@@ -63,6 +63,7 @@ FORMATS: dict[str, Format] = {
     ".3mf": Format(threemf.prepare, threemf.encode, threemf.check, sheets=False),
     ".step": _STEP,
     ".stp": _STEP,
+    ".stpz": replace(_STEP, encode=stpz.encode, check=stpz.check),
     ".brep": Format(brep.prepare, brep.encode, brep.check, sheets=False, attempts=brep.attempts, told=brep.told),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
@@ -97,7 +98,8 @@ def write(
     step_faces : largest number of planar faces of a STEP file, counted after coplanar triangles were joined.
     name       : what the part is called inside the file; the file's own name without suffix if not given.
     step       : STEP of a flat solid: planar, lines and splines through its outline; faceted, planar faces only; auto
-                 takes planar where the solid is flat and the file stands the check, else faceted.
+                 takes planar where the solid is flat and the file stands the check, else faceted. tessellated: its
+                 triangles, for viewers; auto never takes it.
     step_tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted
                  solid may be simplified by, which it is not if 0 unless nothing else is accepted.
     step_mb    : largest size of a STEP file in 1e6 bytes; 0 is no limit.

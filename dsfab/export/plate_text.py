@@ -15,7 +15,8 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.curves import Curve
 from dsfab.export.plate import Plate
-from dsfab.export.step_text import DIGITS, DIRECTION_DIGITS, FIRST, TRAILING_ZEROS, closing, header
+from dsfab.export.step_pieces import closing
+from dsfab.export.step_text import DIGITS, DIRECTION_DIGITS, FIRST, TRAILING_ZEROS, header
 
 
 class _Entities:
@@ -66,14 +67,14 @@ class _Entities:
 
 def plate_entities(plate: Plate, name: str) -> Iterator[str]:
     """The text of the file: a solid for each piece."""
-    yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh")
+    yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh", len(plate.pieces))
     new, shells, faces = _Entities(), list[int](), list[int]()
     for i, loops in enumerate(plate.pieces):
         made = _piece(new, plate, loops)
         faces += made
         shells += [i] * len(made)
     yield "".join(new.text)
-    yield from closing(np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), new.free)
+    yield from closing(np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), new.free, name)
 
 
 def _piece(new: _Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:

@@ -1,8 +1,9 @@
-"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of two ways.
+"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of three ways.
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`).
-faceted : any solid, as planar faces that coplanar triangles were joined to.
+faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
+tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
 `auto` takes planar where the solid is flat and the file stands the check, else faceted. The text is written directly
 and read back through build123d. Building the same topology in OCCT first gives larger files (with a curve on the
@@ -30,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.errors import ExportError
-from dsfab.export import step_check
+from dsfab.export import step_check, tessellated
 from dsfab.export.part import Part, settled
 from dsfab.export.planar import polyhedron
 from dsfab.export.plate import outlines_of, plate
@@ -46,7 +47,7 @@ CHECK_SECONDS_PER_FACE = 0.02
 """Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
 
 
-ROUTES = ("auto", "planar", "faceted")
+ROUTES = ("auto", "planar", "faceted", "tessellated")
 
 SHARE_OF_THICKNESS = 1 / 40
 """Tolerance of planar outlines unless asked otherwise, as a share of the thickness."""
@@ -77,6 +78,8 @@ def attempts(part: Part) -> Iterator[Part]:
         yield planar
         if planar.tolerance:
             yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+    if part.step == "tessellated":
+        yield part
     if part.step in ("auto", "faceted"):
         faceted = replace(part, step="faceted")
         if part.tolerance:
@@ -108,6 +111,8 @@ def told(part: Part, refused: str) -> str:
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused})" if refused else ""
         return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
+    if part.step == "tessellated":
+        return f"STEP is tessellated: {tessellated.WARNING}"
     note = f", {part.note}" if part.note else ""
     return f"STEP is faceted{note}" + (f": {refused}" if refused else "")
 
@@ -119,6 +124,8 @@ def encode(part: Part) -> Iterator[bytes]:
         shape = plate(outlines_of(part), part.corners, part.tolerance)
         _within_budget(part, shape.faces)
         texts = plate_entities(shape, part.name)
+    elif part.step == "tessellated":
+        texts = tessellated.entities(part)
     else:
         texts = _faceted(part)
     return _within_size(part, (text.encode("ascii") for text in texts))
@@ -160,6 +167,9 @@ def too_much(part: Part, what: str, key: str) -> ExportError:
 def check(part: Part, path: Path) -> None:
     """Read back with build123d: as many solids and faces, all valid, with the part's volume."""
     found = inspection(part, path)
+    if part.step == "tessellated":
+        tessellated.check(part, found)
+        return
     solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
     if found["solids"] != solids:
         raise differs(part, "solids", solids, found["solids"])

@@ -15,6 +15,7 @@ from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.export.coplanar import FLATNESS
 from dsfab.export.planar import Polyhedron
+from dsfab.export.step_pieces import closing, piece_name, quoted
 from dsfab.export.text import one_line, rows
 
 DIGITS = 6
@@ -31,14 +32,14 @@ TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
 _HEADER = """ISO-10303-21;
 HEADER;
 FILE_DESCRIPTION(('{description}, unit: millimetre'),'2;1');
-FILE_NAME('{name}','1970-01-01T00:00:00',(''),(''),'dsfab {version}','dsfab {version}','');
+FILE_NAME('{name}','1970-01-01T00:00:00',('dsfab'),(''),'dsfab {version}','dsfab {version}','');
 FILE_SCHEMA(('AUTOMOTIVE_DESIGN {{ 1 0 10303 214 1 1 1 1 }}'));
 ENDSEC;
 DATA;
 #1=APPLICATION_CONTEXT('core data for automotive mechanical design processes');
 #2=APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000,#1);
 #3=PRODUCT_CONTEXT('',#1,'mechanical');
-#4=PRODUCT('{name}','{name}','',(#3));
+#4=PRODUCT('{product}','{product}','',(#3));
 #5=PRODUCT_DEFINITION_FORMATION('','',#4);
 #6=PRODUCT_DEFINITION_CONTEXT('part definition',#1,'design');
 #7=PRODUCT_DEFINITION('design','',#5,#6);
@@ -61,7 +62,7 @@ FIRST = 19
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
     """The text of the file. solids: the shells of each, the outer one first, then its voids (which face outwards)."""
-    yield header(name, "solid with planar faces")
+    yield header(name, "solid with planar faces", len(solids))
     along = shape.points[shape.edges[:, 1]] - shape.points[shape.edges[:, 0]]
     directions, direction = _distinct(along / np.linalg.norm(along, axis=1, keepdims=True))
     normals, normal = _distinct(shape.normals)
@@ -85,7 +86,7 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
     yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", points[shape.origin], axes[normal])
     yield from _table(planes, "PLANE('',#%d)", placements)
     yield from _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _lists(bounds, shape.faces), planes)
-    yield from closing(shape.shell, solids, faces, int(free[0]))
+    yield from closing(shape.shell, solids, faces, int(free[0]), name)
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
@@ -103,13 +104,16 @@ def faceted_bytes(shape: Polyhedron) -> float:
     return float(1500 + v * (point + vertex) + e * edge + steps * step + bounds * bound + f * face)
 
 
-def header(name: str, description: str) -> str:
-    """The beginning of the file: entities 1 to 18.
+def header(name: str, description: str, pieces: int = 1) -> str:
+    """The beginning of the file: entities 1 to 18, among them the product of the first of the pieces.
 
     Its time is fixed, since the same solid gives the same file; ISO 10303-21 does not allow to leave it out.
     """
     title = quoted(one_line(name))
-    return _HEADER.format(name=title, version=__version__, tolerance=f"{FLATNESS:.1E}", description=description)
+    product = quoted(piece_name(name, 0, pieces))
+    return _HEADER.format(
+        name=title, product=product, version=__version__, tolerance=f"{FLATNESS:.1E}", description=description
+    )
 
 
 def _blocks(counts: list[int]) -> list[Ints]:
@@ -123,30 +127,6 @@ def _table(numbers: Ints, template: str, *columns: Any) -> Iterator[str]:
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
-def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int) -> Iterator[str]:
-    """Shells, solids and the end of the file, in numbers from `free` on."""
-    items = []
-    for outer, *voids in solids:
-        shells = []
-        for i in [outer, *voids]:
-            listed = ",".join(f"#{k}" for k in faces[shell == i].tolist())
-            yield f"#{free}=CLOSED_SHELL('',({listed}));\n"
-            shells.append(free)
-            free += 1
-        for i in range(1, len(shells)):
-            yield f"#{free}=ORIENTED_CLOSED_SHELL('',*,#{shells[i]},.F.);\n"
-            shells[i] = free
-            free += 1
-        inner = ",".join(f"#{k}" for k in shells[1:])
-        brep = f"BREP_WITH_VOIDS('',#{shells[0]},({inner}))" if inner else f"MANIFOLD_SOLID_BREP('',#{shells[0]})"
-        yield f"#{free}={brep};\n"
-        items.append(free)
-        free += 1
-    listed = ",".join(f"#{k}" for k in [18, *items])
-    yield f"#{free}=ADVANCED_BREP_SHAPE_REPRESENTATION('',({listed}),#14);\n"
-    yield f"#{free + 1}=SHAPE_DEFINITION_REPRESENTATION(#8,#{free});\nENDSEC;\nEND-ISO-10303-21;\n"
-
-
 def _distinct(directions: Floats) -> tuple[Floats, Ints]:
     """The different ones among unit vectors (k, 3), to the digits of the file, and the one of each."""
     units, which = np.unique(np.round(directions, DIRECTION_DIGITS) + 0.0, axis=0, return_inverse=True)
@@ -157,9 +137,3 @@ def _lists(numbers: Ints, start: Ints) -> list[str]:
     """'#7,#8,#9' for each run numbers[start[i] : start[i + 1]]."""
     named = [f"#{k}" for k in numbers.tolist()]
     return [",".join(named[a:b]) for a, b in pairwise(start.tolist())]
-
-
-def quoted(name: str) -> str:
-    """The inside of a STEP string: quotes doubled, and what is not ASCII in hexadecimal (ISO 10303-21, 6.4.3)."""
-    name = name.replace("\\", "\\\\").replace("'", "''")
-    return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
