@@ -97,19 +97,19 @@ def _source(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
 
 def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> Ask:
     """Check what was asked for before any work begins."""
-    from dsfab.export.formats import FORMATS
+    from dsfab.export.formats import FORMATS, suffix_of
 
     known = {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
     if to is None and output is None:
         raise ExportError(f"nothing says what to write; add --to {', '.join(known)}")
-    word = (to if to is not None else output.suffix if output else "").lower().removeprefix(".")
+    word = (to if to is not None else suffix_of(output) if output else "").lower().removeprefix(".")
     suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
     if suffix is None:
         near = difflib.get_close_matches(word, known, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(known)}")
     path = output if output is not None else folder / f"{name}{suffix}"
-    if path.suffix.lower() != suffix:
+    if suffix_of(path) != suffix:
         raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")
     if sheet is not None and suffix != SUFFIX and not FORMATS[suffix].sheets:
         holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets and form.takes == "mesh")

@@ -10,7 +10,24 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import brep, dxf, gltf, obj, off, ply, records, rhino, stl, stpz, svg, tables, threemf, vtu
+from dsfab.export import (
+    brep,
+    dxf,
+    gltf,
+    ifc,
+    obj,
+    off,
+    ply,
+    records,
+    rhino,
+    step_lines,
+    stl,
+    stpz,
+    svg,
+    tables,
+    threemf,
+    vtu,
+)
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate, estimates
@@ -64,7 +81,9 @@ FORMATS: dict[str, Format] = {
     ".step": _STEP,
     ".stp": _STEP,
     ".stpz": replace(_STEP, encode=stpz.encode, check=stpz.check),
+    ".lines.step": Format(step_lines.prepare, step_lines.encode, step_lines.check, sheets=True, takes="lines"),
     ".brep": Format(brep.prepare, brep.encode, brep.check, sheets=False, attempts=brep.attempts, told=brep.told),
+    ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.ready),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
     ".off": Format(off.prepare, off.encode, off.check, sheets=True),
@@ -182,12 +201,18 @@ def _written(form: Format, part: Part, temporary: Path) -> None:
     form.check(part, temporary)
 
 
+def suffix_of(path: Path) -> str:
+    """The suffix in small letters, of two words where that names a format: `.lines.step`."""
+    double = "".join(path.suffixes[-2:]).lower()
+    return double if double in FORMATS else path.suffix.lower()
+
+
 def format_of(path: Path) -> Format:
     """The format that a suffix names, in capitals or not; raises ExportError with the nearest one that exists."""
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]
     near = difflib.get_close_matches(suffix, FORMATS, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]}? " if near else ""
-    said = f"the suffix {path.suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
+    said = f"the suffix {suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
     raise ExportError(f"{said}; {hint}use one of {', '.join(FORMATS)}")

@@ -25,12 +25,14 @@ class Details:
     tolerance : metres that `lines` may be off the true ones.
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block.
+    measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
     """
 
     lines: tuple[Line, ...] = ()
     tolerance: float = 0.0
     values: Mapping[str, Floats] = field(default_factory=dict)
     facts: tuple[str, ...] = ()
+    measures: Mapping[str, float] = field(default_factory=dict)
 
     def scaled(self, factor: float) -> "Details":
         """The same with `lines` and `tolerance` in another unit of length."""

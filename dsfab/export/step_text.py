@@ -4,7 +4,6 @@ ADVANCED_FACE -> FACE_OUTER_BOUND -> EDGE_LOOP -> ORIENTED_EDGE -> EDGE_CURVE ->
               -> PLANE -> AXIS2_PLACEMENT_3D
 """
 
-import re
 from collections.abc import Iterator
 from itertools import accumulate, pairwise
 from typing import Any
@@ -16,7 +15,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.export.coplanar import FLATNESS
 from dsfab.export.planar import Polyhedron
 from dsfab.export.step_pieces import closing, piece_name, quoted
-from dsfab.export.text import one_line, rows
+from dsfab.export.text import TRAILING_ZEROS, one_line, rows
 
 DIGITS = 6
 """Decimals of coordinates: 1e-6 mm."""
@@ -26,8 +25,6 @@ DIRECTION_DIGITS = 11
 
 _POINT = f"CARTESIAN_POINT('',(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f))"
 _DIRECTION = f"DIRECTION('',(%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f))"
-
-TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
 
 _HEADER = """ISO-10303-21;
 HEADER;

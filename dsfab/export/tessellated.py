@@ -14,8 +14,8 @@ from dsfab.export.part import Part
 from dsfab.export.readback import TOLERANCE, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name, product
-from dsfab.export.step_text import DIGITS, FIRST, TRAILING_ZEROS, header
-from dsfab.export.text import rows
+from dsfab.export.step_text import DIGITS, FIRST, header
+from dsfab.export.text import listed_rows
 
 WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and gmsh do not"
 
@@ -44,7 +44,7 @@ def entities(part: Part) -> Iterator[str]:
 
 def _coordinates(new: Numbered, points: Floats) -> Iterator[str]:
     yield f"#{new.next()}=COORDINATES_LIST('',{len(points)},("
-    yield from _listed(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),\n", *points.T)
+    yield from listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),\n", *points.T)
     yield "));\n"
 
 
@@ -52,7 +52,7 @@ def _face(new: Numbered, count: int, triangles: Ints) -> Iterator[str]:
     """One face with all triangles: no normals, no link to exact geometry, and point i of the list is point i."""
     at = new.next()
     yield f"#{at}=TRIANGULATED_FACE('',#{at - 1},{count},(),$,(),("
-    yield from _listed("(%d,%d,%d),\n", *triangles.T)
+    yield from listed_rows("(%d,%d,%d),\n", *triangles.T)
     yield "));\n"
 
 
@@ -64,16 +64,6 @@ def _product(new: Numbered, i: int, title: str) -> Iterator[str]:
     new.add(f"SHAPE_DEFINITION_REPRESENTATION(#{definition},#{held})")
     yield "".join(new.text)
     new.text.clear()
-
-
-def _listed(template: str, *columns: Floats | Ints) -> Iterator[str]:
-    """Rows without the comma after the last, and without zeros at the end of numbers."""
-    before = ""
-    for text in rows(template, *columns):
-        if before:
-            yield before
-        before = TRAILING_ZEROS.sub(r"\1", text)
-    yield before.rstrip(",\n")
 
 
 def check(part: Part, found: dict[str, float]) -> None:

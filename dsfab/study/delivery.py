@@ -27,7 +27,7 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
         return design.surface, {"details": Details(values=design_fields(design))}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
-        return design.solid, {**step_options(ask), "corners": corners}
+        return design.solid, {**step_options(ask), "corners": corners, "details": Details(measures=_measures(design))}
     tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
     details = Details(design_lines(design, tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
@@ -36,6 +36,12 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
 def step_options(ask: Export) -> dict[str, Any]:
     """The keywords of `dsfab.export.write` about STEP, as the preset has them."""
     return {key: getattr(ask, key) for key in ("step_faces", "step", "step_tolerance", "step_mb")}
+
+
+def _measures(design: Design) -> dict[str, float]:
+    """Thickness and material, SI."""
+    statics = design.preset.statics
+    return {key: getattr(statics, key) for key in ("thickness", "density", "young", "poisson")}
 
 
 def _facts(design: Design) -> tuple[str, ...]:
