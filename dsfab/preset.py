@@ -237,7 +237,8 @@ class Fabrication(Section):
 
 
 FormatName = Literal[
-    "stl", "3mf", "step", "stpz", "brep", "ifc", "obj", "ply", "off", "glb", "3dm", "dxf", "svg", "lines.step", "csv", "json", "vtu"
+    "stl", "3mf", "step", "stpz", "brep", "ifc", "obj", "ply", "off", "glb", "3dm", "dxf", "svg",
+    "lines.step", "csv", "json", "vtu",
 ]  # fmt: skip
 
 
@@ -245,7 +246,7 @@ class Export(Section):
     """[export]: the files."""
 
     formats: tuple[FormatName, ...] = ("stl", "3mf", "step")
-    """Solids: stl, 3mf, step, stpz, brep, ifc, obj, ply, off, glb. Lines: dxf, svg, lines.step, csv. See `export -h`."""
+    """See `dsfab export --help`: solids, lines, drawings, fields."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "planar", "faceted", "tessellated"] = "auto"

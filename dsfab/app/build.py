@@ -153,7 +153,7 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
             thing, how = delivered(design, f".{suffix}")
             files.append(write(thing, folder / f"{preset.name}.{suffix}", note=told.append, **how))
         except ExportError as error:
-            if suffix not in ("step", "brep"):
+            if suffix not in ("step", "stpz", "brep"):
                 raise
             refused.append(str(error))
     for text in told:

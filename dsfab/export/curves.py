@@ -152,7 +152,7 @@ def _least_squares(x: Floats, points: Floats, knots: Floats, smooth: bool) -> Fl
     count = len(knots) - 4
     basis = csr_array(BSpline.design_matrix(x, knots, 3))
     ends: Ints = np.array([0, count - 1])
-    poles = np.zeros((count, 2))
+    poles = np.zeros((count, points.shape[1]))
     poles[ends] = points[[0, -1]]
     inner = basis[:, 1:-1]
     if smooth:

@@ -136,7 +136,7 @@ def write(
     path = Path(path)
     form = format_of(path)
     form.ready()
-    part = part_of(thing, path.stem if name is None else name, step_faces)
+    part = part_of(thing, path.name[: -len(suffix_of(path))] if name is None else name, step_faces)
     if not (part.is_solid or form.sheets):
         open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if f.sheets)
         raise ExportError(

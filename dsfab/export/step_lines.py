@@ -1,7 +1,8 @@
-"""Stripe edges and centre lines as curves in STEP: `NAME.lines.step`, to rebuild a design rather than receive its faces.
+"""Stripe edges and centre lines as curves in STEP, `NAME.lines.step`: to rebuild a design, not to receive its faces.
 
 Each line is lines and cubic splines within the tolerance of the lines, one curve between sharp turns, and a composite
-curve where there are several. Its name is its id, family and length; families are layers with their colours. Millimetres.
+curve where there are several. Its name is its id, which names its family, and its length; families are layers with
+their colours. Millimetres.
 """
 
 from collections.abc import Iterator
