@@ -39,6 +39,8 @@ def striped(surface: Surface, along=(1.0, 0.0, 0.0), frequency: float = 2.0) -> 
 
 
 FLAT, ARCHED = striped(grid(16, 8, 2.0, 1.0)), striped(lifted(lambda x, y: 0.5 * x * (1 - x)), frequency=4.0)
+
+
 @pytest.fixture(autouse=True)
 def _here(monkeypatch):
     """Inspect STEP curves in this process: a new one takes seconds to import build123d, each time."""
