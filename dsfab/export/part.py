@@ -147,20 +147,27 @@ def in_single_precision(part: Part) -> Part:
 def open_edges(F: Ints) -> int:
     """Number of edges that are not run through equally often in both directions; 0 for a closed, oriented mesh."""
     a, b = half_edges(F)
-    keys, edge = np.unique(np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b), return_inverse=True)
+    keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
+    there, back = (np.sort(keys[way]) for way in (a < b, a > b))
+    if np.array_equal(there, back) and len(there) + len(back) == len(keys):
+        return 0  # the usual answer, in a tenth of the time
+    keys, edge = np.unique(keys, return_inverse=True)
     balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))
     return int(np.count_nonzero(balance))
 
 
 def box(V: Floats, F: Ints) -> Floats:
     """(2, 3) lowest and highest corner of the vertices that faces use."""
-    used = V[F.ravel()]
-    return np.stack([used.min(axis=0), used.max(axis=0)])
+    used = np.zeros(len(V), dtype=bool)
+    used[F.ravel()] = True
+    points = V if used.all() else V[used]
+    return np.array([[f(column) for column in points.T] for f in (np.min, np.max)])
 
 
 def volume(V: Floats, F: Ints) -> float:
     """Enclosed volume: signed tetrahedra from the middle of the box, so that no digits are lost far from the origin."""
-    a, b, c = (V[F[:, i]] - box(V, F).mean(axis=0) for i in range(3))
+    middle = box(V, F).mean(axis=0)
+    a, b, c = (V[F[:, i]] - middle for i in range(3))
     return float(np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
 
 

@@ -59,12 +59,11 @@ def mesh_row(suffix: str, triangles: int, folder: Path) -> None:
         with open(path, "wb") as file:
             file.writelines(form.encode(form.prepare(part)))
 
-    alone = timed(only)
-    after = peak()
-    whole = timed(lambda: write(solid, path))
-    print(f"{suffix:8} {len(solid.F):>10,} {path.stat().st_size / 1e6:8.1f} MB  write {alone[0]:6.2f} cpu "
-          f"{alone[1]:6.2f} s, {after:5.2f} GB;  with reading back {whole[0]:6.2f} cpu {whole[1]:6.2f} s, {peak():5.2f} GB",
-          flush=True)  # fmt: skip
+    alone, after = timed(only), peak()
+    whole, size = timed(lambda: write(solid, path)), path.stat().st_size / 1e6
+    head = f"{suffix:6} {len(solid.F):>10,} {size:8.1f} MB"
+    wrote = f"write {alone[0]:6.2f} cpu {alone[1]:6.2f} s {after:5.2f} GB"
+    print(f"{head}  {wrote}; and read back {whole[0]:6.2f} cpu {whole[1]:6.2f} s {peak():5.2f} GB", flush=True)
 
 
 def step_row(way: str, triangles: int, folder: Path) -> None:
