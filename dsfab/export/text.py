@@ -14,9 +14,9 @@ _ROWS = 10_000
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
     """`template % row` for every row of the columns (equally long sequences), in pieces of many rows."""
-    lists = [column.tolist() if hasattr(column, "tolist") else list(column) for column in columns]
-    for start in range(0, len(lists[0]), _ROWS):
-        pieces = [column[start : start + _ROWS] for column in lists]
+    for start in range(0, len(columns[0]), _ROWS):
+        sliced = [column[start : start + _ROWS] for column in columns]
+        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # all at once is gigabytes
         yield (template * len(pieces[0])) % tuple(chain.from_iterable(zip(*pieces, strict=True)))
 
 
