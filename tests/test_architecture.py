@@ -55,6 +55,7 @@ HOME = {
     "lib3mf": {"export", "surface"},
     "ezdxf": {"export"},
     "rhino3dm": {"export"},
+    "ifcopenshell": {"export"},
     "pyvista": {"app"},
     "vtk": {"app"},
     "trimesh": {"surface", "export"},
@@ -66,7 +67,19 @@ HOME = {
 }
 """Libraries that may be imported in these parts only."""
 
-LAZY = {"build123d", "OCP", "lib3mf", "ezdxf", "rhino3dm", "pyvista", "vtk", "trimesh", "PIL", "matplotlib"}
+LAZY = {
+    "build123d",
+    "OCP",
+    "lib3mf",
+    "ezdxf",
+    "rhino3dm",
+    "ifcopenshell",
+    "pyvista",
+    "vtk",
+    "trimesh",
+    "PIL",
+    "matplotlib",
+}
 """Slow to import: never at the top of a module."""
 
 
