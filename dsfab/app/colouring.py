@@ -152,6 +152,11 @@ def rising(share: Floats) -> Bytes:
     return ramp(np.clip(share, 0, 1), _RISING)
 
 
+def signed(share: Floats) -> Bytes:
+    """(k, 3) colours for shares from -1 to 1 of what is no stress."""
+    return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
+
+
 def ramp(share: Floats, colours: Floats) -> Bytes:
     """(k, 3) colours for shares from 0 to 1 of the way along `colours`."""
     place, known = share * (len(colours) - 1), np.arange(len(colours))
