@@ -29,6 +29,7 @@ export class Eye {
     controls.touches = { ONE: THREE.TOUCH.ROTATE, TWO: THREE.TOUCH.DOLLY_PAN };
     if (target) controls.target.copy(target);
     controls.addEventListener('change', () => this.changed());
+    controls.addEventListener('start', () => (this.fitted = false));
     controls.enabled = this.enabled ?? true;
     this.controls = controls;
   }
@@ -72,7 +73,7 @@ export class Eye {
     matrix.extractBasis(right, up, new THREE.Vector3());
     const slope = Math.tan((this.perspective.fov / 2) * (Math.PI / 180));
     const place = new THREE.Vector3();
-    const room = 1.16;
+    const room = 1.26;
     let centre = new THREE.Vector3();
     let far = 4 * this.size;
     const stride = 3 * Math.max(1, Math.floor(this.points.length / 30000));
@@ -91,6 +92,7 @@ export class Eye {
     camera.position.copy(centre).addScaledVector(towards, far);
     camera.zoom = 1;
     this.half = far * slope;
+    this.fitted = true;
     this.settle();
   }
 
@@ -109,6 +111,7 @@ export class Eye {
       else this.camera.zoom *= key === '-' ? 1 / 1.15 : 1.15;
     } else return false;
     position.copy(this.controls.target).add(off);
+    this.fitted = false;
     this.settle();
     return true;
   }
@@ -116,7 +119,8 @@ export class Eye {
   /** The picture's width over its height. */
   resize(aspect) {
     this.aspect = aspect;
-    this.settle();
+    if (this.fitted) this.fit();
+    else this.settle();
   }
 
   settle() {
@@ -163,6 +167,7 @@ export class Eye {
     this.camera.position.fromArray(list);
     this.controls.target.fromArray(list, 3);
     this.camera.zoom = list[6];
+    this.fitted = false;
     this.settle();
   }
 }

@@ -3,7 +3,7 @@
 import * as THREE from 'three';
 import { GROUND, GROUND_VERTEX } from './shader.js';
 
-const SIDE = 640;
+const SIDE = 1024;
 
 export class Ground {
   constructor(sheet) {
@@ -39,7 +39,7 @@ export class Ground {
     this.plane.scale.setScalar(0.95 * facts.size);
     const half = 0.8 * facts.size;
     Object.assign(this.lamp, { left: -half, right: half, top: half, bottom: -half, near: 0, far: 6 * facts.size });
-    const from = up.clone().addScaledVector(right, -0.28).addScaledVector(towards, 0.2).normalize();
+    const from = up.clone().addScaledVector(right, -0.5).addScaledVector(towards, 0.35).normalize();
     this.lamp.position.copy(from).multiplyScalar(3 * facts.size);
     this.lamp.up.copy(right);
     this.lamp.lookAt(0, 0, 0);

@@ -3,7 +3,7 @@
 const byte = (...rgb) => rgb.map((value) => value / 255);
 
 const LIGHT = {
-  paper: byte(250, 249, 246), shadow: byte(70, 62, 56), dark: 0.55,
+  paper: byte(250, 249, 246), shadow: byte(84, 80, 78), dark: 0.42,
   families: [byte(226, 160, 124), byte(240, 203, 148), byte(176, 112, 94)],
   marks: { loads: byte(32, 84, 168), supports: byte(58, 74, 70), reactions: byte(140, 52, 120), picked: byte(0, 130, 110) },
 };

@@ -232,6 +232,7 @@ class Editor {
 
   colours() {
     const { layers, colour, section } = this.state.view;
+    by('colour').value = colour;
     for (const button of by('layers').children) button.setAttribute('aria-pressed', String(layers.includes(button.dataset.layer)));
     if (!this.model || !this.viewer) return;
     const [how, legend] = colouring(colour, this.model, this.start.colours, this.mode);

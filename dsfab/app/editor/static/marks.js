@@ -2,7 +2,7 @@
 
 import * as THREE from 'three';
 
-const SHARE = { points: 0.16, spread: 0.085, reactions: 0.12 };
+const SHARE = { points: 0.13, spread: 0.065, reactions: 0.09 };
 
 /** One group for each layer: loads, supports, reactions. */
 export class Marks {
@@ -78,7 +78,7 @@ function arrows(list, longest, size, material) {
   forces.forEach((force, i) => {
     const long = longest * (0.35 + 0.65 * Math.sqrt(force.length() / most));
     turn.setFromUnitVectors(along, force.clone().normalize());
-    const wide = Math.min(long, 0.11 * size);
+    const wide = Math.min(long, 0.09 * size);
     matrix.compose(new THREE.Vector3().fromArray(list, 6 * i), turn, scale.set(wide, long, wide));
     made.setMatrixAt(i, matrix);
   });
@@ -88,13 +88,13 @@ function arrows(list, longest, size, material) {
 
 /** One long, its tip at the origin, pointing along y. */
 function arrow() {
-  const head = new THREE.ConeGeometry(0.085, 0.24, 16).translate(0, -0.12, 0);
-  const shaft = new THREE.CylinderGeometry(0.021, 0.021, 0.78, 10).translate(0, -0.61, 0);
+  const head = new THREE.ConeGeometry(0.075, 0.22, 16).translate(0, -0.11, 0);
+  const shaft = new THREE.CylinderGeometry(0.016, 0.016, 0.8, 10).translate(0, -0.6, 0);
   return merged(head, shaft);
 }
 
 function cones(places, up, size, material) {
-  const high = 0.026 * size;
+  const high = 0.019 * size;
   const shape = new THREE.ConeGeometry(0.55 * high, high, 16).translate(0, -high / 2, 0);
   const made = new THREE.InstancedMesh(shape, material, places.length / 3);
   const turn = new THREE.Quaternion().setFromUnitVectors(new THREE.Vector3(0, 1, 0), up);

@@ -27,8 +27,8 @@ vec2 stripes() {  // how many pixels inside a stripe of each family; negative ou
   vec2 d = vec2(uHalf.x < 0.0 ? vHalf.x : uHalf.x, uHalf.y < 0.0 ? vHalf.y : uHalf.y);
   vec2 z = uFrequency * vMode + uPhase;
   vec2 inside = (vec2(wave(z.x), wave(z.y)) - (1.0 - 4.0 * d)) / (4.0 * max(fwidth(z), vec2(1e-9)));
-  inside = mix(inside, vec2(1e6), vec2(greaterThanEqual(d, vec2(0.5))));
-  return mix(vec2(-1e6), inside, uShown);
+  inside = mix(inside, vec2(1e6), greaterThanEqual(d, vec2(0.5)));  // chosen, not weighed: infinity times 0 is no number
+  return mix(vec2(-1e6), inside, greaterThan(uShown, vec2(0.5)));
 }
 vec3 shaded(vec3 base) {
   vec3 flatNormal = normalize(cross(dFdx(vEye), dFdy(vEye)));
@@ -45,7 +45,7 @@ void main() {
   if (dot(vec4(vPlace, 1.0), uSection) < 0.0) discard;
   vec2 s = stripes();
   vec2 k = (uReach - vKept) / max(fwidth(vKept), vec2(1e-9));
-  k = mix(k, vec2(-1e6), vec2(lessThan(uReach, vec2(0.0))));
+  k = mix(k, vec2(-1e6), lessThan(uReach, vec2(0.0)));
   float keep = max(k.x, k.y);
   float inside = uWhole == 1 ? 1e6 : max(max(s.x, s.y), keep);
   float cover = uSoft == 1 ? clamp(inside + 0.5, 0.0, 1.0) : step(1e-12, inside);
@@ -78,7 +78,7 @@ out vec4 colour;
 void main() {
   float dark = 0.0;
   for (int i = 0; i < 32; i++) {  // points of a sunflower
-    float r = sqrt((float(i) + 0.5) / 32.0) * 0.014, a = 2.39996 * float(i);
+    float r = sqrt((float(i) + 0.5) / 32.0) * 0.004, a = 2.39996 * float(i);
     vec2 at = vAt + r * vec2(cos(a), sin(a));
     if (all(greaterThan(at, vec2(0.0))) && all(lessThan(at, vec2(1.0)))) dark += 1.0 - texture(uShadow, at).r;
   }
