@@ -53,7 +53,8 @@ class Editor {
   without(error) {
     this.viewer = null;
     this.pictures = new Pictures(by('canvas'), by('drawn'), (changes) => this.work.ask('picture', '/api/picture', changes));
-    this.notice(`${error.message}: the server draws the picture instead.`, true);
+    this.standing = `${error.message}: the server draws the picture instead.`;
+    this.notice('');
   }
 
   wire() {
@@ -142,7 +143,7 @@ class Editor {
     this.work.ask('solve', '/api/solve', { changes: this.state.changes });
   }
 
-  async solved({ state, text }) {
+  async solved({ job, state, text }) {
     if (state === 'failed') {
       this.notice(text);
       unknown();
@@ -158,6 +159,7 @@ class Editor {
     this.outdated(!this.stripes());
     this.notes(facts.notes);
     this.pictures?.ask(this.state.changes);
+    this.done = job; // what is shown is what this job made
   }
 
   surface() {
@@ -261,9 +263,9 @@ class Editor {
   }
 
   notice(text, calm = false) {
-    by('notice').textContent = text;
-    by('notice').hidden = !text;
-    by('notice').classList.toggle('calm', calm);
+    by('notice').textContent = text || this.standing || '';
+    by('notice').hidden = !by('notice').textContent;
+    by('notice').classList.toggle('calm', calm || !text);
   }
 
   /** Keep everything in the address, so that a reload or a bookmark brings it back. */

@@ -189,7 +189,9 @@ export class Viewer {
     this.renderer.setClearColor(cleared, 1);
     others.forEach((thing) => (thing.visible = true));
     this.due();
-    return { width, height, seen: Uint8Array.from({ length: width * height }, (_, i) => Number(bytes[4 * i] < 128)) };
+    const seen = new Uint8Array(width * height);
+    for (let i = 0; i < seen.length; i += 1) seen[i] = bytes[4 * i] < 128;
+    return { width, height, seen };
   }
 }
 
