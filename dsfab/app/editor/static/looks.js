@@ -3,12 +3,12 @@
 const byte = (...rgb) => rgb.map((value) => value / 255);
 
 const LIGHT = {
-  paper: byte(250, 249, 246), shadow: byte(84, 80, 78), dark: 0.42,
+  paper: byte(250, 249, 246), shadow: byte(84, 80, 78), dark: 0.36,
   families: [byte(226, 160, 124), byte(240, 203, 148), byte(176, 112, 94)],
   marks: { loads: byte(32, 84, 168), supports: byte(58, 74, 70), reactions: byte(140, 52, 120), picked: byte(0, 130, 110) },
 };
 const DARK = {
-  paper: byte(27, 28, 30), shadow: byte(0, 0, 0), dark: 0.75,
+  paper: byte(27, 28, 30), shadow: byte(0, 0, 0), dark: 0.6,
   families: [byte(222, 160, 126), byte(238, 204, 152), byte(178, 116, 98)],
   marks: { loads: byte(116, 164, 240), supports: byte(160, 178, 172), reactions: byte(214, 130, 200), picked: byte(70, 210, 180) },
 };
@@ -72,7 +72,7 @@ export function colouring(choice, model, scales, mode) {
   if (choice === 'displacement') {
     const limit = facts.limits.displacement || 1;
     const values = Float32Array.from({ length: n }, (_, i) => Math.hypot(arrays.u[3 * i], arrays.u[3 * i + 1], arrays.u[3 * i + 2]));
-    const move = (0.04 * facts.size) / limit;
+    const move = (0.025 * facts.size) / limit;
     const legend = { title: `displacement, drawn ${Math.round(move)} ×`, low: '0', high: told(limit, 'm'), ramp: scales.rising };
     return [{ families, values, limit, low: 0, ramp: scales.rising, move }, legend];
   }
