@@ -48,7 +48,9 @@ def fresh(request):
     """Every test begins with the preset as it is."""
     if "tab" in request.fixturenames:
         tab = request.getfixturevalue("tab")
-        tab.run("dsfab.opened(dsfab.start); dsfab.view({layers: ['loads'], colour: 'plain'}); dsfab.look('iso')")
+        tab.run(
+            "dsfab.opened(dsfab.start); dsfab.views.view({layers: ['loads'], colour: 'plain'}); dsfab.views.look('iso')"
+        )
         solved(tab)
 
 
@@ -156,15 +158,15 @@ def test_parallel_keeps_the_size(tab):
 
 
 def test_a_section_leaves_half_of_it(tab):
-    tab.run("dsfab.look('top'); dsfab.view({layers: ['sheet']})")
+    tab.run("dsfab.views.look('top'); dsfab.views.view({layers: ['sheet']})")
     before = tab.run(SEEN)
-    tab.run("dsfab.view({section: ['x', 0]})")
+    tab.run("dsfab.views.view({section: ['x', 0]})")
     assert tab.run(SEEN) == pytest.approx(before / 2, rel=0.05)
 
 
 def test_pick_a_support_and_it_is_solved(tab):
     tab.run("document.getElementById('loads').open = true; document.querySelector('[data-way=spot]').click()")
-    tab.run("dsfab.view({layers: ['sheet']})")
+    tab.run("dsfab.views.view({layers: ['sheet']})")
     highest = "Math.max(...dsfab.model.arrays.supports.filter((_, i) => i % 3 === 2))"
     low = tab.run(highest)
     x, y = place_of(tab, 0.1, -2.0, 1.3)
@@ -201,7 +203,7 @@ def test_a_lasso_becomes_a_force(tab):
 
 def test_a_reload_restores_everything(tab, server):
     type_into(tab, "pattern-major-frequency", "11")
-    tab.run("dsfab.look('front'); dsfab.view({colour: 'stress'})")
+    tab.run("dsfab.views.look('front'); dsfab.views.view({colour: 'stress'})")
     solved(tab)
     tab.run("new Promise(done => setTimeout(done, 300))")
     before, eye = tab.run(SEEN), tab.run("dsfab.viewer.eye.numbers")
@@ -225,6 +227,39 @@ def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
     path.write_bytes(urllib.request.urlopen(link).read())
     assert path.suffix == ".stl"
     assert trimesh.load(path).is_volume
+
+
+def test_a_build_can_be_cancelled(tab, monkeypatch):
+    def endless(preset, old, folder, progress):
+        while True:
+            progress("thickening", "for ever")
+            time.sleep(0.01)
+
+    monkeypatch.setattr("dsfab.app.editor.building.built", endless)
+    tab.run("document.getElementById('build').click()")
+    until(tab, "!document.getElementById('cancel').hidden")
+    assert tab.run("document.getElementById('status').textContent") == "thickening: for ever"
+    tab.run("document.getElementById('cancel').click()")
+    until(tab, "document.getElementById('built').textContent.startsWith('Cancelled')")
+    assert tab.run("document.getElementById('progress').hidden")
+
+
+def test_what_cannot_be_is_said_and_can_be_undone(tab):
+    type_into(tab, "diffusion-r", "0.5")
+    said = until(tab, "document.getElementById('notice').textContent")
+    assert "diffusion.r" in said
+    tab.run("document.getElementById('undo').click()")
+    solved(tab)
+    assert tab.run("document.getElementById('notice').hidden")
+
+
+def test_a_load_twice_as_large_moves_the_sheet_twice_as_far(tab):
+    tab.run("dsfab.state.set({'surface.load': [dsfab.state.get('surface.load')[1]]})")
+    solved(tab)
+    before = tab.run("dsfab.model.facts.limits.displacement")
+    type_into(tab, "load-0", "100000")
+    solved(tab)
+    assert tab.run("dsfab.model.facts.limits.displacement") == pytest.approx(2 * before, rel=1e-6)
 
 
 def test_the_command_is_told(tab):
@@ -324,6 +359,22 @@ def test_the_browser_sees_what_the_previewer_sees(tab):
     ours = (np.frombuffer(told[2].encode(), np.uint8) == ord("1")).reshape(size[1], size[0])[::-1]
     assert theirs.sum() > 30_000
     assert (ours != theirs).sum() < 0.002 * theirs.sum()
+
+
+DROP = """(() => { const drop = new DataTransfer();
+    drop.items.add(new File(['v 0 0 0\\nv 100 0 0\\nv 100 100 0\\nv 0 100 0\\nv 50 50 40\\nf 1 2 5\\nf 2 3 5\\nf 3 4 5\\nf 4 1 5\\n'], 'my roof.obj'));
+    document.getElementById('picture').dispatchEvent(new DragEvent('drop', { dataTransfer: drop, bubbles: true, cancelable: true }));
+})()"""
+
+
+def test_a_mesh_is_dropped_and_its_unit_asked(tab):
+    tab.run(DROP)
+    until(tab, "document.getElementById('ask').open")
+    tab.run("document.getElementById('ask-unit').value = 'cm'; document.querySelector('#ask button.main').click()")
+    until(tab, "dsfab.start.title === 'my_roof' && dsfab.model.facts.triangles === 4 && " + READY)
+    assert tab.run("dsfab.model.facts.size") == pytest.approx(np.sqrt(1 + 1 + 0.16), rel=1e-6)
+    tab.run("document.getElementById('preset').value = 'dome'; dsfab.files.open({preset: 'dome'})")
+    until(tab, "dsfab.start.title === 'dome' && dsfab.model.facts.triangles > 4 && " + READY)
 
 
 def test_nothing_went_wrong_and_nobody_else_was_asked(tab, server):

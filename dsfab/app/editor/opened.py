@@ -13,7 +13,6 @@ from dsfab.app.variations import spelled
 from dsfab.errors import PresetError
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped
-from dsfab.preset_surface import FileSurface
 from dsfab.surface import read_surface
 
 MESHES = (".obj", ".ply", ".stl", ".off", ".glb", ".3mf")
@@ -47,7 +46,7 @@ class Opened:
     def toml(self, changes: Mapping[str, Any]) -> str:
         """The changed preset as a file; a mesh that came from the page is named as it was there."""
         preset = self.changed(changes)
-        if self.mesh and isinstance(preset.surface, FileSurface):
+        if self.mesh and _file(preset):
             surface = preset.surface.model_copy(update={"file": Path(self.mesh)})
             preset = preset.model_copy(update={"surface": surface})
         return preset_toml(preset)
@@ -138,4 +137,4 @@ def _inline(value: Any) -> str:
 
 
 def _file(preset: Preset) -> Path | None:
-    return preset.surface.file if isinstance(preset.surface, FileSurface) else None
+    return getattr(preset.surface, "file", None)

@@ -4,18 +4,18 @@ import { Controls, make } from './controls.js';
 import { estimated, histogram, measured, unknown } from './figures.js';
 import { Files } from './files.js';
 import { Loads } from './loads.js';
-import { colouring, look, onTheme, recall, turn } from './looks.js';
+import { recall } from './looks.js';
 import { drawn, Sampler } from './pattern.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
 import { fromHash, State } from './state.js';
 import { get, model as fetched } from './transport.js';
 import { Viewer } from './viewer.js';
+import { Views } from './views.js';
 import { Work } from './work.js';
 
 const by = (id) => document.getElementById(id);
 const WAIT = 120; // milliseconds without a change, after which the server is asked
-const LAYERS = ['loads', 'supports', 'reactions'];
 
 recall();
 
@@ -33,6 +33,7 @@ class Editor {
     } catch (error) {
       this.without(error);
     }
+    this.views = new Views(this);
     this.files = new Files(start, {
       changes: () => this.state.changes,
       opened: (next) => this.opened(next),
@@ -60,21 +61,7 @@ class Editor {
   wire() {
     by('undo').addEventListener('click', () => this.state.undo());
     by('redo').addEventListener('click', () => this.state.redo());
-    by('theme').addEventListener('click', () => {
-      turn();
-      this.paint();
-    });
-    onTheme(() => this.paint());
-    by('colour').value = this.state.view.colour;
-    by('colour').addEventListener('change', () => this.view({ colour: by('colour').value }));
-    by('layers').addEventListener('click', ({ target }) => target.dataset.layer && this.layer(target.dataset.layer));
-    by('views').addEventListener('click', ({ target }) => target.dataset.view && this.look(target.dataset.view));
-    by('fit').addEventListener('click', () => this.viewer?.eye.fit());
-    by('parallel').addEventListener('click', () => this.parallel());
-    for (const id of ['section-axis', 'section-at']) by(id).addEventListener('input', () => this.view({ section: [by('section-axis').value, by('section-at').valueAsNumber] }));
-    const [axis, at] = this.state.view.section ?? ['', 0];
-    [by('section-axis').value, by('section-at').value] = [axis, at];
-    if (axis) by('section').open = true;
+    this.views.wire();
     document.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => {
       this.viewer?.resize();
@@ -101,9 +88,9 @@ class Editor {
       event.preventDefault();
       this.state.redo();
     } else if (!writing && !event.ctrlKey && !event.metaKey && !event.altKey) {
-      if ('1234'.includes(key)) this.look(['iso', 'top', 'front', 'side'][key - 1]);
+      if ('1234'.includes(key)) this.views.look(['iso', 'top', 'front', 'side'][key - 1]);
       else if (key === 'f') this.viewer?.eye.fit();
-      else if (key === 'p') this.parallel();
+      else if (key === 'p') this.views.parallel();
       else if (key === 'escape') this.loads?.begin('');
       else if (event.target === by('canvas')) this.viewer?.eye.keyed(key) && event.preventDefault();
     }
@@ -134,7 +121,7 @@ class Editor {
     const turned = String(made.mode) !== String(this.mode);
     this.mode = made.mode;
     this.viewer?.stripes(made);
-    if (turned) this.colours();
+    if (turned) this.views.colours();
     estimated(made.share, this.model.facts);
     return true;
   }
@@ -168,12 +155,12 @@ class Editor {
     this.controls.build(this.model.facts.controls);
     if (first) {
       this.viewer.resize();
-      this.look('iso', false);
+      this.views.look('iso', false);
       this.viewer.eye.numbers = this.state.view.eye;
       by('parallel').setAttribute('aria-pressed', String(this.viewer.eye.camera === this.viewer.eye.parallel));
     }
     this.mode = this.model.facts.mode;
-    this.paint();
+    this.views.paint();
   }
 
   figured({ state, result, text }) {
@@ -197,59 +184,6 @@ class Editor {
     by('built').replaceChildren();
     this.files.list(start);
     this.changed(null, true);
-  }
-
-  view(changes) {
-    Object.assign(this.state.view, changes);
-    this.colours();
-    this.remember();
-  }
-
-  layer(name) {
-    const on = new Set(this.state.view.layers);
-    on.delete(name) || on.add(name);
-    this.view({ layers: [...on] });
-  }
-
-  look(name, fresh = true) {
-    this.viewer?.eye.view(name);
-    this.pictures?.look(name, this.state.changes);
-    if (fresh) this.remember();
-  }
-
-  parallel() {
-    const { eye } = this.viewer ?? {};
-    if (!eye) return;
-    eye.project(eye.camera !== eye.parallel);
-    by('parallel').setAttribute('aria-pressed', String(eye.camera === eye.parallel));
-    this.remember();
-  }
-
-  /** Colours of page and structure, layers and section: everything but the stripes. */
-  paint() {
-    this.viewer?.page(look());
-    histogram();
-    this.colours();
-  }
-
-  colours() {
-    const { layers, colour, section } = this.state.view;
-    by('colour').value = colour;
-    for (const button of by('layers').children) button.setAttribute('aria-pressed', String(layers.includes(button.dataset.layer)));
-    if (!this.model || !this.viewer) return;
-    const [how, legend] = colouring(colour, this.model, this.start.colours, this.mode);
-    this.viewer.colours(how);
-    this.viewer.whole(layers.includes('sheet'));
-    this.viewer.section(...(section ?? ['', 0]));
-    for (const name of LAYERS) this.viewer.marks.show(name, layers.includes(name));
-    by('legend').hidden = !legend;
-    if (!legend) return;
-    for (const part of ['title', 'low', 'high']) by(`legend-${part}`).textContent = legend[part];
-    const pen = by('ramp').getContext('2d');
-    legend.ramp.forEach((rgb, i) => {
-      pen.fillStyle = `rgb(${rgb})`;
-      pen.fillRect((128 * i) / legend.ramp.length, 0, 3, 1);
-    });
   }
 
   outdated(yes) {
