@@ -49,15 +49,19 @@ export class Work {
   }
 
   show({ job, stage, text }) {
+    if (this.running !== job) {
+      this.rest();
+      this.soon = setTimeout(() => this.open(), 250); // what is quick needs no sign
+    }
     this.running = job;
-    clearTimeout(this.soon);
-    const open = () => {
-      by('progress').hidden = false;
-      by('cancel').hidden = false;
-      this.say(stage ? `${stage}: ${text}` : 'working');
-    };
-    if (by('progress').hidden) this.soon = setTimeout(open, 250); // what is quick needs no sign
-    else open();
+    this.doing = stage ? `${stage}: ${text}` : 'working';
+    if (!by('progress').hidden) this.say(this.doing);
+  }
+
+  open() {
+    by('progress').hidden = false;
+    by('cancel').hidden = false;
+    this.say(this.doing);
   }
 
   rest() {
