@@ -4,9 +4,14 @@ import base64
 import hashlib
 import http.client
 import json
+import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 import tomllib
+import urllib.request
 from contextlib import contextmanager
 
 import numpy as np
@@ -422,6 +427,25 @@ def test_what_is_turned_away(server, method, path, body, headers, status):
     assert got == status, content
     assert "Access-Control-Allow-Origin" not in told
     assert b"Traceback" not in content
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are others there")
+def test_ctrl_c_ends_it_cleanly():
+    command = [sys.executable, "-m", "dsfab.app.cli", "edit", "dome", "--no-open"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    address = process.stdout.readline().split(": ", 1)[1].strip()
+    assert urllib.request.urlopen(address, timeout=10).status == 200
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert said == ""
+
+
+def test_a_port_in_use_is_told(server, capsys):
+    from dsfab.app.cli import main
+
+    assert main(["edit", "dome", "--no-open", "--port", str(server.server_address[1])]) == 1
+    assert "leave --port out" in capsys.readouterr().err
 
 
 def test_news_of_jobs_arrive(server):

@@ -140,6 +140,7 @@ class Editor {
     this.notice('');
     const got = await fetched(this.model?.facts.version ?? 0);
     const { facts, arrays } = got;
+    if (job !== this.work.latest.solve) return; // a newer one is on its way
     this.model = facts.whole ? got : { facts: { ...this.model.facts, ...facts }, arrays: { ...this.model.arrays, ...arrays } };
     this.model.facts.opening = this.start.opening;
     if (facts.whole) this.surface();
