@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.jobs import Jobs, Progress
 from dsfab.app.editor.opened import MESHES, Opened, opened_mesh, opened_shipped
@@ -22,6 +24,7 @@ from dsfab.preset_file import shipped
 from dsfab.units import METRES_PER
 
 Changes = Mapping[str, Any]
+Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,7 @@ class Session:
         self._opened, self._opening = first, 1
         self._shown: Shown | None = None
         self._lock = threading.RLock()
+        self._kept: tuple[int, Packed] | None = None
         self._files: dict[int, list[Path]] = {}
         self._folder = tempfile.TemporaryDirectory(prefix="dsfab-edit-", ignore_cleanup_errors=True)
 
@@ -133,10 +137,17 @@ class Session:
         facts, arrays = widths(shown.draft)
         facts |= {"version": shown.version, "whole": have != shown.version}
         if have != shown.version:
-            more, large = model(shown.draft)
+            more, large = self._whole(shown)
             facts |= more | {"controls": controls(shown.draft.preset, shown.draft.surface)}
             arrays |= large
         return packed(facts, arrays)
+
+    def _whole(self, shown: Shown) -> Packed:
+        """What `model` makes of a version, kept for a page that is loaded again."""
+        with self._lock:
+            if self._kept is None or self._kept[0] != shown.version:
+                self._kept = shown.version, model(shown.draft)
+            return self._kept[1]
 
     def file(self, job: int, index: int) -> Path | None:
         """A file that was built, by its number; the page names no path."""
