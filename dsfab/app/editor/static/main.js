@@ -98,7 +98,7 @@ class Editor {
 
   /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */
   changed(keys, final) {
-    this.refresh();
+    this.refresh(keys);
     const live = keys && keys.every((key) => key.startsWith('pattern.'));
     if (!(live && this.stripes())) this.outdated(true);
     clearTimeout(this.waiting);
@@ -106,9 +106,9 @@ class Editor {
     if (final) this.remember();
   }
 
-  refresh() {
+  refresh(keys = null) {
     this.controls.refresh();
-    this.loads?.refresh();
+    if (!keys || keys.some((key) => key.startsWith('surface.'))) this.loads?.refresh();
     by('undo').disabled = !this.state.past.length;
     by('redo').disabled = !this.state.future.length;
   }

@@ -80,6 +80,7 @@ export class Sampler {
     this.at = new Uint32Array(3 * POINTS);
     this.weight = new Float32Array(3 * POINTS);
     this.kept = new Uint8Array(POINTS);
+    this.told = ['', '', ''];
     this.z = [new Float32Array(POINTS), new Float32Array(POINTS)];
     this.spread();
   }
@@ -100,21 +101,33 @@ export class Sampler {
     }
   }
 
-  /** The phases of both families at the points, in periods, and which points are kept anyway. */
+  /** The phases of both families at the points, in periods, and which points are kept anyway; only what changed. */
   look(mode, frequency, phase, reach) {
-    const { at, weight } = this;
     const n = this.arrays.V.length / 3;
-    const fields = ['major', 'minor'].map((name, k) => this.arrays[name].subarray((mode[k] - 1) * n, mode[k] * n));
-    const kept = this.arrays.kept;
-    for (let p = 0; p < POINTS; p += 1) {
-      const [i, j, k] = [at[3 * p], at[3 * p + 1], at[3 * p + 2]];
-      const [a, b, c] = [weight[3 * p], weight[3 * p + 1], weight[3 * p + 2]];
-      for (let s = 0; s < 2; s += 1) {
-        const z = frequency[s] * (a * fields[s][i] + b * fields[s][j] + c * fields[s][k]) + phase[s];
+    ['major', 'minor'].forEach((name, s) => {
+      const told = `${mode[s]} ${frequency[s]} ${phase[s]}`;
+      if (this.told[s] === told) return;
+      this.told[s] = told;
+      const values = this.interpolated(this.arrays[name].subarray((mode[s] - 1) * n, mode[s] * n), 1, 0);
+      for (let p = 0; p < POINTS; p += 1) {
+        const z = frequency[s] * values[p] + phase[s];
         this.z[s][p] = Math.abs(z - Math.round(z));
       }
-      this.kept[p] = [0, 1].some((s) => a * kept[2 * i + s] + b * kept[2 * j + s] + c * kept[2 * k + s] < reach[s]);
+    });
+    if (this.told[2] === String(reach)) return;
+    this.told[2] = String(reach);
+    const [near, rim] = [0, 1].map((s) => this.interpolated(this.arrays.kept, 2, s));
+    for (let p = 0; p < POINTS; p += 1) this.kept[p] = near[p] < reach[0] || rim[p] < reach[1];
+  }
+
+  /** Values at the points of a field that is linear over faces: every `step`-th number from `first` on. */
+  interpolated(field, step, first) {
+    const { at, weight } = this;
+    const values = new Float32Array(POINTS);
+    for (let p = 0, c = 0; p < POINTS; p += 1, c += 3) {
+      values[p] = weight[c] * field[step * at[c] + first] + weight[c + 1] * field[step * at[c + 1] + first] + weight[c + 2] * field[step * at[c + 2] + first];
     }
+    return values;
   }
 
   /** The share of the surface that half-widths keep: two numbers, or (n, 2). */
