@@ -92,7 +92,7 @@ def build(
         with whole_or_nothing(folder) as partial:
             reporter("fabrication", "measuring members, gaps and walls")
             made = fabrication_facts(fabrication(design))
-            refused = _write_all(design, partial, reporter, picture, made)
+            refused = write_all(design, partial, reporter, picture, made)
         reporter.done()
     finally:
         reporter.stop()
@@ -136,7 +136,7 @@ def _can_draw(reporter: Reporter) -> bool:
     return True
 
 
-def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool, made: dict[str, Any]) -> str:
+def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool, made: dict[str, Any]) -> str:
     """Write every file of a design, and what was measured on it; returns why a format was refused, or ''."""
     import time
 

@@ -169,6 +169,11 @@ def rising(share: Floats, bands: int = 0) -> Bytes:
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
+def signed(share: Floats) -> Bytes:
+    """(k, 3) colours for shares from -1 to 1 of what is no stress."""
+    return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
+
+
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
     """(k, 3) colours for shares from 0 to 1 of the way along `colours`, in steps of equal width if there are bands."""
     if bands:
