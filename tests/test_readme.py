@@ -20,7 +20,15 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
 
 
-COMMANDS = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("dsfab ")]
+WAITS = "dsfab edit"
+"""It waits for a browser: `test_ctrl_c_ends_it_cleanly` in test_app_editor.py runs it."""
+
+COMMANDS = [
+    line
+    for block in blocks("sh")
+    for line in block.splitlines()
+    if line.startswith("dsfab ") and not line.startswith(WAITS)
+]
 SETUP = [line for block in blocks("sh") for line in block.splitlines() if ".venv/bin/" in line]
 
 
