@@ -164,6 +164,7 @@ def test_sorting_by_a_column(tab):
 @needs_browser
 def test_clicking_a_row_shows_the_design_its_parameters_and_its_command(tab):
     tab.run("document.querySelectorAll('#head button')[0].click()")  # by number
+    tab.run("document.querySelector('#body tr[data-run=\"3\"]').scrollIntoView({block: 'center'})")
     place = tab.run(
         "JSON.parse(JSON.stringify(document.querySelector('#body tr[data-run=\"3\"]').getBoundingClientRect()))"
     )

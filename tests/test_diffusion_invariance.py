@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors, reference_axes
-from dsfab.pipeline.directions import _axes
+from dsfab.pipeline.directions import load_axes
 from dsfab.statics import Material, solve_statics, stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.hats import voronoi_mass
@@ -43,7 +43,7 @@ def modes_of(surface: Surface, load: LoadCase, thickness: float = 0.02, k: int =
     answer = solve_statics(surface, steel, load, thickness)
     sigma = stress(surface, steel, answer.u)
     tensors = diffusion_tensors(surface, sigma)
-    axes = _axes(surface, load)
+    axes = load_axes(surface, load)
     found = [diffusion_modes(surface, diffusion_operator(surface, D), k, axes) for D in (tensors.major, tensors.minor)]
     return np.stack([modes.X for modes in found]), np.stack([modes.lam for modes in found])
 
@@ -139,7 +139,7 @@ def test_repeated_eigenvalues_turn_with_load_and_supports(turn):
     for R in (np.eye(3), turn):
         surface = Surface(ball.V @ R.T, ball.F)
         force = np.where(pressed[:, None], R @ [-0.6, -0.64, -0.48], 0.0)
-        axes = _axes(surface, LoadCase(np.repeat(held[:, None], 3, axis=1), force, pressed))
+        axes = load_axes(surface, LoadCase(np.repeat(held[:, None], 3, axis=1), force, pressed))
         L = diffusion_operator(surface, diffusion_tensors(surface, np.zeros((surface.m, 3, 3))).major)
         found.append(diffusion_modes(surface, L, 8, axes).X)
     assert np.abs(found[1] - found[0]).max() < 1e-6

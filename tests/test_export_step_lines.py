@@ -29,7 +29,7 @@ def test_a_helix_becomes_one_spline_of_its_length(tmp_path, here):
     line = Line("centre", "major", 2, 1, helix(), polyline_length(helix()))
     path = write(FLAT[0], tmp_path / "a.lines.step", details=Details((line,), 5e-4))
     assert step_check.inspected(path) == {"lines": 1, "length": pytest.approx(1000 * t * np.hypot(1, 0.1), rel=5e-4)}
-    assert "'centre-major-2.1 9471" in path.read_text()
+    assert "'centre-major-2.1 9470.9" in path.read_text()
 
 
 @pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])
