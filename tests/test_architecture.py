@@ -57,6 +57,8 @@ HOME = {
     "vtk": {"app"},
     "trimesh": {"surface", "export"},
     "pydantic": {"preset", "preset_surface", "preset_errors", "preset_file", "study", "surface"},
+    "gmsh": {"study"},
+    "skfem": {"study"},
     "cyclopts": {"app"},
     "rich": {"app"},
     "PIL": {"app"},
@@ -65,6 +67,7 @@ HOME = {
 """Libraries that may be imported in these parts only."""
 
 LAZY = {"build123d", "OCP", "lib3mf", "ezdxf", "rhino3dm", "pyvista", "vtk", "trimesh", "PIL", "matplotlib"}
+LAZY |= {"gmsh", "skfem"}
 """Slow to import: never at the top of a module."""
 
 
