@@ -99,7 +99,8 @@ def _fault(kind: str, places: Floats) -> Fault | None:
 def _volumes(V: Floats, F: Ints, label: Ints, count: int) -> Floats:
     """(count,) signed volume of each shell, from the middle of the box so that no digits are lost."""
     P = (V - V.mean(axis=0))[F]
-    return np.bincount(label, np.einsum("mi,mi->m", P[:, 0], np.cross(P[:, 1], P[:, 2])) / 6, minlength=count)
+    six = np.einsum("mi,mi->m", P[:, 0], np.cross(P[:, 1], P[:, 2]))
+    return np.asarray(np.bincount(label, six / 6, minlength=count), dtype=np.float64)
 
 
 def _area(V: Floats, F: Ints) -> float:

@@ -25,7 +25,7 @@ SECONDS = 300.0
 """How long meshing may take."""
 
 SAME_VOLUME, SAME_STEP = 1e-6, 5e-3
-"""The tetrahedra fill the solid to this share of its volume, or they are not of it; on curved faces they have chords."""
+"""The tetrahedra fill the solid to this share of its volume, or are not of it; on curved faces they have chords."""
 
 STEP = (".step", ".stp")
 """Suffixes of files that gmsh reads itself."""
