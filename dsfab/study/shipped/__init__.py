@@ -39,8 +39,8 @@ Progress = Callable[[str, str], None]
 TOO_THIN, TOO_THICK = 1e-4, 10.0
 """Metres. No workshop makes thinner walls; no building has thicker ones: the file's numbers are in another unit."""
 
-OFF = 0.1
-"""Largest accepted distance from the design's solid, as a share of the thickness: curved STEP faces need some."""
+OFF = 0.05
+"""Largest accepted distance from the design's solid, as a share of the thickness: a STEP file may have curves."""
 
 AGREES, DIFFERS = 0.05, 0.15
 """Solid and shell agree to the first; beyond the second something is wrong; between them nobody knows."""

@@ -14,6 +14,9 @@ from dsfab.units import METRES_PER, metres_per
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")
 """What can be checked."""
 
+STEP_BEGINS = b"ISO-10303-21"
+"""The first words of every STEP file."""
+
 BY_CONVENTION = "mm"
 """STL files name no unit; dsfab writes millimetres, and workshops read them so."""
 
@@ -86,6 +89,9 @@ def _step(path: Path) -> Found:
         raise ExportError(f"{path} does not exist; check the path")
     if not path.stat().st_size:
         raise ExportError(f"{path} is empty; export it again")
+    with path.open("rb") as file:
+        if STEP_BEGINS not in file.read(1000):
+            raise ExportError(f"{path} is no STEP file: it does not begin with {STEP_BEGINS.decode()}; export it again")
     mesh = read_step(path)
     if not mesh.solids or not len(mesh.F):
         raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")

@@ -6,10 +6,18 @@ import igl
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, lock
+from dsfab.surface.topology import edge_table
 from dsfab.thickening.wall import INSIDE, LIFT, OPPOSED
 
 FLAT = 64 * float(np.finfo(np.float32).eps)
 """Triangles lower than this share of the size of the mesh say nothing of a direction: single precision moved them."""
+
+
+PARALLEL = float(np.cos(np.radians(3)))
+"""Neighbouring faces that look at each other and are less parallel than this meet in a tip or a notch."""
+
+LARGE = 1e6
+"""Size that a mesh is scaled to: libigl's rays overlook triangles of less than 1e-6 or so in area, in any unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +44,13 @@ def clearances(V: Floats, F: Ints) -> Clearances:
 
     Four lines a face, from its centre and near its corners, square to it: into the material for walls, away from it for
     gaps. What they meet counts where it is parallel to 20 degrees, at the distance of its plane: exact between flat
-    faces. Widths of members are walls too. Triangles too low for single precision to hold their direction are left out.
+    faces. Neighbours that are not parallel to 3 degrees are the two sides of a tip or a notch, which tapers to nothing;
+    they do not count. Widths of members are walls too. Triangles too low for single precision to hold their direction
+    are left out.
     """
+    size = float(np.linalg.norm(np.ptp(V, axis=0)))
+    middle = V.mean(axis=0)
+    V = (V - middle) * (LARGE / size)
     N, plain = _normals(V, F)
     face = np.flatnonzero(plain)
     corners = V[F[face]]
@@ -46,17 +59,20 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     face = np.tile(face, 4)
     tree = igl.AABB()
     tree.init(np.array(V), np.array(F))
-    lift = LIFT * float(np.linalg.norm(np.ptp(V, axis=0)))
+    lift = LIFT * LARGE
 
     def nearest(sign: float) -> Clearance | None:
         way = sign * N[face]
         hit = tree.intersect_ray_first(np.array(V), np.array(F), start + lift * way, way)[0]
         hit = np.asarray(hit, dtype=np.int64)
-        met = (hit >= 0) & plain[hit] & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
+        opposed = -np.einsum("ki,ki->k", N[face], N[hit])
+        met = (hit >= 0) & plain[hit] & (opposed > OPPOSED)
+        tapering = np.flatnonzero(met & (opposed < PARALLEL))
+        met[tapering[_neighbours(F, face[tapering], hit[tapering])]] = False
         depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])
-        size = np.where(met, np.abs(depth), np.inf)
-        k = int(size.argmin())
-        return Clearance(float(size[k]), start[k]) if np.isfinite(size[k]) else None
+        depth = np.where(met, np.abs(depth), np.inf) * (size / LARGE)
+        k = int(depth.argmin())
+        return Clearance(float(depth[k]), start[k] * (size / LARGE) + middle) if np.isfinite(depth[k]) else None
 
     return Clearances(nearest(-1.0), nearest(1.0)) if len(face) else Clearances(None, None)
 
@@ -69,3 +85,17 @@ def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
     longest = np.linalg.norm(np.roll(P, -1, axis=1) - P, axis=2).max(axis=1)
     plain = twice > FLAT * float(np.linalg.norm(np.ptp(V, axis=0))) * longest
     return cross / np.where(twice > 0, twice, 1.0)[:, None], np.asarray(plain)
+
+
+def _neighbours(F: Ints, one: Ints, other: Ints) -> Bools:
+    """(k,) whether faces of pairs share a corner, or an edge leads from one to the other: the edge of a tip is one."""
+    n = int(F.max()) + 1
+    ends = edge_table(F).ends
+    keys = np.sort(ends[:, 0] * n + ends[:, 1])
+    found = np.zeros(len(one), dtype=bool)
+    for a in F[one].T:
+        for b in F[other].T:
+            key = np.minimum(a, b) * n + np.maximum(a, b)
+            at = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+            found |= (a == b) | (keys[at] == key)
+    return found
