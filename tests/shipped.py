@@ -49,7 +49,7 @@ def preset(per_metre=(0, -1e3, 0), **changes):
                 "support": [{"at": {"pick": "side", "axis": "x", "end": "min"}, "hold": "xyz", "clamp": True}],
                 "load": [{"kind": "line", "at": {"pick": "side", "axis": "x", "end": "max"}, "per_metre": per_metre}],
             },
-            "statics": {"thickness": 0.01, **STEEL},
+            "statics": {"thickness": 0.01, **STEEL, "membrane": "quadratic", "bending": "midedge"},
             "pattern": {
                 "keep": 0.025,
                 "rim": 0.02,

@@ -10,6 +10,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.design import Design
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.statics import VERDICT, flat_axis, solve_cases
+from dsfab.statics.supports import held_middles
 from dsfab.study.shipped.elastic import Holding, SolidModel, compliances
 from dsfab.study.shipped.reading import Found
 from dsfab.study.shipped.tetrahedra import tetrahedra
@@ -25,8 +26,8 @@ COARSE = 1 / 60
 RIGID = 1e3
 """A rigid support is a spring of this many times Young's modulus times the thickness."""
 
-LEVER = 0.8
-"""Clamped edges are held at this share of half the thickness on both sides of the sheet."""
+GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
+"""Heights over the middle, in half thicknesses, and their weights."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ def carrying(found: Found, design: Design, edge: float | None = None) -> Carryin
 
     edge : longest edge on the surface of the solid model, metres; two thicknesses, or a 60th of the size, if left out.
 
-    Loads and supports are those of the cut sheet, at its vertices: these are points inside the solid (see `elastic`).
+    Loads and supports are those of the cut sheet. Its vertices and the middles of its edges are points inside the solid
+    (see `elastic`), and what acts on one acts on the mean through the thickness there, as it does on a shell.
     Sheets that are loaded in their plane do not leave it. Raises StaticsError when gmsh or the solver cannot do it.
     """
     sheet, statics = design.sheet.surface, design.preset.statics
@@ -64,52 +66,68 @@ def carrying(found: Found, design: Design, edge: float | None = None) -> Carryin
     t = statics.thickness
     longest = edge or max(EDGE * t, COARSE * found.size)
     model = SolidModel.of(tetrahedra(found, longest), statics.material)
-    middle = sheet.V + SHIFT[design.preset.thickening.side] * t / 2 * sheet.vertex_normals
-    at = model.at(middle, t)
+    points = Points(model, sheet, t, SHIFT[design.preset.thickening.side])
+    at = points.mean(sheet.V, sheet.vertex_normals)
     forces = [at.T @ load.force.ravel() for load in loads.values()]
-    holding = _holding(model, at, middle, sheet, loads, RIGID * statics.young * t, t)
-    solid = compliances(model, holding, forces)
+    solid = compliances(model, _holding(points, at, loads, RIGID * statics.young * t), forces)
     answers = solve_cases(sheet, statics.material, loads, t, statics.law, VERDICT.membrane, "hhj")
     weights = np.array([design.preset.followed[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
     return Carrying(float(shell), float(weights @ solid), len(model.mesh.T), model.K.shape[0], longest, str(VERDICT))
 
 
-def _holding(
-    model: SolidModel,
-    at: csr_array,
-    middle: Floats,
-    sheet: Surface,
-    loads: Mapping[str, LoadCase],
-    rigid: float,
-    thickness: float,
-) -> Holding:
-    """Supports of the sheet: held directions and springs at its vertices, and edges that do not turn."""
-    load = next(iter(loads.values()))
-    fixed = load.fixed.copy()
-    axis = flat_axis(sheet, *loads.values())
-    if axis is not None:
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Points of a sheet in a solid of `thickness` metres, whose middle lies `shift` half thicknesses off the sheet."""
+
+    model: SolidModel
+    sheet: Surface
+    thickness: float
+    shift: int
+
+    def mean(self, places: Floats, normals: Floats) -> csr_array:
+        """(3 k, N) displacements of places (k, 3) of the sheet, averaged through the thickness by three Gauss points.
+
+        The points lie evenly about the middle: a force so divided has no moment about it.
+        """
+        parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
+        return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
+
+    def turn(self, edges: Bools) -> csr_array:
+        """(r, N) how far the outer Gauss points move apart, square to each of the marked edges and along the sheet."""
+        ends = self.sheet.edges.ends[edges]
+        places, normals = self.middles(edges)
+        across = np.cross(self.sheet.V[ends[:, 1]] - self.sheet.V[ends[:, 0]], normals)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        high = GAUSS[0][0]
+        apart = self._level(places, normals, high) - self._level(places, normals, -high)
+        k = len(ends)
+        entries = (across.ravel(), (np.repeat(np.arange(k), 3), np.arange(3 * k)))
+        return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
+
+    def middles(self, edges: Bools) -> tuple[Floats, Floats]:
+        """Middles of marked edges (k, 3), and the normals of one face of each."""
+        table = self.sheet.edges
+        face = table.order[table.start[:-1][edges]] // 3
+        return self.sheet.V[table.ends[edges]].mean(axis=1), self.sheet.normals[face]
+
+    def _level(self, places: Floats, normals: Floats, height: float) -> csr_array:
+        lift = (self.shift + height) * self.thickness / 2
+        return self.model.at(places + lift * normals, self.thickness)
+
+
+def _holding(points: Points, at: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
+    """Supports of the sheet: held directions of vertices and of middles of edges, springs, and edges that stay."""
+    sheet, load = points.sheet, next(iter(loads.values()))
+    fixed, middles = load.fixed.copy(), held_middles(sheet, load.fixed)
+    if (axis := flat_axis(sheet, *loads.values())) is not None:
         fixed[:, axis] = True
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held = np.flatnonzero(stiffness)
     rows, strength = [at[held]], [stiffness[held]]
+    if (edges := np.asarray(middles.any(axis=1))).any():
+        rows.append(points.mean(*points.middles(edges))[np.flatnonzero(middles[edges])])
     if load.clamped.any() and axis is None:
-        still = _still(model, sheet, middle, load.clamped, thickness)
-        rows.append(still)
-        strength.append(np.full(still.shape[0], rigid))
+        rows.append(points.turn(load.clamped))
+    strength += [np.full(row.shape[0], rigid) for row in rows[1:]]
     return Holding(csr_array(vstack(rows)), np.concatenate(strength))
-
-
-def _still(model: SolidModel, sheet: Surface, middle: Floats, clamped: Bools, thickness: float) -> csr_array:
-    """(r, N) how far the two skins move apart along the sheet, square to each clamped edge, at its middle."""
-    ends = sheet.edges.ends[clamped]
-    face = sheet.edges.order[sheet.edges.start[:-1][clamped]] // 3
-    normal = sheet.normals[face]
-    along = sheet.V[ends[:, 1]] - sheet.V[ends[:, 0]]
-    across = np.cross(along, normal)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    place, lift = middle[ends].mean(axis=1), LEVER * thickness / 2 * normal
-    apart = csr_array(model.at(place + lift, thickness) - model.at(place - lift, thickness))
-    k = len(ends)
-    entries = (across.ravel(), (np.repeat(np.arange(k), 3), np.arange(3 * k)))
-    return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
