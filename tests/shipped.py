@@ -36,7 +36,7 @@ def stl(path, V, F, metres=1e-3):
 PLATE = box((0, 0, 0), (0.4, 0.2, 0.01))
 
 
-def preset(per_metre=(0, -1e3, 0), **changes):
+def preset(per_metre=(0, -1e3, 0), keep=0.025, width=0.75, **changes):
     """A plate of 0.4 x 0.2 m with stripes, built in on the left, loaded on the right; coarse."""
     return Preset.model_validate(
         {
@@ -51,9 +51,9 @@ def preset(per_metre=(0, -1e3, 0), **changes):
             },
             "statics": {"thickness": 0.01, **STEEL, "membrane": "quadratic", "bending": "midedge"},
             "pattern": {
-                "keep": 0.025,
+                "keep": keep,
                 "rim": 0.02,
-                "width": {"rule": "constant", "solid_fraction": 0.75},
+                "width": {"rule": "constant", "solid_fraction": width} if width else {},
                 "major": {"mode": 1, "frequency": 2.0, "phase": 0.3},
                 "minor": {"mode": 1, "frequency": 2.0, "phase": 0.3},
             },
