@@ -57,8 +57,8 @@ def carrying(found: Found, design: Design, edge: float | None = None) -> Carryin
 
     edge : longest edge on the surface of the solid model, metres; else one thickness, or a hundredth of the size.
 
-    Loads and supports are those of the cut sheet. Its vertices and the middles of its edges are points inside the solid
-    (see `elastic`), and what acts on one acts on the mean through the thickness there, as it does on a shell.
+    Loads and supports are those of the cut sheet. Its vertices, and points along its held edges, lie in the solid (see
+    `elastic`), and what acts on one acts on the mean through the thickness there, as it does on a shell.
     Sheets that are loaded in their plane do not leave it. Raises StaticsError when gmsh or the solver cannot do it.
     """
     sheet, statics = design.sheet.surface, design.preset.statics
@@ -96,21 +96,29 @@ class Points:
 
     def turn(self, edges: Bools) -> csr_array:
         """(r, N) how far the outer Gauss points move apart, square to each of the marked edges and along the sheet."""
-        ends = self.sheet.edges.ends[edges]
-        places, normals = self.middles(edges)
-        across = np.cross(self.sheet.V[ends[:, 1]] - self.sheet.V[ends[:, 0]], normals)
+        places, normals, along = self.samples(edges)
+        across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         high = GAUSS[0][0]
         apart = self._level(places, normals, high) - self._level(places, normals, -high)
-        k = len(ends)
+        k = len(places)
         entries = (across.ravel(), (np.repeat(np.arange(k), 3), np.arange(3 * k)))
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
-    def middles(self, edges: Bools) -> tuple[Floats, Floats]:
-        """Middles of marked edges (k, 3), and the normals of one face of each."""
+    def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
+        """Places (k, 3) on marked edges, half a thickness apart at most, with the normal of a face and the edge there.
+
+        A line that is held in fewer points gives way between them, which a held shell does not.
+        """
         table = self.sheet.edges
+        start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
+        count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
+        of = np.repeat(np.arange(len(start)), count)
+        number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+        share = ((number + 0.5) / count[of])[:, None]
         face = table.order[table.start[:-1][edges]] // 3
-        return self.sheet.V[table.ends[edges]].mean(axis=1), self.sheet.normals[face]
+        along = end - start
+        return start[of] + share * along[of], self.sheet.normals[face][of], along[of]
 
     def _level(self, places: Floats, normals: Floats, height: float) -> csr_array:
         lift = (self.shift + height) * self.thickness / 2
@@ -118,7 +126,7 @@ class Points:
 
 
 def _holding(points: Points, at: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
-    """Supports of the sheet: held directions of vertices and of middles of edges, springs, and edges that stay."""
+    """Supports of the sheet: held directions of vertices and along edges, springs, and edges that stay."""
     sheet, load = points.sheet, next(iter(loads.values()))
     fixed, middles = load.fixed.copy(), held_middles(sheet, load.fixed)
     if (axis := flat_axis(sheet, *loads.values())) is not None:
@@ -126,8 +134,9 @@ def _holding(points: Points, at: csr_array, loads: Mapping[str, LoadCase], rigid
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held = np.flatnonzero(stiffness)
     rows, strength = [at[held]], [stiffness[held]]
-    if (edges := np.asarray(middles.any(axis=1))).any():
-        rows.append(points.mean(*points.middles(edges))[np.flatnonzero(middles[edges])])
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges that are held alike
+        places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
+        rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:
         rows.append(points.turn(load.clamped))
     strength += [np.full(row.shape[0], rigid) for row in rows[1:]]
