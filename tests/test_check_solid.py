@@ -103,7 +103,7 @@ def test_a_solid_that_is_not_held_is_refused(tmp_path):
 def test_a_cut_cantilever_in_its_plane_carries_as_its_shell(tmp_path):
     design = run(preset())
     checked = check_file(write(design.solid, tmp_path / "strip.stl"), design)
-    assert checked.carrying.ratio == pytest.approx(1, abs=0.025)
+    assert checked.carrying.ratio == pytest.approx(1, abs=0.01)
     assert verdicts(checked)["compliance"] == "pass"
 
 
@@ -112,15 +112,14 @@ def test_a_full_plate_in_bending_carries_as_its_shell(tmp_path):
     design = run(preset(per_metre=(0, 0, -1e3), keep=1.0, width=None))
     assert design.sheet.surface.area == pytest.approx(design.surface.area)
     found = carrying(read_shipped(write(design.solid, tmp_path / "plate.stl")), design)
-    assert found.ratio == pytest.approx(1, abs=0.02)
+    assert found.ratio == pytest.approx(1, abs=0.01)
 
 
 @pytest.mark.slow
-def test_narrow_members_twist_more_easily_than_a_thin_plate_says(tmp_path):
-    """Members of two thicknesses have 0.69 of the torsional stiffness b t^3 / 3 of a thin strip [Saint-Venant 1855]."""
+def test_a_cut_cantilever_across_its_plane_carries_as_its_shell(tmp_path):
     design = run(preset(per_metre=(0, 0, -1e3)))
     found = carrying(read_shipped(write(design.solid, tmp_path / "strip.stl")), design)
-    assert 1.02 < found.ratio < 1.09
+    assert found.ratio == pytest.approx(1, abs=0.03)
 
 
 @pytest.mark.slow

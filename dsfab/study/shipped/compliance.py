@@ -19,7 +19,7 @@ from dsfab.thickening.offset import SHIFT
 
 EDGE = 1.0
 """Longest edge on the solid's surface, in thicknesses; but not finer than `COARSE` of the solid's size. On members two
-thicknesses wide, edges of two thicknesses were measured to be 2.5 % (in the plane) and 5 % (across it) too stiff."""
+thicknesses wide, edges of two thicknesses gave 2.5 to 5 % less compliance."""
 
 COARSE = 1 / 100
 """See `EDGE`: very thin sheets would take millions of tetrahedra, and quadratic ones bend well at 1 : 5."""
