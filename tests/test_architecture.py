@@ -60,6 +60,8 @@ HOME = {
     "vtk": {"app"},
     "trimesh": {"surface", "export"},
     "pydantic": {"preset", "preset_surface", "preset_errors", "preset_file", "study", "surface"},
+    "gmsh": {"study"},
+    "skfem": {"study"},
     "cyclopts": {"app"},
     "rich": {"app"},
     "PIL": {"app"},
@@ -79,6 +81,8 @@ LAZY = {
     "trimesh",
     "PIL",
     "matplotlib",
+    "gmsh",
+    "skfem",
 }
 """Slow to import: never at the top of a module."""
 

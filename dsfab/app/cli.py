@@ -26,6 +26,7 @@ app.command(
 )
 app.command("dsfab.app.export:export", name="export", help="Write one file: solid, lines, drawing, fields or model.")
 app.command("dsfab.app.previewing:preview", name="preview", help="Draw a design without building it.")
+app.command("dsfab.app.check:check", name="check", help="Read an exported solid again: is it sound, and the design?")
 app.command("dsfab.app.explore:explore", name="explore", help="Draw many variants of a design on one contact sheet.")
 app.command("dsfab.app.editor.command:edit", name="edit", help="Change a design in your browser and watch it.")
 app.command("dsfab.app.sweep:sweep", name="sweep", help="Make many designs of a preset; stop and go on at any time.")

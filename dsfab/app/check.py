@@ -1,0 +1,224 @@
+"""`dsfab check`: the file that goes to the workshop, read again and judged."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from dsfab.app.build import Quiet, Set, read_preset
+from dsfab.app.report import Reporter, length, mass, out
+
+if TYPE_CHECKING:
+    from dsfab.arrays import Floats
+    from dsfab.design import Design
+    from dsfab.study.shipped import Checked, Clearance, Finding
+
+FAULTS = {
+    "open": "{} edges have one triangle only: there is a hole in the skin",
+    "crowded": "{} edges have more than two triangles: parts touch along a line",
+    "turned": "{} edges have triangles that face opposite sides: some faces are flipped",
+    "repeated": "{} triangles repeat an earlier one",
+    "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
+    "inside_out": "{} closed surfaces face inward: their faces are flipped",
+}
+"""What each kind of fault means for the one who has to mend it."""
+
+QUESTIONS = {
+    "solid": "is it a solid",
+    "unit": "is the unit right",
+    "wall": "is no wall too thin",
+    "gap": "is no gap too small",
+    "design": "is it the design",
+    "compliance": "does it carry like the design",
+}
+
+
+def check(
+    file: Path,
+    /,
+    *,
+    preset: Annotated[
+        str | None,
+        Parameter(help="What it should be: a preset, or a built folder [preset.toml beside the file]."),
+    ] = None,
+    set_: Set = (),
+    unit: Annotated[str | None, Parameter(help="Unit of an STL file's numbers: mm, cm, m, in, ft [mm].")] = None,
+    density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0,
+    solid: Annotated[bool, Parameter(help="With a preset: also compare compliance by a solid model.")] = True,
+    json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON instead of text.")] = False,
+    quiet: Quiet = False,
+) -> int:
+    """Read an exported solid again, with readers that did not write it: is it sound, and is it the design?
+
+    The exit code is 1 when something fails.
+
+    Parameters
+    ----------
+    file
+        STL, 3MF or STEP.
+    """
+    from dsfab.study.shipped import check_file, read_shipped
+
+    source = preset if preset is not None else _beside(file)
+    reporter = Reporter(quiet or json_)
+    try:
+        design = None
+        if source is not None:
+            read_shipped(file, unit)  # a file that cannot be read is told before any work begins
+            design = _design(source, set_, reporter)
+        checked = check_file(file, design, unit, density, solid, reporter)
+        reporter.done()
+    finally:
+        reporter.stop()
+    if json_:
+        out(json.dumps(facts(checked, source), indent=2))
+    elif not quiet:
+        for line in lines(checked, source):
+            out(line)
+    return 0 if checked.passed else 1
+
+
+def _beside(file: Path) -> str | None:
+    """The preset that `dsfab build` left in the file's folder, if there is one."""
+    there = file.parent / "preset.toml"
+    return str(there) if there.is_file() else None
+
+
+def _design(source: str, changes: tuple[str, ...], reporter: Reporter) -> "Design":
+    from dsfab.pipeline import run
+
+    folder = Path(source) / "preset.toml"
+    return run(read_preset(str(folder) if folder.is_file() else source, changes), reporter)
+
+
+def facts(checked: "Checked", preset: str | None = None) -> dict[str, Any]:
+    """What was found as plain data, SI units; null where it was not or could not be measured."""
+    sound, near, apart, carries = checked.soundness, checked.clearances, checked.distance, checked.carrying
+    return {
+        "file": str(checked.path),
+        "preset": preset,
+        "reader": checked.found.reader,
+        "unit": {"name": checked.found.unit, "declared": checked.found.declared},
+        "triangles": len(checked.found.F),
+        "watertight": sound.watertight,
+        "faults": [{"kind": f.kind, "count": f.count, "at_m": list(f.place)} for f in sound.faults],
+        "crossings_tested": sound.tested,
+        "touching_points": sound.pinches,
+        "collapsed_triangles": checked.found.collapsed,
+        "pieces": sound.pieces,
+        "volume_m3": sound.volume if sound.watertight else None,
+        "area_m2": sound.area,
+        "mass_kg": checked.mass,
+        "box_m": sound.box.tolist(),
+        "thinnest_wall": _clearance(near.wall) if near else None,
+        "smallest_gap": _clearance(near.gap) if near else None,
+        "distance": None
+        if apart is None
+        else {
+            "skin_max_m": apart.skin,
+            "skin_mean_m": apart.skin_mean,
+            "skin_at_m": apart.skin_place.tolist(),
+            "file_to_design_m": apart.to_design,
+            "file_to_design_at_m": apart.to_place.tolist(),
+            "design_to_file_m": apart.from_design,
+            "design_to_file_at_m": apart.from_place.tolist(),
+            "size_ratio": apart.scale,
+        },
+        "compliance": None
+        if carries is None
+        else {
+            "shell_J": carries.shell,
+            "solid_J": carries.solid,
+            "ratio": carries.ratio,
+            "shell_elements": carries.elements,
+            "tetrahedra": carries.tetrahedra,
+            "unknowns": carries.unknowns,
+            "edge_m": carries.edge,
+        },
+        "findings": {f.name: {"verdict": f.verdict, "reason": _reason(f, checked)} for f in checked.findings},
+        "passed": checked.passed,
+    }
+
+
+def _clearance(found: "Clearance | None") -> dict[str, Any] | None:
+    return None if found is None else {"m": found.size, "at_m": found.place.tolist()}
+
+
+def lines(checked: "Checked", preset: str | None = None) -> Iterator[str]:
+    """The same for people: the verdicts first, then the numbers."""
+    rows = [(QUESTIONS[f.name], f.verdict, _reason(f, checked)) for f in checked.findings]
+    width = max(len(question) for question, _, _ in rows)
+    yield f"{checked.path}, read by {checked.found.reader}" + (f", against {preset}" if preset else "")
+    for question, verdict, reason in rows:
+        yield f"  {question:<{width}}  {verdict:<7}  {reason}".rstrip()
+    for fault in checked.soundness.faults:
+        yield f"fault: {FAULTS[fault.kind].format(fault.count)}, first at {_at(fault.place)}"
+    numbers = [(label, value) for label, value in _numbers(checked) if value]
+    width = max(len(label) for label, _ in numbers)
+    for label, value in numbers:
+        yield f"  {label:<{width}}  {value}"
+
+
+def _numbers(checked: "Checked") -> Iterator[tuple[str, str]]:
+    found, sound, near, apart = checked.found, checked.soundness, checked.clearances, checked.distance
+    low, high = sound.box
+    yield "unit", f"{found.unit}, " + ("named by the file" if found.declared else "by convention: STL names none")
+    yield "size", " x ".join(length(side) for side in (high - low).tolist())
+    yield "triangles", f"{len(found.F):,}" + (f", {found.collapsed} more collapsed" if found.collapsed else "")
+    yield "pieces", f"{sound.pieces}" + (f", touching in {sound.pinches} points" if sound.pinches else "")
+    yield "volume", f"{sound.volume:.6g} m3" if sound.watertight else ""
+    yield "mass", f"{mass(checked.mass)} at {checked.density:g} kg/m3" if checked.mass is not None else ""
+    if near is not None:
+        yield "thinnest wall", _where(near.wall)
+        yield "smallest gap", _where(near.gap)
+    if apart is not None:
+        yield "skins, off t/2", f"{_small(apart.skin_mean)} on average, {_small(apart.skin)} at most"
+        yield "file to design", f"{_small(apart.to_design)} at most, at {_at(apart.to_place.tolist())}"
+        yield "design to file", f"{_small(apart.from_design)} at most, at {_at(apart.from_place.tolist())}"
+    if (carries := checked.carrying) is not None:
+        yield "compliance as a solid", f"{carries.solid:.4g} J, {carries.tetrahedra:,} ten-node tetrahedra"
+        yield "compliance as a shell", f"{carries.shell:.4g} J, {carries.elements} on the cut sheet"
+
+
+def _small(metres: float) -> str:
+    """A distance, without the digits that are rounding."""
+    return length(metres) if metres >= 1e-6 else "under 0.001 mm"
+
+
+def _where(found: "Clearance | None") -> str:
+    return "none" if found is None else f"{length(found.size)} at {_at(found.place.tolist())}"
+
+
+def _at(place: "tuple[float, float, float] | list[float] | Floats") -> str:
+    return "(" + ", ".join(f"{x:.4g}" for x in place) + ") m"
+
+
+def _reason(finding: "Finding", checked: "Checked") -> str:
+    """Why a verdict is what it is, a short sentence; empty where the numbers below say it."""
+    if finding.verdict == "unknown":
+        return finding.reason + ("; not run" if finding.name == "compliance" and checked.carrying is None else "")
+    if finding.name == "unit" and finding.verdict == "fail":
+        return _unit_reason(checked)
+    if finding.name == "compliance" and checked.carrying is not None:
+        off = checked.carrying.ratio - 1
+        return f"as a solid it is {abs(off):.1%} {'softer' if off > 0 else 'stiffer'} than as a shell"
+    if finding.name == "design" and finding.verdict == "fail" and checked.distance is not None:
+        return f"its surface is up to {length(checked.distance.largest)} off the design's"
+    return ""
+
+
+def _unit_reason(checked: "Checked") -> str:
+    read = checked.found.unit
+    if checked.distance is not None:
+        apart = checked.distance
+        return (
+            f"read in {read} it is {apart.scale:.4g} times the design's size: its numbers look like "
+            f"{apart.meant_unit}; scale the file, or give --unit if its receiver will know"
+        )
+    wall = checked.clearances.wall if checked.clearances else None
+    size = length(wall.size) if wall else "nothing"
+    thin = wall is not None and wall.size < 1
+    other = "metres" if thin else "micrometres"
+    return f"read in {read} its thinnest wall is {size}: its numbers look like {other}; scale the file or give --unit"

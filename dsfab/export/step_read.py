@@ -1,0 +1,45 @@
+"""The triangles of a STEP file, read by build123d in a process of its own that may neither crash nor stall this one."""
+
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import ExportError
+from dsfab.export import step_mesh
+
+SECONDS, SECONDS_PER_MB = 60.0, 10.0
+"""How long reading may take."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepMesh:
+    """V (n, 3) millimetres, F (m, 3) not joined between faces, number of solids, and their volume by OCCT, mm3."""
+
+    V: Floats
+    F: Ints
+    solids: int
+    volume: float
+
+
+def read_step(path: Path) -> StepMesh:
+    """The solids of a STEP file as triangles; raises ExportError when OCCT cannot read it or takes too long."""
+    limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
+    with tempfile.TemporaryDirectory() as folder:
+        arrays = Path(folder) / "mesh.npz"
+        command = [sys.executable, "-P", step_mesh.__file__, str(path), str(arrays)]
+        try:
+            run = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+        except subprocess.TimeoutExpired:
+            raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
+        if run.returncode or not run.stdout.strip():
+            reason = (run.stderr.strip().splitlines() or [f"exit code {run.returncode}"])[-1][:160]
+            raise ExportError(f"{path} cannot be read as STEP ({reason}); export it again")
+        found = json.loads(run.stdout.splitlines()[-1])
+        with np.load(arrays) as mesh:
+            return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["volume"]))

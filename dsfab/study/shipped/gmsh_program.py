@@ -1,0 +1,59 @@
+"""Tetrahedra inside a closed triangle mesh, made by gmsh: a program of its own, because a mesher may stall or crash.
+
+    python -P gmsh_program.py IN.npz OUT.npz
+
+IN holds V (n, 3) and F (m, 3), or `step`, a path, and `edge`, the longest edge wanted; OUT gets X (p, 3) and T (k, 4).
+It imports nothing from dsfab. gmsh is GPL-2 or later; dsfab talks to it through these files only.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+TRIANGLE, TETRAHEDRON = 2, 4
+"""gmsh's numbers of element types."""
+
+DELAUNAY = 1
+"""Its 3D algorithm that keeps the given surface triangles."""
+
+
+def tetrahedra(given: Any) -> tuple[Any, Any]:
+    """Nodes (p, 3) and tetrahedra (k, 4) that fill the solid; given triangles stay."""
+    import gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    if "step" in given:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+        gmsh.model.occ.importShapes(str(given["step"]))
+        gmsh.model.occ.synchronize()
+    else:
+        _add_mesh(gmsh.model, given["V"], given["F"])
+    gmsh.option.setNumber("Mesh.Algorithm3D", DELAUNAY)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", float(given["edge"]))
+    gmsh.model.mesh.generate(3)
+    tags, points, _ = gmsh.model.mesh.getNodes()
+    _, corners = gmsh.model.mesh.getElementsByType(TETRAHEDRON)
+    gmsh.finalize()
+    order = np.argsort(tags)
+    T = order[np.searchsorted(tags, corners, sorter=order)].reshape(-1, 4)
+    used, T = np.unique(T, return_inverse=True)
+    return points.reshape(-1, 3)[used], T.reshape(-1, 4)
+
+
+def _add_mesh(model: Any, V: Any, F: Any) -> None:
+    """A volume within given triangles."""
+    model.addDiscreteEntity(2, 1)
+    model.mesh.addNodes(2, 1, np.arange(1, len(V) + 1), V.ravel())
+    model.mesh.addElementsByType(1, TRIANGLE, [], (F + 1).ravel())
+    loop = model.geo.addSurfaceLoop([1])
+    model.geo.addVolume([loop], 1)
+    model.geo.synchronize()
+
+
+if __name__ == "__main__":
+    with np.load(sys.argv[1]) as given:
+        X, T = tetrahedra(given)
+    np.savez(Path(sys.argv[2]), X=X, T=T)

@@ -1,0 +1,116 @@
+"""The file as its receiver finds it: triangles in metres, joined by position and by nothing else."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints, lock
+from dsfab.errors import ExportError, SurfaceError
+from dsfab.export.step_read import read_step
+from dsfab.surface.files import raw_mesh
+from dsfab.units import METRES_PER, metres_per
+
+SUFFIXES = (".stl", ".3mf", ".step", ".stp")
+"""What can be checked."""
+
+STEP_BEGINS = b"ISO-10303-21"
+"""The first words of every STEP file."""
+
+BY_CONVENTION = "mm"
+"""STL files name no unit; dsfab writes millimetres, and workshops read them so."""
+
+SAME_PLACE = 1e-9
+"""Points of a STEP file that are closer than this share of its size are one: its faces are triangulated one by one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a reader found in a file.
+
+    V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
+    unit    : of the file's numbers.                        declared : whether the file names it.
+    metres  : in one of these units.                        collapsed : triangles without three different corners.
+    reader  : whose reader it was.       path : of the file.
+    """
+
+    path: Path
+    V: Floats
+    F: Ints
+    unit: str
+    declared: bool
+    metres: float
+    collapsed: int
+    reader: str
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the bounding box, metres."""
+        return float(np.linalg.norm(np.ptp(self.V, axis=0)))
+
+
+def read_shipped(path: str | Path, unit: str | None = None) -> Found:
+    """The solid in an STL, 3MF or STEP file, read by trimesh, lib3mf or OCCT: none of them wrote it.
+
+    unit : of the numbers of an STL file, millimetres when left out; 3MF and STEP files name theirs.
+
+    Raises SurfaceError or ExportError, one sentence, for a missing, empty, unreadable or foreign file, for coordinates
+    that are not finite, and for a unit given to a file that names its own.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")
+    if unit is not None and suffix != ".stl":
+        raise ExportError(f"{path} names its own unit; leave out --unit, which is for STL files")
+    if suffix in (".step", ".stp"):
+        found = _step(path)
+    else:
+        raw = raw_mesh(path)
+        here = unit or raw.unit or BY_CONVENTION
+        metres = raw.metres if raw.unit else metres_per(here)
+        V, F, lost = _joined(raw.V, raw.F)
+        found = Found(
+            path, V * metres, F, here, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
+        )
+    if not np.isfinite(found.V).all():
+        raise SurfaceError(f"{path} has coordinates that are not finite numbers; export it again")
+    if not len(found.F):
+        raise ExportError(f"{path} holds no triangle with three different corners; export it again")
+    return found
+
+
+def _step(path: Path) -> Found:
+    if not path.is_file():
+        raise ExportError(f"{path} does not exist; check the path")
+    if not path.stat().st_size:
+        raise ExportError(f"{path} is empty; export it again")
+    with path.open("rb") as file:
+        if STEP_BEGINS not in file.read(1000):
+            raise ExportError(f"{path} is no STEP file: it does not begin with {STEP_BEGINS.decode()}; export it again")
+    mesh = read_step(path)
+    if not mesh.solids or not len(mesh.F):
+        raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
+    size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
+    grid = np.round(mesh.V / (SAME_PLACE * size))
+    _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    F, lost = _whole(of.reshape(-1)[mesh.F])
+    metres = METRES_PER["mm"]
+    return Found(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT")
+
+
+def _joined(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
+    """Vertices at exactly the same place made one."""
+    points, of = np.unique(V + 0.0, axis=0, return_inverse=True)
+    F, lost = _whole(of.reshape(-1)[F])
+    return points, F, lost
+
+
+def _whole(F: Ints) -> tuple[Ints, int]:
+    """The triangles that have three different corners, and how many have not."""
+    whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
+    return F[whole], int((~whole).sum())

@@ -1,0 +1,119 @@
+"""Does a triangle mesh bound a solid? Closed, two triangles on each edge, facing outward, not crossing itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints, lock
+from dsfab.export.shells import winding
+from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges, pieces, pinches
+from dsfab.thickening.intersect import intersecting_pairs
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What keeps a mesh from being a solid: how many of what, and a place of the first one, metres."""
+
+    kind: str
+    count: int
+    place: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Soundness:
+    """Whether a mesh is a solid, and what it measures.
+
+    faults    : none for a sound one. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
+                `turned` edges whose two triangles face opposite sides, `repeated` triangles, `inside_out` shells,
+                `crossing` pairs of triangles.
+    pinches   : points in which nothing but corners meet; told, and no fault: the two parts are sound.
+    tested    : whether crossings were looked for, which takes an oriented manifold.
+    shells    : closed surfaces; a hollow body has two.    pieces : connected bodies of material.
+    volume    : m3, of triangles as they are oriented; not to be trusted unless closed.     area : m2.
+    """
+
+    faults: tuple[Fault, ...]
+    pinches: int
+    tested: bool
+    shells: int
+    pieces: int
+    volume: float
+    area: float
+    box: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "box", np.float64, (2, 3))
+
+    @property
+    def watertight(self) -> bool:
+        """Closed, two triangles on each edge that agree about the outside."""
+        return not any(fault.kind in ("open", "crowded", "turned", "repeated") for fault in self.faults)
+
+    @property
+    def sound(self) -> bool:
+        """No faults at all."""
+        return not self.faults
+
+
+def soundness(V: Floats, F: Ints) -> Soundness:
+    """Judge a mesh.
+
+    V : (n, 3) metres, no two at one place.     F : (m, 3) seen from outside.
+    """
+    edges = edge_table(F)
+    middles = V[edges.ends].mean(axis=1)
+    crowded = np.flatnonzero(edges.count > 2)
+    faults = [
+        _fault("open", middles[edges.boundary]),
+        _fault("crowded", middles[crowded]),
+        _fault("turned", middles[misoriented_edges(F, edges)]),
+        _fault("repeated", V[F[duplicate_faces(F)]].mean(axis=1)),
+    ]
+    manifold = not any(faults)
+    count, label = pieces(F, edges)
+    volumes = _volumes(V, F, label, count)
+    if manifold:
+        pairs = intersecting_pairs(V, F)
+        faults.append(_fault("crossing", V[F[pairs[:, 0]]].mean(axis=1)))
+    bodies, inverted = _bodies(V, F, label, volumes) if manifold else (count, np.zeros(0, dtype=np.int64))
+    faults.append(_fault("inside_out", np.array([V[F[label == k][0, 0]] for k in inverted]).reshape(-1, 3)))
+    return Soundness(
+        tuple(fault for fault in faults if fault),
+        len(pinches(F, edges, len(V))) if manifold else 0,
+        manifold,
+        count,
+        bodies,
+        float(volumes.sum()),
+        _area(V, F),
+        np.stack([V.min(axis=0), V.max(axis=0)]),
+    )
+
+
+def _fault(kind: str, places: Floats) -> Fault | None:
+    if not len(places):
+        return None
+    x, y, z = places[0].tolist()
+    return Fault(kind, len(places), (x, y, z))
+
+
+def _volumes(V: Floats, F: Ints, label: Ints, count: int) -> Floats:
+    """(count,) signed volume of each shell, from the middle of the box so that no digits are lost."""
+    P = (V - V.mean(axis=0))[F]
+    six = np.einsum("mi,mi->m", P[:, 0], np.cross(P[:, 1], P[:, 2]))
+    return np.asarray(np.bincount(label, six / 6, minlength=count), dtype=np.float64)
+
+
+def _area(V: Floats, F: Ints) -> float:
+    return float(np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1).sum() / 2)
+
+
+def _bodies(V: Floats, F: Ints, label: Ints, volumes: Floats) -> tuple[int, Ints]:
+    """Number of outer shells, and the shells that face inward without one around them."""
+    outer = np.flatnonzero(volumes > 0)
+    homeless = []
+    for k in np.flatnonzero(volumes <= 0):
+        point = V[F[label == k][0, 0]]
+        around = (o for o in outer if volumes[o] > -volumes[k] and winding(point, V, F[label == o]) > 0.5)
+        if next(around, None) is None:
+            homeless.append(int(k))
+    return len(outer), np.array(homeless, dtype=np.int64)

@@ -1,0 +1,218 @@
+"""`dsfab check`: known-bad files each get their sentence, good ones their numbers."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dsfab.app.cli import main
+from dsfab.errors import ExportError, SurfaceError
+from dsfab.export import write
+from dsfab.pipeline import run
+from dsfab.study.shipped import check_file, read_shipped, soundness
+from dsfab.study.shipped.walls import clearances
+from dsfab.surface.mesh import Surface
+from dsfab.thickening.solid import Solid
+from tests.shipped import PLATE, box, joined, preset, stl, verdicts
+
+
+def kinds(checked):
+    return {fault.kind: fault.count for fault in checked.soundness.faults}
+
+
+def test_a_box_measures_what_it_measures(tmp_path):
+    checked = check_file(stl(tmp_path / "a.stl", *PLATE), density=7850.0)
+    assert checked.passed
+    assert checked.soundness.watertight
+    assert checked.soundness.pieces == 1
+    assert checked.soundness.volume == pytest.approx(0.4 * 0.2 * 0.01, rel=1e-6)
+    assert checked.mass == pytest.approx(7850 * 8e-4, rel=1e-6)
+    assert checked.clearances.wall.size == pytest.approx(0.01, rel=1e-6)
+    assert checked.clearances.gap is None
+    assert verdicts(checked) == {"solid": "pass", "unit": "pass"}
+
+
+def test_walls_and_gaps_of_two_boxes_are_where_they_are():
+    two = joined(box((0, 0, 0), (1, 1, 0.02)), box((0, 0, 0.023), (1, 1, 0.03)))
+    found = clearances(*two)
+    assert found.wall.size == pytest.approx(0.007)
+    assert found.wall.place[2] == pytest.approx(0.023) or found.wall.place[2] == pytest.approx(0.03)
+    assert found.gap.size == pytest.approx(0.003)
+    assert 0.02 - 1e-9 <= found.gap.place[2] <= 0.023 + 1e-9
+    assert soundness(*two).pieces == 2
+
+
+def test_a_hollow_box_is_one_piece_and_its_void_a_gap():
+    V, F = box((0.1, 0.1, 0.1), (0.9, 0.9, 0.9))
+    hollow = joined(box((0, 0, 0), (1, 1, 1)), (V, F[:, ::-1]))
+    found = soundness(*hollow)
+    assert found.sound
+    assert (found.pieces, found.shells) == (1, 2)
+    assert found.volume == pytest.approx(1 - 0.512)
+    assert clearances(*hollow).gap.size == pytest.approx(0.8)
+    assert clearances(*hollow).wall.size == pytest.approx(0.1)
+
+
+def test_a_hole_is_told_with_its_place(tmp_path, capsys):
+    V, F = PLATE
+    top = (V[F][:, :, 2] == 0.01).all(axis=1)
+    path = stl(tmp_path / "hole.stl", V, F[~top | (np.cumsum(top) > 1)])
+    checked = check_file(path)
+    assert kinds(checked) == {"open": 3}
+    assert not checked.soundness.watertight
+    assert checked.mass is None
+    assert main(["check", str(path), "-q"]) == 1
+    assert main(["check", str(path)]) == 1
+    text = capsys.readouterr().out
+    assert "3 edges have one triangle only: there is a hole in the skin, first at (" in text
+    assert "is it a solid      fail" in text
+
+
+def test_flipped_faces_are_told_one_or_all(tmp_path):
+    V, F = PLATE
+    one = F.copy()
+    one[3] = one[3, ::-1]
+    assert kinds(check_file(stl(tmp_path / "one.stl", V, one))) == {"turned": 3}
+    assert kinds(check_file(stl(tmp_path / "all.stl", V, F[:, ::-1]))) == {"inside_out": 1}
+
+
+def test_two_boxes_that_cross_or_touch_are_told(tmp_path):
+    crossing = joined(box((0, 0, 0), (1, 1, 1)), box((0.5, 0.4, 0.3), (1.5, 0.6, 0.7)))
+    checked = check_file(stl(tmp_path / "cross.stl", *crossing))
+    assert set(kinds(checked)) == {"crossing"}
+    assert checked.soundness.watertight
+    along = joined(box((0, 0, 0), (1, 1, 1)), box((1, 1, 0), (2, 2, 1)))
+    assert kinds(check_file(stl(tmp_path / "touch.stl", *along)))["crowded"] >= 1
+
+
+def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
+    path = stl(tmp_path / "metres.stl", *PLATE, metres=1.0)
+    assert verdicts(check_file(path))["unit"] == "fail"
+    assert check_file(path, unit="m").passed
+    assert main(["check", str(path)]) == 1
+    assert "read in mm its thinnest wall is 0.01 mm: its numbers look like metres" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("none.stl", None, "does not exist"),
+        ("none.step", None, "does not exist"),
+        ("void.stl", b"", "is empty"),
+        ("void.step", b"", "is empty"),
+        ("shape.dwg", b"x", "has the suffix '.dwg'"),
+        ("text.3mf", b"no zip at all", "cannot be read as 3MF"),
+        ("text.step", b"no step at all", "export it again"),
+        ("text.stl", b"solid nothing\nendsolid", "no faces"),
+    ],
+)
+def test_what_cannot_be_read_is_one_sentence(tmp_path, capsys, name, content, words):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises((ExportError, SurfaceError)):
+        read_shipped(path)
+    assert main(["check", str(path), "-q"]) == 1
+    said = capsys.readouterr()
+    assert words in said.err
+    assert said.err.count("\n") == 1
+    assert not said.out
+
+
+def test_a_file_that_names_its_unit_takes_no_other(tmp_path):
+    V, F = PLATE
+    path = write(Solid(V, F, 0, 1), tmp_path / "plate.3mf")
+    assert read_shipped(path).declared
+    with pytest.raises(ExportError, match="names its own unit"):
+        read_shipped(path, "m")
+
+
+@pytest.mark.parametrize("suffix", ["stl", "3mf", pytest.param("step", marks=pytest.mark.slow)])
+def test_every_format_reads_back_as_the_same_solid(tmp_path, suffix):
+    V, F = PLATE
+    found = read_shipped(write(Solid(V, F, 0, 1), tmp_path / f"plate.{suffix}"))
+    assert found.reader == {"stl": "trimesh", "3mf": "lib3mf", "step": "OCCT"}[suffix]
+    judged = soundness(found.V, found.F)
+    assert judged.sound
+    assert judged.volume == pytest.approx(8e-4, rel=1e-6)
+    assert judged.box == pytest.approx(np.array([[0, 0, 0], [0.4, 0.2, 0.01]]), abs=1e-8)
+
+
+@pytest.fixture(scope="module")
+def design():
+    return run(preset())
+
+
+def test_the_file_of_a_design_is_the_design(design, tmp_path):
+    checked = check_file(write(design.solid, tmp_path / "strip.stl"), design, solid=False)
+    assert verdicts(checked) == {"solid": "pass", "unit": "pass", "design": "pass", "compliance": "unknown"}
+    assert checked.distance.largest < 1e-7
+    assert checked.distance.skin < 1e-7
+    assert checked.mass == pytest.approx(design.mass, rel=1e-6)
+
+
+def test_a_shifted_a_thicker_and_a_partial_file_are_not_the_design(design, tmp_path):
+    V, F = design.solid.V, design.solid.F
+    moved = check_file(stl(tmp_path / "moved.stl", V + (0, 0, 0.002), F), design, solid=False)
+    assert moved.distance.skin == pytest.approx(0.002, rel=1e-3)
+    assert moved.distance.from_design == pytest.approx(0.002, rel=1e-3)
+    thick = check_file(stl(tmp_path / "thick.stl", V * (1, 1, 1.5), F), design, solid=False)
+    assert thick.distance.skin_mean == pytest.approx(0.0025, rel=1e-3)
+    part = check_file(stl(tmp_path / "part.stl", *box(V.min(axis=0), (0, *V.max(axis=0)[1:]))), design, solid=False)
+    assert part.distance.from_design == pytest.approx(V[:, 0].max(), rel=1e-3)
+    assert {verdicts(x)["design"] for x in (moved, thick, part)} == {"fail"}
+
+
+def test_with_a_design_a_wrong_unit_is_named(design, tmp_path, capsys):
+    path = stl(tmp_path / "strip.stl", design.solid.V, design.solid.F, metres=0.0254)
+    checked = check_file(path, design)
+    assert checked.distance.meant_unit == "in"
+    assert verdicts(checked)["unit"] == "fail"
+    assert "solid" in next(f.reason for f in checked.findings if f.name == "compliance")
+
+
+def test_the_preset_beside_the_file_is_found(design, tmp_path, capsys):
+    from dsfab.preset_file import preset_toml
+
+    path = write(design.solid, tmp_path / "strip.3mf")
+    (tmp_path / "preset.toml").write_text(preset_toml(preset()))
+    assert main(["check", str(path), "--no-solid", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["passed"]
+    assert found["preset"] == str(tmp_path / "preset.toml")
+    assert found["findings"]["compliance"] == {"verdict": "unknown", "reason": "not asked for; not run"}
+    assert found["distance"]["file_to_design_m"] < 1e-7
+    assert found["volume_m3"] == pytest.approx(design.solid.volume, rel=1e-6)
+    assert main(["check", str(path), "--no-solid", "--set", "statics.thickness=0.012"]) == 1
+    assert (
+        "is it the design               fail     its surface is up to 1 mm off the design's" in capsys.readouterr().out
+    )
+
+
+def test_without_the_extra_the_solid_part_says_how_to_get_it(design, tmp_path, monkeypatch):
+    import importlib.util
+
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    checked = check_file(write(design.solid, tmp_path / "strip.stl"), design)
+    assert checked.passed
+    reason = next(f.reason for f in checked.findings if f.name == "compliance")
+    assert reason == 'gmsh and skfem not installed; pip install "dsfab[solid]"'
+
+
+def test_limits_of_fabrication_are_measured_on_the_file(tmp_path):
+    strict = run(preset(fabrication={"min_wall": 0.012, "min_gap": 0.0001}))
+    checked = check_file(write(strict.solid, tmp_path / "strip.stl"), strict, solid=False)
+    assert verdicts(checked)["wall"] == "fail"
+    assert verdicts(checked)["gap"] == "pass"
+    assert not checked.passed
+
+
+def test_surfaces_that_touch_in_a_point_are_told_and_sound():
+    V, F = box((0, 0, 0), (1, 1, 1))
+    W, G = box((1, 1, 1), (2, 2, 2))
+    both = Surface(V, F), Surface(W, G)
+    assert all(surface.is_closed for surface in both)
+    V, F = joined((V, F), (W, G))
+    points, of = np.unique(V, axis=0, return_inverse=True)
+    found = soundness(points, of.reshape(-1)[F])
+    assert found.pinches == 1
