@@ -1,5 +1,6 @@
 """Stage 4, pattern: stripes of material, how wide they are, and what is kept besides them."""
 
+from dsfab.pattern.evening import evened
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.layers import Family, Layer, mean_duty_factor
 from dsfab.pattern.shares import face_points, material_points
@@ -15,6 +16,7 @@ __all__ = [
     "Widths",
     "distance_to_boundary",
     "distance_to_vertices",
+    "evened",
     "face_points",
     "frequency_for",
     "material_points",

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dsfab.arrays import Floats
 from dsfab.design import Choice, DiffusionResult, PatternResult, StaticsResult
 from dsfab.errors import PatternError
 from dsfab.pattern import (
@@ -37,17 +38,18 @@ def pattern_step(
     diffusion: DiffusionResult,
     log: Log,
     choice: Choice | None = None,
+    grading: Floats | None = None,
 ) -> PatternResult:
     """Kept regions come first: a cell that they make material is not cut again by the stripes.
 
-    choice : of the modes and phases that are `auto`.
+    choice  : of the modes and phases that are `auto`.    grading : (n, 2), see `striped_families`.
     """
     settled = preset.settled(choice.mode, choice.phase) if choice else preset
     ask = settled.pattern
     with log.stage("pattern", "drawing stripes"):
         kept = kept_regions(settled, surface, statics.load)
         widths = ask.width.widths(np.sqrt(surface.area))
-        families = striped_families(settled, surface, diffusion, widths.radius)
+        families = striped_families(settled, surface, diffusion, widths.radius, grading)
         for family, asked in zip(families, (ask.major, ask.minor), strict=True):
             if asked.spacing:
                 told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
@@ -93,7 +95,7 @@ def drawn(
     """
     width = preset.pattern.width
     widths = width.widths(np.sqrt(surface.area))
-    factor = guess or (mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0)
+    factor = guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
 
     def layers(factor: float) -> list[Layer]:
         return [*kept, *(family.layer(widths, factor) for family in families)]
@@ -114,17 +116,23 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer
     return [Layer(name, -distance, np.array([-reach]), every) for name, distance, reach in regions]
 
 
-def striped_families(preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float) -> list[Family]:
+def striped_families(
+    preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float, grading: Floats | None = None
+) -> list[Family]:
     """Both families of stripes; the major one runs along the primary stress, the minor one along the secondary.
 
-    radius : metres over which slopes are averaged, see `Widths.radius`.
+    radius  : metres over which slopes are averaged, see `Widths.radius`.
+    grading : (n, 2) relative half-widths for the rule `stressed`; without it they are those of `graded`.
 
     Raises PatternError for a mode that was not computed.
     """
     ask, families = preset.pattern, []
     stress = [None, None]
-    if ask.width.rule == "graded":
-        stress = list(relative_stresses(surface, diffusion.tensors.principal).T)
+    if ask.width.rule in ("graded", "stressed"):
+        sizes = relative_stresses(surface, diffusion.tensors.principal)
+        if ask.width.rule == "stressed":
+            sizes = sizes**ask.width.q if grading is None else grading
+        stress = list(sizes.T)
     pairs = (("major", ask.major, diffusion.major), ("minor", ask.minor, diffusion.minor))
     for (name, family, modes), along in zip(pairs, stress, strict=True):
         if family.number > len(modes.lam):
@@ -148,5 +156,5 @@ def _solved(preset: Preset, widths: Widths, factor: float) -> str:
         major, minor = (family.stripes.widened(factor).threshold for family in (ask.major, ask.minor))
         became = f"the thresholds became {major:.3f} and {minor:.3f}"
     else:
-        became = f"the graded widths were multiplied by {factor:.3g}"
+        became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
     return f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"
