@@ -17,6 +17,7 @@ from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import drawn, striped_families
 from dsfab.pipeline.trial import SHARE_TOLERANCE, Trial
 from dsfab.preset import Preset
+from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
 LEAST, MOST = 0.01, 0.55
@@ -89,14 +90,17 @@ class Stressed(Trial):
         found = self.carrying(layers)
         K = self.stiffness(found.sheet.surface, self.loads_on(found.sheet))
         energy = K.energies(K.factor(np.ones(found.sheet.surface.m))(K.force)) @ list(self.preset.followed.values())
-        first = len(self.kept)
-        cells = [np.flatnonzero(found.sheet.family == first + k) for k in range(2)]
-        work, material = (
-            np.stack([np.bincount(found.sheet.parent[at], x[at], self.surface.m).astype(np.float64) for at in cells], axis=1)
-            for x in (energy, found.sheet.surface.areas)
-        )
+        work, material = (self._by_family(found.sheet, x) for x in (energy, found.sheet.surface.areas))
         after = evened(self.surface, grading, work, material, self.spacing)
         return Step(float(energy.sum()) * found.kept, grading, self._within(families, after))
+
+    def _by_family(self, sheet: Sheet, x: Floats) -> Floats:
+        """(m, 2) sums of values x (m',) of cells over what each family has of each face."""
+        first, sums = len(self.kept), []
+        for family in range(first, first + 2):
+            cells = np.flatnonzero(sheet.family == family)
+            sums.append(np.bincount(sheet.parent[cells], x[cells], self.surface.m))
+        return np.stack(sums, axis=1).astype(np.float64)
 
     def _within(self, families: list[Family], grading: Floats) -> Floats:
         """What widths are multiplied with stays such that they reach from LEAST to MOST."""
