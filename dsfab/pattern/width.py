@@ -147,13 +147,23 @@ def relative_stresses(surface: Surface, principal: Floats) -> Floats:
     return np.asarray(size / mean)
 
 
-def solved_factor(share: Callable[[float], float], wanted: float, tolerance: float) -> float:
+def solved_factor(share: Callable[[float], float], wanted: float, tolerance: float, slope: float = 0.0) -> float:
     """The factor at which share(factor), which never falls, is `wanted` to `tolerance`.
+
+    slope : what is known of its derivative where the factor is known to be about 1: then 1 and one step of Newton's
+            are tried first.
 
     The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
     [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share.
     """
-    low, high = (0.0, share(0.0) - wanted), (1.0, share(1.0) - wanted)
+    high = (1.0, share(1.0) - wanted)
+    if slope > 0:
+        if _miss(high) <= tolerance:
+            return 1.0
+        near = 1 - high[1] / slope
+        if near > 0 and abs(share(near) - wanted) <= tolerance:
+            return near
+    low = (0.0, share(0.0) - wanted)
     if low[1] > tolerance:
         raise _unreachable(wanted, f"at least {low[1] + wanted:.1%}")
     if high[1] < -tolerance and (most := share(LARGEST_FACTOR)) < wanted - tolerance:

@@ -1,6 +1,7 @@
 """The fourth step: stripes of material on the modes, and what is kept besides them."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from dsfab.pattern import (
     Family,
     Layer,
     Widths,
+    counted_share,
     distance_to_boundary,
     distance_to_vertices,
     frequency_for,
@@ -26,6 +28,9 @@ from dsfab.surface import LoadCase, Surface
 
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
+
+COUNTED = 2
+"""Points along each side of a face, by which the search for it begins."""
 
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
@@ -59,7 +64,8 @@ def pattern_step(
             fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
             return material_area(surface, fields, levels, SHARE_SNAP) / surface.area
 
-        layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE)
+        counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
+        layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE, counted=counted)
         if ask.width.solid_fraction:
             log.note("pattern", _solved(settled, widths, factor))
     names, fields, levels, half_widths = zip(*layers, strict=True)
@@ -85,11 +91,13 @@ def drawn(
     share: Callable[[Sequence[Layer]], float],
     tolerance: float,
     guess: float = 0.0,
+    counted: Callable[[Sequence[Layer]], float] | None = None,
 ) -> tuple[list[Layer], float]:
     """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
 
     share     : the share of the surface that layers keep; pattern.width.solid_fraction is reached in its measure.
     tolerance : how closely.    guess : what the multiplier was for a like pattern; saves time.
+    counted   : a quicker, rougher `share`, with which the search begins.
 
     Raises PatternError where that share cannot be reached.
     """
@@ -100,8 +108,13 @@ def drawn(
     def layers(factor: float) -> list[Layer]:
         return [*kept, *(family.layer(widths, factor) for family in families)]
 
-    if width.solid_fraction:
-        factor *= solved_factor(lambda relative: share(layers(factor * relative)), width.solid_fraction, tolerance)
+    if wanted := width.solid_fraction:
+        slope = 0.0
+        if counted is not None:
+            with suppress(PatternError):  # the search below says it better
+                factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
+                slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
+        factor *= solved_factor(lambda relative: share(layers(factor * relative)), wanted, tolerance, slope)
     return layers(factor), factor
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsfab.design import Candidate, DiffusionResult, StaticsResult
 from dsfab.errors import DsfabError, PatternError
-from dsfab.pattern import Layer, face_points, material_points
+from dsfab.pattern import Layer, counted_share
 from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.pipeline.patterns import SHARE_SNAP, drawn, kept_regions, striped_families
 from dsfab.preset import Preset
@@ -43,8 +43,7 @@ class Trial:
         self.held = statics.load.held
         self.kept = kept_regions(preset, surface, statics.load)
         self.factors: dict[tuple[int, int], float] = {}
-        self.points = face_points()
-        self.kept_points = material_points(surface, self.kept, self.points)
+        self._share = counted_share(surface, self.kept)
         self.uncut = self._compliance(surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
@@ -89,11 +88,6 @@ class Trial:
         layers, factor = drawn(preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)
         self.factors[modes] = factor
         return layers
-
-    def _share(self, layers: Sequence[Layer]) -> float:
-        """The kept share of the surface, counted in points: the stripes come after what is kept."""
-        stripes = material_points(self.surface, layers[len(self.kept) :], self.points)
-        return float((self.kept_points | stripes).mean(axis=1) @ self.surface.areas / self.surface.area)
 
     def _compliance(self, surface: Surface, loads: dict[str, LoadCase]) -> float:
         """Joules, the weighted sum over what the pattern follows."""
