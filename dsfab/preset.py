@@ -151,11 +151,14 @@ class Width(Section):
     """[pattern.width]: how wide the stripes of both families are."""
 
     rule: Rule = "plain"
-    """plain: as the thresholds say (the paper); constant: the same width in metres; graded: as the stress is large."""
+    """plain: as the thresholds say (the paper); constant: the same width in metres; graded: as the stress is large;
+    stressed: graded, then cut, solved and widened where it works most, over and over: the stiffest, and the slowest."""
     member: Annotated[float, Ge(0)] = 0.0
     """constant: width of the members, metres; with solid_fraction it is solved for and may be left out."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """graded: the share of material grows with this power of the stress."""
+    """graded: the share of material grows with this power of the stress; stressed: it begins like that."""
+    steps: Annotated[int, Ge(1), Le(50)] = 8
+    """stressed: how often the sheet is cut and solved."""
     min_width: Annotated[float, Ge(0)] = 0.0
     """Metres; no member is made thinner. 0 sets no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0

@@ -172,7 +172,7 @@ def test_stress_that_is_nowhere_cannot_be_followed():
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     name=st.sampled_from(list(ZOO)),
-    rule=st.sampled_from(["plain", "constant", "graded"]),
+    rule=st.sampled_from(["plain", "constant", "graded", "stressed"]),
     low=st.floats(0, 0.05).map(lambda share: round(share, 4)),
     span=st.floats(0, 0.2).map(lambda share: round(share, 4)),
     factors=st.tuples(st.floats(0, 5), st.floats(0, 5)),
@@ -233,7 +233,7 @@ def test_stripes_are_widened_until_they_touch():
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        ({"rule": "narrow"}, "must be plain, constant or graded"),
+        ({"rule": "narrow"}, "must be plain, constant, graded or stressed"),
         ({"rule": "constant"}, "needs member"),
         ({"member": -1.0}, "member = -1.0 must be a length"),
         ({"min_width": np.inf}, "min_width = inf must be"),
@@ -325,7 +325,12 @@ def test_a_plain_design_is_cut_as_its_thresholds_say(coarse):
         assert all(np.isinf(d).all() for n, d in zip(pattern.names, pattern.half_widths, strict=True) if n == "keep")
 
 
-@pytest.mark.parametrize("width", [{"rule": "plain"}, {"rule": "constant", "member": 0.1}, {"rule": "graded"}])
+STRESSED = {"rule": "stressed", "steps": 2}
+
+
+@pytest.mark.parametrize(
+    "width", [{"rule": "plain"}, {"rule": "constant", "member": 0.1}, {"rule": "graded"}, STRESSED]
+)
 def test_cells_agree_with_the_wave_and_the_carried_half_widths(coarse, width):
     """What a shader draws: material where p(z) > 1 - 4 d, z and d linear over each face."""
     design = coarse["globe"]

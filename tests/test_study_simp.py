@@ -9,11 +9,10 @@ import dsfab
 from dsfab.errors import StaticsError
 from dsfab.pipeline import draft
 from dsfab.pipeline.handover import sheet_load
-from dsfab.statics import Material, solve_statics
+from dsfab.statics import FaceStiffness, Material, solve_statics
 from dsfab.study.baselines import Brief
 from dsfab.study.baselines.optimised import level_line, optimised
 from dsfab.study.simp import Simp, densities, face_filter
-from dsfab.study.simp.stiffness import FaceStiffness
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import grid, lifted
 

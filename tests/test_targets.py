@@ -1,7 +1,7 @@
 """How near to the optimum shipped presets are: their compliance over that of the full plate, and what was aimed at.
 
 Each is one solve on the mesh as cut, quadratic membrane and mid-edge bending. Finer meshes, edges of 0.02, 0.014 and
-0.01 m: cantilever 1.799, 1.798, 1.801; cantilever_light 3.92, 4.01, 4.08. Topology optimisation (SIMP, 60 steps, its
+0.01 m: cantilever 1.799, 1.798, 1.801; cantilever_light 3.203, 3.203, 3.186. Topology optimisation (SIMP, 60 steps, its
 level line cut at the same area and solved alike) reaches 1.58 and 2.53 on these two.
 """
 
@@ -20,11 +20,11 @@ def over_full(design) -> float:
     ("name", "share", "target", "recorded"),
     [
         ("cantilever", 0.5, 1.85, 1.80),
-        ("cantilever_light", 0.3, 4.8, 3.92),
+        ("cantilever_light", 0.3, 3.4, 3.20),
         ("sphere_graded", 0.5, 2.8, 1.69),
     ],
 )
-def test_graded_presets_reach_their_targets(name, share, target, recorded):
+def test_presets_reach_their_targets(name, share, target, recorded):
     design = dsfab.run(dsfab.load_preset(name))
     assert design.sheet.surface.area / design.surface.area == pytest.approx(share, abs=1e-3)
     assert len(design.slicing.pieces) == 1

@@ -1,6 +1,6 @@
 """How much of each face is material, by counting points: quick, and close enough for choosing among designs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -34,3 +34,18 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x[surface.F] @ points.T) for x in fields]
         kept |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
     return kept
+
+
+def counted_share(surface: Surface, kept: Sequence[Layer], side: int = SIDE) -> Callable[[Sequence[Layer]], float]:
+    """The function from layers, which begin with the `kept` ones, to their share of the surface, counted in points.
+
+    Off by some thousandths, at a tenth of the time of a cut; what is kept is counted once.
+    """
+    points = face_points(side)
+    always = material_points(surface, kept, points)
+
+    def share(layers: Sequence[Layer]) -> float:
+        stripes = material_points(surface, layers[len(kept) :], points)
+        return float((always | stripes).mean(axis=1) @ surface.areas / surface.area)
+
+    return share

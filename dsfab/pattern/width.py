@@ -1,4 +1,4 @@
-"""How wide stripes are: as their threshold says, equally wide in metres, or as wide as the stress is large.
+"""How wide stripes are: as their threshold says, equally wide in metres, or as wide as the stress asks.
 
 With z = frequency x + phase material is |z - k| < d for integers k. Here d becomes a value at each vertex, linear over
 the faces like z, so that the edges z + d = k and z - d = k are still cut exactly.
@@ -6,7 +6,7 @@ the faces like z, so that the edges z + d = k and z - d = k are still cut exactl
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -16,14 +16,14 @@ from dsfab.errors import PatternError
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
 
-Rule = Literal["plain", "constant", "graded"]
+Rule = Literal["plain", "constant", "graded", "stressed"]
 
 SOLID = 0.5
 """The half-width, in periods, at which neighbouring stripes touch."""
 LARGEST_FACTOR = 1e9
 """What stripes cannot reach when they are made so many times wider, they cannot reach."""
 ROUNDS = (2, 60)
-"""Fewest and most rounds in which slopes are averaged."""
+"""Fewest and most rounds in which values are averaged."""
 STEPS = 30
 """Several times what the search needs on a share without jumps."""
 
@@ -34,8 +34,9 @@ class Widths:
 
     rule      : "plain"     d = (1 - threshold) / 4, the paper;
                 "constant"  d = |grad z| member / 2: the same width in metres also where a mode flattens;
-                "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family.
-    member    : metres, for "constant".    q : 0 to 4, for "graded".
+                "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
+                "stressed"  begins as "graded" does and is then widened where the cut sheet works most, see `evened`.
+    member    : metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
     min_width, max_width : metres, bounds on the width at every vertex under any rule; 0 sets none.
     min_gap   : metres; where the gap to the next stripe is narrower, it is filled. 0 fills none.
 
@@ -50,8 +51,8 @@ class Widths:
     min_gap: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.rule not in ("plain", "constant", "graded"):
-            raise PatternError(f"the width rule {self.rule!r} must be plain, constant or graded")
+        if self.rule not in get_args(Rule):
+            raise PatternError(f"the width rule {self.rule!r} must be plain, constant, graded or stressed")
         for name in ("member", "min_width", "max_width", "min_gap"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise PatternError(f"{name} = {getattr(self, name)} must be a length in metres, or 0 for none")
@@ -68,22 +69,28 @@ class Widths:
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
+    def follow(self) -> bool:
+        """Whether widths follow the stress."""
+        return self.rule in ("graded", "stressed")
+
+    @property
     def vary(self) -> bool:
         """Whether the half-width differs from vertex to vertex."""
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
+
+    def grading(self, stress: Floats) -> Floats:
+        """(n,) relative half-widths; see `half_widths`."""
+        return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, plain: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
         """(n,) d in periods, 0 (no material) to 0.5 (no gap), never less for a larger `factor`.
 
         plain  : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
-        stress : (n,) size of the stress along the stripes, for "graded" only; any unit.
+        stress : (n,) for "graded" the size of the stress along the stripes, any unit; for "stressed" the relative
+                 half-widths themselves.
         factor : what the rule is multiplied with, before the bounds.
         """
-        if self.rule == "constant":
-            d = slope * (factor * self.member / 2)
-        else:
-            grading = stress**self.q if self.rule == "graded" else np.ones_like(slope)
-            d = factor * plain * grading
+        d = factor * (slope * (self.member / 2) if self.rule == "constant" else plain * self.grading(stress))
         if self.max_width:
             d = np.minimum(d, slope * (self.max_width / 2))
         d = np.maximum(d, slope * (self.min_width / 2))
@@ -103,13 +110,21 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     on it, which is what the mean of |grad z| over the disc gives too: so means are taken over `radius`, metres, half
     the width of a member, and at least over two rings of faces, or the borders of members would fray on ridges.
     """
-    average = _averaging(surface)
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
-    slope = average @ np.linalg.norm(gradient, axis=1)
+    return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
+
+
+def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
+    """(n, ...) means of values x (m, ...) of the faces over about a disc of that radius, metres, around each vertex.
+
+    Never over less than two rings of faces; along the surface, not through the gap between sheets that nearly touch.
+    """
+    average = _averaging(surface)
+    means = average @ x
     # a round spreads by a variance of h^2 / 3 on a regular mesh of width h; a disc has R^2 / 4
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
-        slope = average @ slope[surface.F].mean(axis=1)
-    return np.asarray(slope)
+        means = average @ means[surface.F].mean(axis=1)
+    return np.asarray(means)
 
 
 def _averaging(surface: Surface) -> csr_array:
@@ -132,13 +147,23 @@ def relative_stresses(surface: Surface, principal: Floats) -> Floats:
     return np.asarray(size / mean)
 
 
-def solved_factor(share: Callable[[float], float], wanted: float, tolerance: float) -> float:
+def solved_factor(share: Callable[[float], float], wanted: float, tolerance: float, slope: float = 0.0) -> float:
     """The factor at which share(factor), which never falls, is `wanted` to `tolerance`.
+
+    slope : what is known of its derivative where the factor is known to be about 1: then 1 and one step of Newton's
+            are tried first.
 
     The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
     [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share.
     """
-    low, high = (0.0, share(0.0) - wanted), (1.0, share(1.0) - wanted)
+    high = (1.0, share(1.0) - wanted)
+    if slope > 0:
+        if _miss(high) <= tolerance:
+            return 1.0
+        near = 1 - high[1] / slope
+        if near > 0 and abs(share(near) - wanted) <= tolerance:
+            return near
+    low = (0.0, share(0.0) - wanted)
     if low[1] > tolerance:
         raise _unreachable(wanted, f"at least {low[1] + wanted:.1%}")
     if high[1] < -tolerance and (most := share(LARGEST_FACTOR)) < wanted - tolerance:

@@ -9,6 +9,7 @@ from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.patterns import pattern_step
+from dsfab.pipeline.stressing import stressed_step
 from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
 
@@ -21,7 +22,7 @@ ROWS = {
     "surface": ("surface",),
     "statics": ("membrane", "bending", "statics", "stress", "answers"),
     "diffusion": ("diffusion", "modes"),
-    "pattern": ("choice", "pattern"),
+    "pattern": ("choice", "widths", "pattern"),
     "slicing": ("slicing",),
     "thickening": ("thickening",),
 }
@@ -80,7 +81,9 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
         pattern = was.pattern
     else:
         choice = choice_step(preset, surface, statics, diffusion, log) if preset.pattern.auto else None
-        pattern = pattern_step(preset, surface, statics, diffusion, log, choice)
+        given = preset, surface, statics, diffusion, log, choice
+        grading = stressed_step(*given) if preset.pattern.width.rule == "stressed" else None
+        pattern = pattern_step(*given, grading)
     return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
 
 

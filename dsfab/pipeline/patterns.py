@@ -1,16 +1,19 @@
 """The fourth step: stripes of material on the modes, and what is kept besides them."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
+from dsfab.arrays import Floats
 from dsfab.design import Choice, DiffusionResult, PatternResult, StaticsResult
 from dsfab.errors import PatternError
 from dsfab.pattern import (
     Family,
     Layer,
     Widths,
+    counted_share,
     distance_to_boundary,
     distance_to_vertices,
     frequency_for,
@@ -26,6 +29,9 @@ from dsfab.surface import LoadCase, Surface
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
 
+COUNTED = 2
+"""Points along each side of a face, by which the search for it begins."""
+
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
@@ -37,17 +43,18 @@ def pattern_step(
     diffusion: DiffusionResult,
     log: Log,
     choice: Choice | None = None,
+    grading: Floats | None = None,
 ) -> PatternResult:
     """Kept regions come first: a cell that they make material is not cut again by the stripes.
 
-    choice : of the modes and phases that are `auto`.
+    choice  : of the modes and phases that are `auto`.    grading : (n, 2), see `striped_families`.
     """
     settled = preset.settled(choice.mode, choice.phase) if choice else preset
     ask = settled.pattern
     with log.stage("pattern", "drawing stripes"):
         kept = kept_regions(settled, surface, statics.load)
         widths = ask.width.widths(np.sqrt(surface.area))
-        families = striped_families(settled, surface, diffusion, widths.radius)
+        families = striped_families(settled, surface, diffusion, widths.radius, grading)
         for family, asked in zip(families, (ask.major, ask.minor), strict=True):
             if asked.spacing:
                 told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
@@ -57,7 +64,8 @@ def pattern_step(
             fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
             return material_area(surface, fields, levels, SHARE_SNAP) / surface.area
 
-        layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE)
+        counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
+        layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE, counted=counted)
         if ask.width.solid_fraction:
             log.note("pattern", _solved(settled, widths, factor))
     names, fields, levels, half_widths = zip(*layers, strict=True)
@@ -83,23 +91,30 @@ def drawn(
     share: Callable[[Sequence[Layer]], float],
     tolerance: float,
     guess: float = 0.0,
+    counted: Callable[[Sequence[Layer]], float] | None = None,
 ) -> tuple[list[Layer], float]:
     """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
 
     share     : the share of the surface that layers keep; pattern.width.solid_fraction is reached in its measure.
     tolerance : how closely.    guess : what the multiplier was for a like pattern; saves time.
+    counted   : a quicker, rougher `share`, with which the search begins.
 
     Raises PatternError where that share cannot be reached.
     """
     width = preset.pattern.width
     widths = width.widths(np.sqrt(surface.area))
-    factor = guess or (mean_duty_factor(surface, families, widths) if widths.rule == "graded" else 1.0)
+    factor = guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
 
     def layers(factor: float) -> list[Layer]:
         return [*kept, *(family.layer(widths, factor) for family in families)]
 
-    if width.solid_fraction:
-        factor *= solved_factor(lambda relative: share(layers(factor * relative)), width.solid_fraction, tolerance)
+    if wanted := width.solid_fraction:
+        slope = 0.0
+        if counted is not None:
+            with suppress(PatternError):  # the search below says it better
+                factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
+                slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
+        factor *= solved_factor(lambda relative: share(layers(factor * relative)), wanted, tolerance, slope)
     return layers(factor), factor
 
 
@@ -114,17 +129,23 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer
     return [Layer(name, -distance, np.array([-reach]), every) for name, distance, reach in regions]
 
 
-def striped_families(preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float) -> list[Family]:
+def striped_families(
+    preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float, grading: Floats | None = None
+) -> list[Family]:
     """Both families of stripes; the major one runs along the primary stress, the minor one along the secondary.
 
-    radius : metres over which slopes are averaged, see `Widths.radius`.
+    radius  : metres over which slopes are averaged, see `Widths.radius`.
+    grading : (n, 2) relative half-widths for the rule `stressed`; without it they are those of `graded`.
 
     Raises PatternError for a mode that was not computed.
     """
     ask, families = preset.pattern, []
     stress = [None, None]
-    if ask.width.rule == "graded":
-        stress = list(relative_stresses(surface, diffusion.tensors.principal).T)
+    if ask.width.rule in ("graded", "stressed"):
+        sizes = relative_stresses(surface, diffusion.tensors.principal)
+        if ask.width.rule == "stressed":
+            sizes = sizes**ask.width.q if grading is None else grading
+        stress = list(sizes.T)
     pairs = (("major", ask.major, diffusion.major), ("minor", ask.minor, diffusion.minor))
     for (name, family, modes), along in zip(pairs, stress, strict=True):
         if family.number > len(modes.lam):
@@ -148,5 +169,5 @@ def _solved(preset: Preset, widths: Widths, factor: float) -> str:
         major, minor = (family.stripes.widened(factor).threshold for family in (ask.major, ask.minor))
         became = f"the thresholds became {major:.3f} and {minor:.3f}"
     else:
-        became = f"the graded widths were multiplied by {factor:.3g}"
+        became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
     return f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"

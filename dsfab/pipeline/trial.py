@@ -6,22 +6,32 @@ truth does, at a third of the time of better elements.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from dsfab.design import Candidate, DiffusionResult, StaticsResult
 from dsfab.errors import DsfabError, PatternError
-from dsfab.pattern import Layer, face_points, material_points
+from dsfab.pattern import Layer, counted_share
 from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.pipeline.patterns import SHARE_SNAP, drawn, kept_regions, striped_families
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.statics import solve_cases
+from dsfab.statics import FaceStiffness, solve_cases
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 
 SHARE_TOLERANCE = 2e-3
 """How closely candidates reach pattern.width.solid_fraction, as a share of the surface."""
+
+
+class Carrying(NamedTuple):
+    """The sheet that reaches supports, and `kept`, `whole` and `pieces` as in a `Candidate`."""
+
+    sheet: Sheet
+    kept: float
+    whole: float
+    pieces: int
 
 
 class Trial:
@@ -33,33 +43,23 @@ class Trial:
         self.held = statics.load.held
         self.kept = kept_regions(preset, surface, statics.load)
         self.factors: dict[tuple[int, int], float] = {}
-        self.points = face_points()
-        self.kept_points = material_points(surface, self.kept, self.points)
+        self._share = counted_share(surface, self.kept)
         self.uncut = self._compliance(surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
         """What these modes and phases of the major and of the minor stripes are worth; refused with its reason."""
         try:
-            sheet, kept, whole, count = self._sheet(self.preset.settled(mode, phase))
-            loads = {name: sheet_load(self.surface, sheet, load) for name, load in self.loads.items()}
-            compliance = self._compliance(sheet.surface, loads)
+            found = self.carrying(self._layers(self.preset.settled(mode, phase)))
+            compliance = self._compliance(found.sheet.surface, self.loads_on(found.sheet))
         except DsfabError as error:
             return Candidate(mode, phase, refused=str(error))
-        return Candidate(mode, phase, compliance, compliance / self.uncut, kept, whole, count)
+        return Candidate(mode, phase, compliance, compliance / self.uncut, found.kept, found.whole, found.pieces)
 
-    def _sheet(self, preset: Preset) -> tuple[Sheet, float, float, int]:
-        """The sheet that reaches supports, and `kept`, `whole` and `pieces` of a `Candidate`.
-
-        Raises DsfabError when it does not carry the loads.
-        """
+    def carrying(self, layers: Sequence[Layer]) -> "Carrying":
+        """Layers as a sheet; raises DsfabError when it does not carry the loads."""
         surface = self.surface
-        radius = preset.pattern.width.widths(np.sqrt(surface.area)).radius
-        families = striped_families(preset, surface, self.diffusion, radius)
-        modes = preset.pattern.major.number, preset.pattern.minor.number
-        guess = self.factors.get(modes, 0.0)
-        layers, self.factors[modes] = drawn(preset, surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)
         cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP)
-        material = resolve_pinches(cells, preset.statics.thickness / 2).sheet.kept()
+        material = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet.kept()
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)
         area = np.bincount(label, material.surface.areas, count)
@@ -69,12 +69,25 @@ class Trial:
         sheet = material if held.all() else material.kept(held[label])
         if lost := lost_load(surface, material, sheet, self.loads.values()):
             raise PatternError(lost)
-        return sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count
+        return Carrying(sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count)
 
-    def _share(self, layers: Sequence[Layer]) -> float:
-        """The kept share of the surface, counted in points: the stripes come after what is kept."""
-        stripes = material_points(self.surface, layers[len(self.kept) :], self.points)
-        return float((self.kept_points | stripes).mean(axis=1) @ self.surface.areas / self.surface.area)
+    def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
+        """By name, what acts on such a sheet of what the pattern follows."""
+        return {name: sheet_load(self.surface, sheet, load) for name, load in self.loads.items()}
+
+    def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
+        """Of a sheet's faces."""
+        ask = self.preset.statics
+        return FaceStiffness.of(surface, ask.material, ask.thickness, list(loads.values()), ask.law)
+
+    def _layers(self, preset: Preset) -> list[Layer]:
+        radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
+        families = striped_families(preset, self.surface, self.diffusion, radius)
+        modes = preset.pattern.major.number, preset.pattern.minor.number
+        guess = self.factors.get(modes, 0.0)
+        layers, factor = drawn(preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)
+        self.factors[modes] = factor
+        return layers
 
     def _compliance(self, surface: Surface, loads: dict[str, LoadCase]) -> float:
         """Joules, the weighted sum over what the pattern follows."""

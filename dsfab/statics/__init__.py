@@ -11,6 +11,7 @@ from dsfab.statics.blocks import added
 from dsfab.statics.corners import membrane_strains, membrane_stresses
 from dsfab.statics.curvature import FACETED, facet_number
 from dsfab.statics.elements import PAPER, SIX_NODES, VERDICT, Bending, Elements, Membrane
+from dsfab.statics.faces import FaceStiffness
 from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
@@ -36,6 +37,7 @@ __all__ = [
     "Buckling",
     "Elements",
     "Equilibrium",
+    "FaceStiffness",
     "Factor",
     "FactorOf",
     "KeptFactor",

@@ -8,9 +8,8 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
-from dsfab.statics import Law, Material
+from dsfab.statics import FaceStiffness, Law, Material
 from dsfab.study.simp.filtering import face_filter, filtered_sensitivity
-from dsfab.study.simp.stiffness import FaceStiffness
 from dsfab.surface import LoadCase, Surface
 
 GREY = 0.1

@@ -10,10 +10,12 @@ from scipy.sparse import csr_array
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import StaticsError
 from dsfab.sparse import Factor, NotPositiveDefinite, factorise
-from dsfab.statics import Elements, Law, Material, flat_axis
+from dsfab.statics.elements import Elements
+from dsfab.statics.material import Law, Material
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
 from dsfab.statics.membrane import corner_strains
 from dsfab.statics.midedge import curvatures
+from dsfab.statics.solve import flat_axis
 from dsfab.statics.supports import all_clamped, held_on_edges
 from dsfab.surface import LoadCase, Surface
 

@@ -1,0 +1,109 @@
+"""The width rule `stressed`: cut, solve, widen the stripes where they work most, and do it again.
+
+The judge is the cut mesh, as for modes that are `auto`: on the uncut one, where a face that is half empty is half as
+stiff, gaps of one element carry loads, and the widths follow forces that are not there.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.design import Choice, DiffusionResult, StaticsResult
+from dsfab.errors import DsfabError
+from dsfab.pattern import Family, evened
+from dsfab.pipeline.log import Log
+from dsfab.pipeline.patterns import drawn, striped_families
+from dsfab.pipeline.trial import SHARE_TOLERANCE, Trial
+from dsfab.preset import Preset
+from dsfab.slicing import Sheet
+from dsfab.surface import Surface
+
+LEAST, MOST = 0.01, 0.55
+"""Half-widths, in periods, that stripes shrink and grow to: what has vanished may come back, what is full may open."""
+
+
+class Step(NamedTuple):
+    """Widths that were tried: what they were worth, joules times share of the surface, and what to try next."""
+
+    worth: float
+    grading: Floats
+    after: Floats
+
+
+def stressed_step(
+    preset: Preset,
+    surface: Surface,
+    statics: StaticsResult,
+    diffusion: DiffusionResult,
+    log: Log,
+    choice: Choice | None = None,
+) -> Floats | None:
+    """(n, 2) relative half-widths of both families: of pattern.width.steps tries, the best.
+
+    Best is the least compliance per share of material, by constant strain and mid-edge bending on the cut mesh. None
+    where not even the first sheet carries the loads: then the widths are those of the rule `graded`.
+    """
+    settled = preset.settled(choice.mode, choice.phase) if choice else preset
+    tried: list[Step] = []
+    with log.row("widths"):
+        trial = Stressed(settled, surface, statics, diffusion)
+        grading = trial.start
+        for number in range(settled.pattern.width.steps):
+            if log.progress:
+                log.progress("pattern", f"evening the stress, step {number + 1}: cutting and solving")
+            try:
+                tried.append(trial.step(grading))
+            except DsfabError as error:
+                log.note("pattern", f"step {number + 1} of the width rule stressed was given up: {error}")
+                break
+            grading = tried[-1].after
+    if not tried:
+        return None
+    best = min(tried, key=lambda step: step.worth)
+    log.note(
+        "pattern",
+        f"widths that even out the stress: after {len(tried)} steps {1 - best.worth / tried[0].worth:.0%} less "
+        "compliance than graded ones, each on its own cut mesh",
+    )
+    return best.grading
+
+
+class Stressed(Trial):
+    """Tries widths with given modes and phases."""
+
+    def __init__(self, preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult) -> None:
+        super().__init__(preset, surface, statics, diffusion)
+        self.families = striped_families(preset, surface, diffusion, 0.0)
+        slopes = np.stack([family.slope for family in self.families])
+        self.spacing = float(slopes.shape[0] * surface.area / (slopes @ surface.vertex_areas).sum())
+        self.start = np.stack([family.stress for family in self.families], axis=1)
+        self.factor = 0.0
+
+    def step(self, grading: Floats) -> Step:
+        """Cut and solve; raises DsfabError for a sheet that does not carry the loads."""
+        families = [replace(family, stress=g) for family, g in zip(self.families, grading.T, strict=True)]
+        layers, self.factor = drawn(
+            self.preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, self.factor
+        )
+        found = self.carrying(layers)
+        K = self.stiffness(found.sheet.surface, self.loads_on(found.sheet))
+        energy = K.energies(K.factor(np.ones(found.sheet.surface.m))(K.force)) @ list(self.preset.followed.values())
+        work, material = (self._by_family(found.sheet, x) for x in (energy, found.sheet.surface.areas))
+        after = evened(self.surface, grading, work, material, self.spacing)
+        return Step(float(energy.sum()) * found.kept, grading, self._within(families, after))
+
+    def _by_family(self, sheet: Sheet, x: Floats) -> Floats:
+        """(m, 2) sums of values x (m',) of cells over what each family has of each face."""
+        first, sums = len(self.kept), []
+        for family in range(first, first + 2):
+            cells = np.flatnonzero(sheet.family == family)
+            sums.append(np.bincount(sheet.parent[cells], x[cells], self.surface.m))
+        return np.stack(sums, axis=1).astype(np.float64)
+
+    def _within(self, families: list[Family], grading: Floats) -> Floats:
+        """What widths are multiplied with stays such that they reach from LEAST to MOST."""
+        full = np.array([self.factor * family.stripes.half_width for family in families])
+        full = np.where(full > 0, full, 1.0)
+        return np.asarray(np.clip(grading * full, LEAST, MOST) / full)
