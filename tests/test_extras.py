@@ -8,7 +8,7 @@ import dsfab
 from dsfab.errors import PresetError, SolidError
 from dsfab.surface.pickers import All, Ball, Side
 from dsfab.thickening import Base, Feet, Holes, Solid, Split, Trim, offsets, thicken, with_extras
-from dsfab.thickening.extras import ROUND
+from dsfab.thickening.extras.bodies import ROUND
 from dsfab.thickening.intersect import intersecting_pairs
 from tests.zoo import grid, jittered, sphere
 
