@@ -224,7 +224,7 @@ class Thickening(Section):
     strict: bool = False
     """Refuse a solid in which faces still intersect after all repairs, instead of telling where."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
-    """Feet, holes, trim, split: what is added to the solid or cut from it, in this order."""
+    """Feet, ring, holes, trim, split: what is added to the solid or cut from it, in this order."""
 
 
 class Fabrication(Section):

@@ -1,7 +1,7 @@
 """From a sheet to a solid: `offsets` on the uncut surface, `thicken` on what the pattern kept of it."""
 
 from dsfab.thickening.apart import Layer, apart
-from dsfab.thickening.extras import Base, Extra, Feet, Holes, Split, Trim, with_extras
+from dsfab.thickening.extras import Base, Extra, Feet, Holes, Ring, Split, Trim, with_extras
 from dsfab.thickening.notes import Repairs
 from dsfab.thickening.offset import Offsets, Side, offsets
 from dsfab.thickening.solid import Solid, thicken
@@ -14,6 +14,7 @@ __all__ = [
     "Layer",
     "Offsets",
     "Repairs",
+    "Ring",
     "Side",
     "Solid",
     "Split",
