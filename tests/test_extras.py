@@ -1,15 +1,18 @@
 """Feet, holes, trimming and splitting: volumes in closed form, topology, and the tests that every solid passes."""
 
+import json
+
 import numpy as np
 import pytest
 import trimesh
 
 import dsfab
+from dsfab.app.cli import main
 from dsfab.errors import PresetError, SolidError
 from dsfab.surface import Surface
 from dsfab.surface.mesh import closed_length
 from dsfab.surface.pickers import All, Ball, Side
-from dsfab.thickening import Base, Feet, Holes, Ring, Solid, Split, Trim, offsets, thicken, with_extras
+from dsfab.thickening import Base, Feet, Holes, Ring, Solid, Split, Trim, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.bodies import ROUND
 from dsfab.thickening.intersect import intersecting_pairs
 from tests.zoo import grid, jittered, moebius, sphere
@@ -131,6 +134,46 @@ def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
     for part in trimesh.Trimesh(solid.V, solid.F, process=False).split():
         assert (np.ptp(part.vertices, axis=0) <= [0.7, 0.6, 1.0]).all()
     assert np.ptp(solid.V, axis=0) == pytest.approx([2.04, 1.02, 0.03])
+
+
+def test_parts_are_solids_of_their_own(plate):
+    split = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
+    found = parts(split)
+    assert [part.pieces for part in found] == [1] * 6
+    assert sum(part.volume for part in found) == pytest.approx(split.volume, rel=1e-12)
+    assert sum(len(part.F) for part in found) == len(split.F)
+    assert [part.genus for part in found] == [0] * 6
+    for part in found:
+        mesh = trimesh.Trimesh(part.V, part.F, process=False)
+        assert mesh.is_volume
+        assert mesh.body_count == 1
+        assert (np.ptp(part.V, axis=0) <= [0.7, 0.6, 1.0]).all()
+    first = np.array([part.box[0] for part in found])
+    assert (np.lexsort(first.T) == np.arange(6)).all()
+    assert parts(plate[0]) == (plate[0],)
+
+
+def test_voids_stay_with_their_parts(shell):
+    ball = shell[0]
+    twice = Solid(
+        np.concatenate([ball.V, 0.5 * ball.V + [3, 0, 0]]), np.concatenate([ball.F, ball.F + len(ball.V)]), 0, 2
+    )
+    found = parts(twice)
+    assert [part.volume for part in found] == pytest.approx([ball.volume, ball.volume / 8], rel=1e-9)
+    assert [(part.genus, part.pieces) for part in found] == [(0, 1)] * 2
+
+
+def test_a_build_writes_a_file_for_each_part(tmp_path, capsys):
+    split = 'thickening.extra=[{kind="split",bed=[0.8,0.8,0.8],apart=0.05}]'
+    words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-q", "--set"]
+    assert main([*words, split, "-o", str(tmp_path / "out")]) == 0
+    names = json.loads((tmp_path / "out" / "design.json").read_text())["files"]
+    assert names[0] == "cantilever.stl"
+    assert names[1:] == [f"cantilever_{k}.stl" for k in range(1, len(names))]
+    whole, *each = (trimesh.load_mesh(tmp_path / "out" / name) for name in names)
+    assert len(each) >= 6
+    assert sum(part.volume for part in each) == pytest.approx(whole.volume, rel=1e-6)
+    assert all((part.extents <= 801).all() and part.body_count == 1 for part in each)  # millimetres
 
 
 def test_dowels_are_drilled_into_every_cut_face(plate):

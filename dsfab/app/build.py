@@ -159,6 +159,8 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
         try:
             thing, how = delivered(design, f".{suffix}")
             files.append(write(thing, folder / f"{preset.name}.{suffix}", note=told.append, **how))
+            if suffix == "stl":
+                files += _write_parts(design, folder)
         except ExportError as error:
             if suffix not in ("step", "stpz", "brep"):
                 raise
@@ -177,6 +179,17 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
         encoding="utf-8",
     )
     return "; ".join(refused)
+
+
+def _write_parts(design: "Design", folder: Path) -> list[Path]:
+    """Of a solid that was split for a machine one STL file for each part; other formats keep parts in one file."""
+    from dsfab.export import write
+    from dsfab.thickening import Split, parts
+
+    if design.solid.pieces == 1 or not any(isinstance(extra, Split) for extra in design.preset.thickening.extra):
+        return []
+    name = design.preset.name
+    return [write(part, folder / f"{name}_{number}.stl") for number, part in enumerate(parts(design.solid), 1)]
 
 
 def _draw(design: "Design", path: Path) -> None:

@@ -4,6 +4,7 @@ from dsfab.thickening.apart import Layer, apart
 from dsfab.thickening.extras import Base, Extra, Feet, Holes, Ring, Split, Trim, with_extras
 from dsfab.thickening.notes import Repairs
 from dsfab.thickening.offset import Offsets, Side, offsets
+from dsfab.thickening.parts import parts
 from dsfab.thickening.solid import Solid, thicken
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Trim",
     "apart",
     "offsets",
+    "parts",
     "thicken",
     "with_extras",
 ]
