@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import dsfab
 from dsfab.errors import DsfabError
@@ -54,7 +55,7 @@ def main(names: list[str]) -> None:
             continue
         try:
             surface = make()
-        except (DsfabError, OSError) as error:
+        except (DsfabError, OSError, pytest.skip.Exception) as error:
             print(f"{name:28} {error}", flush=True)
             continue
         cells = [cell(surface, share) for share in SHARES]
