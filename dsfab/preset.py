@@ -209,6 +209,10 @@ class Slicing(Section):
     """Where material would meet in a single point: join it with a small disc, or split it."""
     min_opening: Annotated[float, Ge(0)] = 0.0
     """Metres; smaller openings, whichever stripes they lie between, are filled. 0 fills none."""
+    improve: bool = False
+    """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
+    tolerance: Annotated[float, Ge(0)] = 0.0
+    """Metres that `improve` may move the edges of stripes by; 0 moves none."""
     loose: Literal["drop", "keep", "refuse"] = "drop"
     """Pieces that reach no support: leave them out, build them too, or refuse the design."""
 
@@ -223,7 +227,7 @@ class Thickening(Section):
     strict: bool = False
     """Refuse a solid in which faces still intersect after all repairs, instead of telling where."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
-    """Feet, holes, trim, split: what is added to the solid or cut from it, in this order."""
+    """Feet, ring, holes, trim, split: what is added to the solid or cut from it, in this order."""
 
 
 class Fabrication(Section):

@@ -1,16 +1,21 @@
 """Feet, holes, trimming and splitting: volumes in closed form, topology, and the tests that every solid passes."""
 
+import json
+
 import numpy as np
 import pytest
 import trimesh
 
 import dsfab
+from dsfab.app.cli import main
 from dsfab.errors import PresetError, SolidError
+from dsfab.surface import Surface
+from dsfab.surface.mesh import closed_length
 from dsfab.surface.pickers import All, Ball, Side
-from dsfab.thickening import Base, Feet, Holes, Solid, Split, Trim, offsets, thicken, with_extras
-from dsfab.thickening.extras import ROUND
+from dsfab.thickening import Base, Feet, Holes, Ring, Solid, Split, Trim, offsets, parts, thicken, with_extras
+from dsfab.thickening.extras.bodies import ROUND
 from dsfab.thickening.intersect import intersecting_pairs
-from tests.zoo import grid, jittered, sphere
+from tests.zoo import grid, jittered, moebius, sphere
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +95,38 @@ def test_parts_that_are_apart_get_a_foot_each(plate):
     assert solid.genus == 0
 
 
+def test_a_ring_beam_runs_around_a_plate(plate):
+    """The beam's middle line is 6 m long; inside of it lies a smaller plate."""
+    solid = made(plate, Ring(width=0.1, height=0.08))
+    assert solid.volume == pytest.approx(6 * 0.1 * 0.08 + 1.9 * 0.9 * 0.03, rel=1e-9)
+    assert solid.box == pytest.approx(np.array([[-0.05, -0.05, -0.04], [2.05, 1.05, 0.04]]))
+    assert (solid.genus, solid.pieces) == (0, 1)
+
+
+def test_ring_beams_follow_curved_boundaries_and_holes():
+    """Half a ball without its top: the beams are rings with the section's area times the middle lines [Pappus]."""
+    ball = sphere(4)
+    ball = Surface(ball.V, ball.F[(ball.centroids[:, 2] > 0) & (ball.centroids[:, 2] < 0.9)])
+    ball = Surface(ball.V[(used := np.unique(ball.F))], np.searchsorted(used, ball.F))
+    ball = Surface(np.c_[ball.V[:, :2], np.where(ball.V[:, 2] < 1e-9, 0.0, ball.V[:, 2])], ball.F)
+    shell = thicken(ball, offsets(ball, 0.02).D), Base(ball, ball, lambda marks: marks)
+    length = closed_length(ball.V[ball.loops[0]])
+    base = made(shell, Ring(width=0.06, height=0.1, at=Side(axis="z", end="min")))
+    sunk = 0.03 * length * 0.02  # half of the section's width is in the shell already
+    assert base.volume - shell[0].volume == pytest.approx(0.06 * 0.1 * length - sunk, rel=2e-3)
+    both = made(shell, Ring(width=0.06, height=0.1))
+    assert both.volume > base.volume + 0.8 * 0.06 * 0.08 * closed_length(ball.V[ball.loops[1]])
+    assert (base.genus, both.genus) == (1, 1)
+
+
+def test_a_ring_beam_runs_along_the_one_edge_of_a_moebius_strip():
+    strip = moebius(80, 8, 0.8)
+    offset = offsets(strip, 0.02)
+    solid = thicken(strip, offset.at_corners(strip.F).reshape(-1, 3)[np.unique(strip.F, return_index=True)[1]])
+    ringed = made((solid, Base(strip, strip, lambda marks: marks)), Ring(width=0.05, height=0.06))
+    assert ringed.volume - solid.volume == pytest.approx(closed_length(strip.V[strip.loops[0]]) * 0.0025, rel=0.02)
+
+
 def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
     solid = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02))
     assert solid.pieces == 6
@@ -97,6 +134,46 @@ def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
     for part in trimesh.Trimesh(solid.V, solid.F, process=False).split():
         assert (np.ptp(part.vertices, axis=0) <= [0.7, 0.6, 1.0]).all()
     assert np.ptp(solid.V, axis=0) == pytest.approx([2.04, 1.02, 0.03])
+
+
+def test_parts_are_solids_of_their_own(plate):
+    split = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
+    found = parts(split)
+    assert [part.pieces for part in found] == [1] * 6
+    assert sum(part.volume for part in found) == pytest.approx(split.volume, rel=1e-12)
+    assert sum(len(part.F) for part in found) == len(split.F)
+    assert [part.genus for part in found] == [0] * 6
+    for part in found:
+        mesh = trimesh.Trimesh(part.V, part.F, process=False)
+        assert mesh.is_volume
+        assert mesh.body_count == 1
+        assert (np.ptp(part.V, axis=0) <= [0.7, 0.6, 1.0]).all()
+    first = np.array([part.box[0] for part in found])
+    assert (np.lexsort(first.T) == np.arange(6)).all()
+    assert parts(plate[0]) == (plate[0],)
+
+
+def test_voids_stay_with_their_parts(shell):
+    ball = shell[0]
+    twice = Solid(
+        np.concatenate([ball.V, 0.5 * ball.V + [3, 0, 0]]), np.concatenate([ball.F, ball.F + len(ball.V)]), 0, 2
+    )
+    found = parts(twice)
+    assert [part.volume for part in found] == pytest.approx([ball.volume, ball.volume / 8], rel=1e-9)
+    assert [(part.genus, part.pieces) for part in found] == [(0, 1)] * 2
+
+
+def test_a_build_writes_a_file_for_each_part(tmp_path, capsys):
+    split = 'thickening.extra=[{kind="split",bed=[0.8,0.8,0.8],apart=0.05}]'
+    words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-q", "--set"]
+    assert main([*words, split, "-o", str(tmp_path / "out")]) == 0
+    names = json.loads((tmp_path / "out" / "design.json").read_text())["files"]
+    assert names[0] == "cantilever.stl"
+    assert names[1:] == [f"cantilever_{k}.stl" for k in range(1, len(names))]
+    whole, *each = (trimesh.load_mesh(tmp_path / "out" / name) for name in names)
+    assert len(each) >= 6
+    assert sum(part.volume for part in each) == pytest.approx(whole.volume, rel=1e-6)
+    assert all((part.extents <= 801).all() and part.body_count == 1 for part in each)  # millimetres
 
 
 def test_dowels_are_drilled_into_every_cut_face(plate):
@@ -141,6 +218,9 @@ def test_extras_are_made_in_their_order(plate):
         (Split(bed=(1.0, 1.0, 1.0), apart=0.0), "apart must be a positive length"),
         (Split(bed=(1.0, 0.0, 1.0), apart=0.1), "positive lengths"),
         (Split(bed=(1.0, 1.0, 1.0), apart=0.1, dowel=0.01), "dowel and deep"),
+        (Ring(width=0.0, height=0.1), "width must be a positive length"),
+        (Ring(width=1.2, height=0.1), "would cross itself near"),
+        (Ring(width=0.1, height=0.1, at=Ball(center=(1.0, 0.5, 0.0), radius=0.1)), "or picked; check at"),
         (Feet(at=All(), height=-0.1, margin=0.05, sink=0.01), "height must be a positive length"),
     ],
 )
@@ -153,6 +233,12 @@ def test_a_foot_beside_the_solid_is_refused(plate):
     gone = Trim(point=(0.5, 0.0, 0.0), normal=(-1.0, 0.0, 0.0))
     with pytest.raises(SolidError, match="does not meet"):
         made(plate, gone, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
+
+
+def test_a_ring_beam_beside_the_solid_is_refused(plate):
+    inner = Trim(low=(0.5, 0.3, -1.0), high=(1.5, 0.7, 1.0))
+    with pytest.raises(SolidError, match="does not meet"):
+        made(plate, inner, Ring(width=0.1, height=0.1))
 
 
 def test_a_preset_has_extras():

@@ -50,6 +50,7 @@ CASES = {
     "saddle": (lambda: lifted(lambda x, y: (x - 0.5) * (y - 0.5) * 1.5, cells=20), 0.03),
     "crumpled": (lambda: lifted(lambda x, y: 0.05 * np.sin(31 * x) * np.sin(29 * y), cells=24), 0.05),
     "two that touch": (lambda: joined(flat(), Surface(flat().V + [0, 0, 0.02], flat().F)), 0.04),
+    "one over a part": (lambda: joined(flat(), Surface(flat().V + [0.53, 0.0, 0.01], flat().F)), 0.02),
     "two that cross": (lambda: joined(flat(), tilted(flat(), 0.1)), 0.02),
     "two upright": (lambda: joined(flat(), Surface(flat().V[:, [2, 0, 1]] + [0.5, 0, -0.5], flat().F)), 0.02),
     "spiral": (lambda: spiral(0.03), 0.035),

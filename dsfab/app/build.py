@@ -63,6 +63,9 @@ def build(
         bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
     ] = False,
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True,
+    marked: Annotated[
+        bool, Parameter(negative=(), help="Also make fabrication.png: where the smallest member, gap and wall are.")
+    ] = False,
     quiet: Quiet = False,
 ) -> int:
     """Build a preset: solid, sheet, picture and numbers, in one folder.
@@ -72,6 +75,7 @@ def build(
     preset
         Name of a shipped preset (see `dsfab presets`) or a TOML file.
     """
+    from dsfab.app.workshop import write_workshop_picture
     from dsfab.pipeline import run
     from dsfab.study.fabrication import fabrication
 
@@ -83,7 +87,7 @@ def build(
     reporter = Reporter(quiet)
     if estimate:
         return estimated(given, reporter)
-    picture = picture and _can_draw(reporter)
+    drawn = (picture or marked) and _can_draw(reporter)
     folder = output if output is not None else Path("outputs") / given.name
     try:
         design = run(given, reporter)
@@ -91,8 +95,11 @@ def build(
             design = _fixed(design, reporter)
         with whole_or_nothing(folder) as partial:
             reporter("fabrication", "measuring members, gaps and walls")
-            made = fabrication_facts(fabrication(design))
-            refused = write_all(design, partial, reporter, picture, made)
+            measured = fabrication(design)
+            made = fabrication_facts(measured)
+            if marked and drawn:
+                write_workshop_picture(partial / "fabrication.png", design, measured, (1600, 1200))
+            refused = write_all(design, partial, reporter, picture and drawn, made)
         reporter.done()
     finally:
         reporter.stop()
@@ -152,6 +159,8 @@ def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool,
         try:
             thing, how = delivered(design, f".{suffix}")
             files.append(write(thing, folder / f"{preset.name}.{suffix}", note=told.append, **how))
+            if suffix == "stl":
+                files += _write_parts(design, folder)
         except ExportError as error:
             if suffix not in ("step", "stpz", "brep"):
                 raise
@@ -170,6 +179,17 @@ def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool,
         encoding="utf-8",
     )
     return "; ".join(refused)
+
+
+def _write_parts(design: "Design", folder: Path) -> list[Path]:
+    """Of a solid that was split for a machine one STL file for each part; other formats keep parts in one file."""
+    from dsfab.export import write
+    from dsfab.thickening import Split, parts
+
+    if design.solid.pieces == 1 or not any(isinstance(extra, Split) for extra in design.preset.thickening.extra):
+        return []
+    name = design.preset.name
+    return [write(part, folder / f"{name}_{number}.stl") for number, part in enumerate(parts(design.solid), 1)]
 
 
 def _draw(design: "Design", path: Path) -> None:

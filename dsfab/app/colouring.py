@@ -99,6 +99,8 @@ class Colouring:
 
 def check_show(show: str) -> None:
     """Raises DsfabError for what cannot be shown."""
+    if show == "fabrication":
+        raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
     if show not in get_args(Show):
         raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(Show))}")
 

@@ -31,6 +31,9 @@ def inspect(
     /,
     *,
     unit: Annotated[str | None, Parameter(help="Unit of the file's numbers: mm, cm, m, in, ft.")] = None,
+    output: Annotated[
+        Path | None, Parameter(name=["-o", "--output"], help="PNG file with the places of what is smallest.")
+    ] = None,
 ) -> int:
     """Say what a mesh file is: size, pieces, boundary, whether it is manifold or why not, and its likely unit.
 
@@ -45,9 +48,14 @@ def inspect(
     from dsfab.surface import describe
 
     if file.is_dir() or file.suffix == ".toml" or (str(file) in shipped() and not file.exists()):
-        for line in fabrication_lines(_built(file) if file.is_dir() else _made(str(file))):
+        built = _built(file) if file.is_dir() else None
+        if built is None or output is not None:
+            built = _made(str(file if built is None else file / "preset.toml"), output)
+        for line in fabrication_lines(built):
             out(line)
         return 0
+    if output is not None:
+        raise PresetError(f"-o {output}: a picture is made of a preset or a folder of results, not of a mesh file")
     facts = describe(file, unit)
     out(str(file))
     rows = [(label, value) for label, value in _lines(facts) if value]
@@ -66,18 +74,23 @@ def _built(folder: Path) -> dict[str, Any]:
     return found
 
 
-def _made(preset: str) -> dict[str, Any]:
-    """The same of a preset, which is run for it."""
+def _made(preset: str, picture: Path | None) -> dict[str, Any]:
+    """The same of a preset, which is run for it, and drawn if there is a file for that."""
+    from dsfab.app.workshop import write_workshop_picture
     from dsfab.pipeline import run
     from dsfab.study.fabrication import fabrication
 
     reporter = Reporter()
     try:
         design = run(read_preset(preset), reporter)
+        made = fabrication(design)
+        if picture is not None:
+            reporter("preview", f"drawing {picture.name}")
+            write_workshop_picture(picture, design, made, (1600, 1200))
         reporter.done()
     finally:
         reporter.stop()
-    return fabrication_facts(fabrication(design))
+    return fabrication_facts(made)
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:

@@ -14,7 +14,8 @@ Show = Annotated[
     str,
     Parameter(
         help="structure, families, stress, major, minor; of the uncut sheet: loads, directions, major_mode, "
-        "minor_mode, vonmises, utilisation, energy, displacement, buckling, frequency."
+        "minor_mode, vonmises, utilisation, energy, displacement, buckling, frequency; fabrication (preview only): the "
+        "finished solid and where its smallest member, gap, wall and edge are."
     ),
 ]
 

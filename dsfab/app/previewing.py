@@ -58,7 +58,8 @@ def preview(
         return read_preset(preset, set_, mesh, unit)
 
     given = read()
-    names, marks = _names(show, given), _layers(layers)
+    finished = show.strip() == "fabrication"
+    names, marks = ("structure",) if finished else _names(show, given), _layers(layers)
     pixels = picture_size(size_ or ("1600x1200" if len(names) == 1 else "800x600"))
     path = output if output is not None else Path(f"{given.name}.png")
     if path.suffix.lower() != ".png":
@@ -71,7 +72,10 @@ def preview(
     with Studio(view=view, show=names[0], marks=marks, ground=ground) as studio:
 
         def draw(asked: "Preset") -> None:
-            _draw(studio, asked, names, pixels, path, reporter, view=view, marks=marks, ground=ground)
+            if finished:
+                _draw_finished(asked, pixels, path, reporter, view=view, ground=ground)
+            else:
+                _draw(studio, asked, names, pixels, path, reporter, view=view, marks=marks, ground=ground)
             if not quiet:
                 out(f"  {path}  {size(path.stat().st_size)}")
 
@@ -128,6 +132,23 @@ def _draw(
     if studio.made:
         for note in studio.made.notes:
             reporter.say(f"note ({note.stage}): {note.text}")
+
+
+def _draw_finished(preset: "Preset", pixels: tuple[int, int], path: Path, reporter: Reporter, **options: Any) -> None:
+    """The design cut, thickened and measured, with the places of what is smallest."""
+    from dsfab.app.files import write_png
+    from dsfab.app.workshop import workshop_picture
+    from dsfab.pipeline import run
+    from dsfab.study.fabrication import fabrication
+
+    design = run(preset, reporter)
+    reporter("fabrication", "measuring members, gaps and walls")
+    made = fabrication(design)
+    reporter("preview", f"drawing {path.name}")
+    write_png(workshop_picture(design, made, size=pixels, **options), path)
+    reporter.done()
+    for note in design.notes:
+        reporter.say(f"note ({note.stage}): {note.text}")
 
 
 def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:

@@ -67,13 +67,18 @@ def _width(reach: float) -> list[Control]:
         Control(group, key + "solid_fraction", "solid fraction", high=0.95, step=0.005, hint=_FRACTION),
         Control(group, key + "member", "width", "length", "m", high=reach, step=fine, hint="Of members, if constant."),
         Control(group, key + "q", "grading", high=4, step=0.05, hint="Share of material grows with stress to this."),
+        Control(group, key + "steps", "steps", "whole", low=1, high=50, step=1, live=False, hint=_STEPS),
         Control(group, key + "min_width", "no thinner than", "length", "m", high=reach, step=fine, hint=_NONE),
         Control(group, key + "max_width", "no wider than", "length", "m", high=reach, step=fine, hint=_NONE),
         Control(group, key + "min_gap", "fill gaps under", "length", "m", high=reach, step=fine, hint=_NONE),
     ]
 
 
-_RULE = "plain: as the thresholds say; constant: equally wide in metres; graded: as wide as the stress is large."
+_RULE = (
+    "plain: as the thresholds say; constant: equally wide in metres; graded: as wide as the stress is large; "
+    "stressed: evened out on the cut sheet."
+)
+_STEPS = "How often the rule stressed cuts, solves and widens; the best is kept."
 _FRACTION = "Share of the surface to keep: widths are solved for. 0 leaves them as they are."
 _NONE = "0 sets no limit."
 

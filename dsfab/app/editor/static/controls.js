@@ -132,7 +132,8 @@ function why(key, pattern) {
   if (name === 'threshold' && fraction > 0 && rule === 'plain') return 'Scaled until the solid fraction is met.';
   if (name === 'member' && rule !== 'constant') return 'Only with the rule constant.';
   if (name === 'member' && fraction > 0) return 'Solved for: the solid fraction decides.';
-  if (name === 'q' && rule !== 'graded') return 'Only with the rule graded.';
+  if (name === 'q' && !['graded', 'stressed'].includes(rule)) return 'Only with the rules graded and stressed.';
+  if (name === 'steps' && rule !== 'stressed') return 'Only with the rule stressed.';
   if (name === 'frequency' && !pattern[key.split('.')[1]].frequency) return 'The spacing decides; move it to take it back.';
   return '';
 }

@@ -1,6 +1,7 @@
 /** How wide stripes are and how much of the surface they keep, in the same frame in which a slider moves.
  *
- * The rules are those of dsfab/pattern/width.py; the server answers a moment later with its own numbers, which win.
+ * The rules are those of dsfab/pattern/width.py; the server answers a moment later with its own numbers, which win. The
+ * rule stressed solves on the cut sheet: here it shows the widths that it begins with, those of graded.
  */
 
 const SOLID = 0.5;
@@ -51,7 +52,7 @@ function halfWidths(rule, plain, frequency, arrays, n, factor) {
     const slope = arrays.slope[i] * frequency[i % 2];
     let d;
     if (rule.rule === 'constant') d = slope * factor * (rule.member / 2);
-    else d = factor * plain[i % 2] * (rule.rule === 'graded' ? arrays.along[i] ** rule.q : 1);
+    else d = factor * plain[i % 2] * (rule.rule === 'graded' || rule.rule === 'stressed' ? arrays.along[i] ** rule.q : 1);
     if (rule.max_width) d = Math.min(d, slope * (rule.max_width / 2));
     d = Math.max(d, slope * (rule.min_width / 2));
     half[i] = d + slope * (rule.min_gap / 2) > SOLID ? SOLID : d;

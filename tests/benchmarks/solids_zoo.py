@@ -1,0 +1,66 @@
+"""Pairs of faces that intersect in solids over the shapes, presets and meshes of the zoo, at 1, 2 and 5 % thickness.
+
+    python -m tests.benchmarks.solids_zoo [NAME ...]
+
+Thickness is a share of half the diagonal. Presets are built at four times their edge, meshes come from DSFAB_MESHES.
+A row is a surface; a column a thickness: pairs left in double and single precision, and what was done to get there.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab.errors import DsfabError
+from dsfab.surface import Surface
+from dsfab.thickening.intersect import intersecting_pairs
+from tests.meshes import mesh_file
+from tests.test_thickening import made, real
+from tests.test_thickening_zoo import MESHES, SHAPE_OF, SHAPES
+
+SHARES = (0.01, 0.02, 0.05)
+
+
+def of_preset(name: str) -> Surface:
+    preset = dsfab.load_preset(name)
+    if getattr(preset.surface, "edge", None):
+        preset = dsfab.load_preset(name, {"surface.edge": 4 * preset.surface.edge})
+    if not SHAPE_OF[name]:
+        preset = dsfab.load_preset(name, {}, mesh_file(Path(preset.surface.file).name))
+    return preset.surface.build()
+
+
+def rows() -> Iterator[tuple[str, Callable[[], Surface]]]:
+    yield from SHAPES.items()
+    yield from ((f"preset {name}", lambda name=name: of_preset(name)) for name in SHAPE_OF)
+    yield from ((name, lambda name=name: real(name)) for name in MESHES)
+
+
+def cell(surface: Surface, share: float) -> str:
+    try:
+        solid = made(surface, share * surface.size / 2)
+    except DsfabError as error:
+        return f"refused: {error}"
+    single = (solid.V * 1e3).astype(np.float32).astype(float)
+    left = [len(intersecting_pairs(V, solid.F)) for V in (solid.V, single)]
+    return f"{left[0]}/{left[1]} {solid.repairs.rung}"
+
+
+def main(names: list[str]) -> None:
+    for name, make in rows():
+        if names and name not in names:
+            continue
+        try:
+            surface = make()
+        except (DsfabError, OSError, pytest.skip.Exception) as error:
+            print(f"{name:28} {error}", flush=True)
+            continue
+        cells = [cell(surface, share) for share in SHARES]
+        print(f"{name:28} {surface.m:7} " + "  ".join(f"{text:20}" for text in cells), flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
