@@ -18,7 +18,7 @@ from dsfab.export.plate import Plate
 from dsfab.export.step_text import DIGITS, DIRECTION_DIGITS, FIRST, TRAILING_ZEROS, closing, header
 
 
-class _Entities:
+class Entities:
     """The numbered entities; points and directions are written once."""
 
     def __init__(self) -> None:
@@ -41,10 +41,10 @@ class _Entities:
         return self._known[body]
 
     def point(self, p: Floats) -> int:
-        return self.once(f"CARTESIAN_POINT('',{_listed(p, DIGITS)})")
+        return self.once(f"CARTESIAN_POINT('',{listed(p, DIGITS)})")
 
     def direction(self, d: Floats) -> int:
-        return self.once(f"DIRECTION('',{_listed(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
+        return self.once(f"DIRECTION('',{listed(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
 
     def line(self, p: Floats, along: Floats) -> int:
         vector = self.once(f"VECTOR('',#{self.direction(along)},1.)")
@@ -57,17 +57,18 @@ class _Entities:
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
         """A bound of edges, each with whether it is run through forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if way else 'F'}.)") for edge, way in steps]
-        loop = self.add(f"EDGE_LOOP('',{_references(oriented)})")
+        loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
 
-    def face(self, bounds: list[int], surface: int) -> int:
-        return self.add(f"ADVANCED_FACE('',{_references(bounds)},#{surface},.T.)")
+    def face(self, bounds: list[int], surface: int, same: bool = True) -> int:
+        """A face; same : whether it looks where its surface's normal points."""
+        return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same else 'F'}.)")
 
 
 def plate_entities(plate: Plate, name: str) -> Iterator[str]:
     """The text of the file: a solid for each piece."""
     yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh")
-    new, shells, faces = _Entities(), list[int](), list[int]()
+    new, shells, faces = Entities(), list[int](), list[int]()
     for i, loops in enumerate(plate.pieces):
         made = _piece(new, plate, loops)
         faces += made
@@ -76,7 +77,7 @@ def plate_entities(plate: Plate, name: str) -> Iterator[str]:
     yield from closing(np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), new.free)
 
 
-def _piece(new: _Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
+def _piece(new: Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
     """The faces of one piece: its walls, and the two skins."""
     axes, heights = plate.outlines.axes, plate.outlines.height
     walls, skins = list[int](), ([], [])  # type: tuple[list[int], tuple[list[int], list[int]]]
@@ -112,20 +113,20 @@ def _lifted(points: Floats, axes: Floats, height: float) -> Floats:
     return np.asarray(points @ axes[:2] + height * axes[2])
 
 
-def _curve(new: _Entities, curve: Curve, poles: Floats) -> int:
+def _curve(new: Entities, curve: Curve, poles: Floats) -> int:
     """A line, or a spline: each knot once, with how often it counts."""
     if curve.straight:
         return new.line(poles[0], poles[-1] - poles[0])
     knots, times = np.unique(curve.knots, return_counts=True)
-    listed = _references([new.point(p) for p in poles])
+    listed = references([new.point(p) for p in poles])
     counts = ",".join(str(k) for k in times.tolist())
     return new.add(
         f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{listed},.UNSPECIFIED.,.F.,.F.,({counts}),"
-        f"{_listed(knots, DIGITS)},.UNSPECIFIED.)"
+        f"{listed(knots, DIGITS)},.UNSPECIFIED.)"
     )
 
 
-def _wall(new: _Entities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
+def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
     """The surface above a curve, whose normal points to the right of it: outwards."""
     if curve.straight:
         return new.plane(poles[0], np.cross(poles[-1] - poles[0], across))
@@ -133,11 +134,12 @@ def _wall(new: _Entities, curve: Curve, poles: Floats, line: int, across: Floats
     return new.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{vector})")
 
 
-def _listed(values: Floats, digits: int) -> str:
+def listed(values: Floats, digits: int) -> str:
     """'(1.5,0.,-2.)': without the zeros at the end of each."""
     text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
     return TRAILING_ZEROS.sub(r"\1", f"({text})")
 
 
-def _references(numbers: list[int]) -> str:
+def references(numbers: list[int]) -> str:
+    """'(#7,#8,#9)'."""
     return "(" + ",".join(f"#{k}" for k in numbers) + ")"

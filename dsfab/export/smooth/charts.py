@@ -1,0 +1,133 @@
+"""Both skins over each chart: spline surfaces through V + D and V - D, fitted over the plane that sees the chart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.errors import ExportError
+from dsfab.export.smooth.source import Curved
+from dsfab.export.smooth.splines import Patch, patch_through
+from dsfab.surface.mesh import Surface
+from dsfab.units import MM_PER_M
+
+MOST_POLES = 48
+"""Poles of a skin in the longer direction; a chart that asks for more is divided."""
+
+SMOOTHING = 1e-5
+"""Weight of the differences of poles against the distances from the points."""
+
+OUTSIDE = 0.2
+"""Weight of the points around a chart: they hold the skins where seams are drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """A plane and the skins over it. Lengths in millimetres.
+
+    origin, axes : (3,) and (3, 3): two in the plane, and the one across it, where the normals point to.
+    upper, lower, middle : surfaces of the skins, and between them, over the plane.
+    steepest     : cosine of the largest angle between the plane and a face.
+    off          : largest distance of a skin from the points it was fitted to.
+    """
+
+    origin: Floats
+    axes: Floats
+    upper: Patch
+    lower: Patch
+    middle: Patch
+    steepest: float
+    off: float
+
+    def over(self, points: Floats) -> Floats:
+        """(k, 2) where points (k, 3) are seen in the plane."""
+        return np.asarray((points - self.origin) @ self.axes[:2].T)
+
+
+def charts_of(surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> list[Chart]:
+    """A chart for each field; raises ExportError where no spline surface comes within `tolerance` millimetres."""
+    best = fields.argmax(axis=1)
+    D, V = MM_PER_M * curved.D, MM_PER_M * curved.V
+    middle = V + curved.shift * D
+    made = []
+    for k in range(fields.shape[1]):
+        touched = (best[surface.F] == k).any(axis=1)
+        chart = _chart(surface, V, middle, D, touched, tolerance)
+        if chart.off > tolerance:
+            raise ExportError(
+                f"no spline surface follows chart {k + 1} of {fields.shape[1]} of the sheet within {tolerance:.2g} mm "
+                f"({chart.off:.2g} mm)"
+            )
+        made.append(chart)
+    return made
+
+
+def _chart(surface: Surface, V: Floats, middle: Floats, D: Floats, faces: Bools, tolerance: float) -> Chart:
+    F = surface.F
+    core = _marked(F, faces, len(V))
+    around = core[F].any(axis=1)
+    around = _marked(F, around, len(V))[F].any(axis=1)
+    axes = _axes(V, surface.areas[:, None] * surface.normals, faces, core)
+    steepest = float((surface.normals[faces] @ axes[2]).min())
+    if steepest <= 0:
+        raise ExportError("the sheet bends too sharply for charts")
+    ring = around & (surface.normals @ axes[2] > 0.5 * steepest)
+    used = np.unique(F[ring])
+    local = np.full(len(V), -1)
+    local[used] = np.arange(len(used))
+    ends = np.unique(np.sort(local[F[ring]][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    origin = V[used].mean(axis=0)
+    P, d = middle[used], D[used]
+    P, d = np.concatenate([P, _between(P, d, ends)]), np.concatenate([d, d[ends].mean(axis=1)])
+    at_vertices = (V[used] - origin) @ axes[:2].T
+    uv = np.concatenate([at_vertices, (P[len(used) :] - origin) @ axes[:2].T])
+    inside = np.concatenate([core[used], core[used][ends].all(axis=1)])
+    both = np.concatenate([P + d, P - d], axis=1)
+    patch, off = _fitted(uv, both, inside, tolerance)
+    lower, upper = patch.only(3, 6), patch.only(0, 3)
+    mean = Patch(patch.u, patch.v, (upper.poles + lower.poles) / 2)
+    return Chart(origin, axes, upper, lower, mean, steepest, off)
+
+
+def _marked(F: Ints, faces: Bools, n: int) -> Bools:
+    """(n,) the corners of the marked faces."""
+    marks = np.zeros(n, dtype=bool)
+    marks[F[faces]] = True
+    return marks
+
+
+def _axes(V: Floats, vectors: Floats, faces: Bools, core: Bools) -> Floats:
+    """(3, 3) right-handed: the longest direction in the plane, the one beside it, and the mean normal."""
+    across = vectors[faces].sum(axis=0)
+    across /= max(float(np.linalg.norm(across)), 1e-300)
+    flat = V[core] - V[core].mean(axis=0)
+    flat = flat - np.outer(flat @ across, across)
+    along = np.linalg.eigh(flat.T @ flat)[1][:, -1]
+    along = along * np.sign(along[np.abs(along).argmax()])
+    along = along - across * (along @ across)
+    along /= np.linalg.norm(along)
+    return np.stack([along, np.cross(across, along), across])
+
+
+def _between(P: Floats, d: Floats, ends: Ints) -> Floats:
+    """Points half way along edges, on the cubic whose ends are normal to d: fits then do not wave between vertices."""
+    N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
+    chord = P[ends[:, 1]] - P[ends[:, 0]]
+    slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
+    return np.asarray(P[ends].mean(axis=1) + (slopes[0] - slopes[1]) / 8)
+
+
+def _fitted(uv: Floats, Q: Floats, inside: Bools, tolerance: float) -> tuple[Patch, float]:
+    """The surface with the fewest poles within the tolerance of what is inside; and its largest distance there."""
+    weight = np.where(inside, 1.0, OUTSIDE)
+    extent = np.ptp(uv, axis=0)
+    aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
+    n = 8.0
+    while True:
+        count = (int(np.clip(np.rint(n * aspect), 6, MOST_POLES)), int(np.clip(np.rint(n / aspect), 6, MOST_POLES)))
+        patch = patch_through(uv, Q, weight, count, SMOOTHING)
+        found = patch(uv[inside]) - Q[inside]
+        off = float(np.linalg.norm(found.reshape(-1, 2, 3), axis=2).max())
+        if off <= tolerance or n >= MOST_POLES or count[0] * count[1] > 0.6 * len(uv):
+            return patch, off
+        n *= 1.25
