@@ -248,10 +248,10 @@ class Export(Section):
     """stl, 3mf, step, brep, obj, ply, off, glb: the solid. 3dm: with lines. dxf, svg, csv, json: lines. vtu: fields."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
-    step: Literal["auto", "planar", "faceted"] = "auto"
-    """STEP of flat sheets: planar (lines and splines) or faceted; auto takes planar where it can."""
+    step: Literal["auto", "planar", "smooth", "faceted"] = "auto"
+    """STEP: planar (flat sheets, lines and splines), smooth (curved ones, splines) or faceted; auto takes the first it can."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Metres that the curves of planar STEP may be off the mesh; 0: a fortieth of the thickness."""
+    """Metres that planar and smooth STEP may be off the mesh; 0: a fortieth of the thickness."""
 
 
 class Preset(Section):

@@ -55,7 +55,7 @@ def build(
         str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
     ] = None,
     step: Annotated[
-        str | None, Parameter(help="How STEP is made: auto, planar (flat sheets, as curves) or faceted.")
+        str | None, Parameter(help="How STEP is made: auto, planar (flat sheets), smooth (curved ones) or faceted.")
     ] = None,
     fix: Annotated[
         bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")

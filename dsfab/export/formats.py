@@ -14,6 +14,7 @@ from dsfab.export import brep, dxf, gltf, obj, off, ply, records, rhino, stl, sv
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.part import Details, Part, part_of
+from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
@@ -22,7 +23,7 @@ STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
 
-Route = Literal["auto", "planar", "faceted"]
+Route = Literal["auto", "planar", "smooth", "faceted"]
 """How a STEP file is made."""
 
 
@@ -87,6 +88,7 @@ def write(
     step_tolerance: float = 0.0,
     corners: Floats | None = None,
     details: Details | None = None,
+    curved: Callable[[], Curved] | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Path:
     """Write a solid, or a sheet, in the format that the suffix of `path` names, and read it back; returns the path.
@@ -94,11 +96,13 @@ def write(
     thing      : metres. Files are in millimetres (.glb in metres, its standard says so) and tell the unit if they can.
     step_faces : largest number of planar faces of a STEP file, counted after coplanar triangles were joined.
     name       : what the part is called inside the file; the file's own name without suffix if not given.
-    step       : STEP of a flat solid: planar, lines and splines through its outline; faceted, planar faces only; auto
-                 takes planar where the solid is flat and the file stands the check, else faceted.
+    step       : planar, for flat solids: lines and splines through the outline; smooth, for curved sheets: spline
+                 skins and ruled walls; faceted: planar faces only; auto takes the first that the solid allows and
+                 that stands the check.
     step_tolerance : metres that curves may be off the outline; a fortieth of the thickness if 0.
     corners    : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
     details    : lines, fields and facts, for the formats that hold them.
+    curved     : makes what smooth STEP needs of the sheet, see `dsfab.export.smooth.source`.
     note       : called with a line that says how the STEP file was made, and why not otherwise.
 
     The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
@@ -122,7 +126,9 @@ def write(
     if step not in step_format.ROUTES:
         raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(step_format.ROUTES)}")
     about = (details or Details()).scaled(MM_PER_M)
-    part = replace(part, details=about, step=step, tolerance=step_tolerance * MM_PER_M, corners=marked * MM_PER_M)
+    part = replace(
+        part, details=about, step=step, tolerance=step_tolerance * MM_PER_M, corners=marked * MM_PER_M, curved=curved
+    )
     part = form.prepare(part)
     with replacing(path) as temporary:
         taken, refused = _put(form, part, temporary)

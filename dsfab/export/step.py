@@ -1,10 +1,12 @@
-"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of two ways.
+"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of three ways.
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`).
+smooth  : a curved sheet likewise: spline skins, trimmed by the pattern's edges, and ruled walls (`dsfab.export.smooth`).
 faceted : any solid, as planar faces that coplanar triangles were joined to.
 
-`auto` takes planar where the solid is flat and the file stands the check, else faceted. The text is written directly
+`auto` takes planar where the solid is flat, else smooth where the sheet is known, and either only where the file stands
+the check; else faceted. The text is written directly
 and read back through build123d. Building the same topology in OCCT first gives larger files (with a curve on the
 surface for each edge) and is 30 to 300 times slower to write. Reading back, in a process of its own, is nearly all of
 the time; measured for `faceted` with OCCT 8 on a busy machine of two cores:
@@ -37,6 +39,7 @@ from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
+from dsfab.export.smooth.make import made
 from dsfab.export.step_text import DIGITS, entities
 from dsfab.surface.topology import edge_table
 
@@ -45,7 +48,7 @@ CHECK_SECONDS_PER_FACE = 0.02
 """Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
 
 
-ROUTES = ("auto", "planar", "faceted")
+ROUTES = ("auto", "planar", "smooth", "faceted")
 
 SHARE_OF_THICKNESS = 1 / 40
 """Tolerance of planar outlines unless asked otherwise, as a share of the thickness."""
@@ -67,12 +70,16 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> tuple[Part, ...]:
-    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted."""
-    if part.step == "faceted":
+    """The part with its ways, the best first: planar, planar with a smaller tolerance, smooth, faceted."""
+    if part.step in ("faceted", "smooth"):
         return (part,)
     planar = replace(part, step="planar", tolerance=part.tolerance or _default_tolerance(part))
     ways = [planar, replace(planar, tolerance=TIGHTER * planar.tolerance)] if planar.tolerance else [planar]
-    return tuple(ways if part.step == "planar" else [*ways, replace(part, step="faceted")])
+    if part.step == "planar":
+        return tuple(ways)
+    if part.curved is not None:
+        ways = [*ways[: 2 if planar.tolerance else 0], replace(part, step="smooth")]
+    return (*ways, replace(part, step="faceted"))
 
 
 def _default_tolerance(part: Part) -> float:
@@ -88,6 +95,8 @@ def told(part: Part, refused: str) -> str:
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused})" if refused else ""
         return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
+    if part.step == "smooth":
+        return f"STEP is smooth, {made(part).told}"
     return "STEP is faceted" + (f": {refused}" if refused else "")
 
 
@@ -98,6 +107,9 @@ def encode(part: Part) -> Iterator[bytes]:
         shape = plate(outlines_of(part), part.corners, part.tolerance)
         _within_budget(part, shape.faces)
         texts = plate_entities(shape, part.name)
+    elif part.step == "smooth":
+        _within_budget(part, made(part).faces)
+        texts = iter([made(part).text])
     else:
         texts = _faceted(part)
     return (text.encode("ascii") for text in texts)
@@ -122,7 +134,15 @@ def _within_budget(part: Part, count: int) -> None:
 
 
 def check(part: Part, path: Path) -> None:
-    """Read back with build123d: as many solids and faces, all valid, with the part's volume."""
+    """Read back with build123d: as many solids and faces, all valid, with the part's volume.
+
+    A smooth file was read back before, piece by piece; what is on the disk must be that one.
+    """
+    if part.step == "smooth":
+        if path.read_bytes() != made(part).text.encode("ascii"):
+            raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
+        check_measure(part, made(part).volume)
+        return
     found = inspection(part, path)
     solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
     if found["solids"] != solids:

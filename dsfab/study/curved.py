@@ -46,6 +46,4 @@ def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> Divide
         family, weights = sheet.family[parts.parent], parts.weights @ sheet.weights
         sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights)
     labels = outline_labels(sheet, surface)
-    return Divided(
-        sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family
-    )
+    return Divided(sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family)

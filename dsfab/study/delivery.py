@@ -1,11 +1,13 @@
 """What of a design goes into a file of which format: the solid, the sheet with its lines, or the fields."""
 
+from functools import partial
 from typing import Any
 
 from dsfab.design import Design
 from dsfab.export import Details
 from dsfab.export.formats import FORMATS
 from dsfab.slicing.corners import outline_corners
+from dsfab.study.curved import curved_design
 from dsfab.study.fields import design_fields
 from dsfab.study.lines import design_lines
 from dsfab.surface import Surface
@@ -27,7 +29,7 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         how = {"step_faces": ask.step_faces, "step": ask.step, "step_tolerance": ask.step_tolerance}
-        return design.solid, {**how, "corners": corners}
+        return design.solid, {**how, "corners": corners, "curved": partial(curved_design, design)}
     tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
     details = Details(design_lines(design, tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}

@@ -70,9 +70,7 @@ def nodes_of(sheet: Sheet, charts: list[Chart]) -> Nodes:
         flat = np.full((len(sheet.V), 2), np.nan)
         flat[used] = charts[k].middle.nearest(sheet.V[used], charts[k].over(sheet.V[used]))
         uv[k] = flat
-    ends = {
-        int(v) for region in sheet.regions for loop in region.loops for run in loop for v in run.vertices[[0, -1]]
-    }
+    ends = {int(v) for region in sheet.regions for loop in region.loops for run in loop for v in run.vertices[[0, -1]]}
     at, gap = {}, {}
     start = np.searchsorted(sheet.charts[:, 0], np.arange(len(sheet.V) + 1))
     for v in sorted(ends):

@@ -1,10 +1,10 @@
 """The outlines of a sheet in each chart: closed chains of runs, each along one wall or one seam between two charts.
 
-            wall (family 0)                A run ends where its family or the chart beyond it changes, at a sharp turn,
-      o-----------------------o            and where a seam passes a wall or a third chart. Both charts of a seam end
-      |   chart 0             |            its runs at the same vertices.
- seam |........ 0 | 1 ........| seam
-      |   chart 1             |
+           wall (family 0)                A run ends where its family or the chart beyond it changes, at a sharp turn,
+     o-----------------------o            and where a seam passes a wall or a third chart. Both charts of a seam end
+     |   chart 0             |            its runs at the same vertices.
+seam |........ 0 | 1 ........| seam
+     |   chart 1             |
 """
 
 from dataclasses import dataclass

@@ -97,4 +97,3 @@ class Builder:
         """A loop over the plane, as the poles of its curves."""
         ways = [made.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
         return np.concatenate([way[:-1] for way in ways])
-

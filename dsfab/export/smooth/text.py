@@ -19,9 +19,7 @@ from dsfab.export.smooth.splines import Patch, Spline, straight
 DIGITS = 5
 """Decimals of coordinates: 1e-5 mm."""
 
-PLANE = (
-    "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
-)
+PLANE = "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
 
 SIDES = {
     "lower": ("(0.,0.)", "(1.,0.)"),
@@ -63,7 +61,9 @@ class SmoothText:
                 faces.append(new.face([new.wire(steps)], wall))
         for skin in piece.skins:
             kinds = ["FACE_BOUND" if j else "FACE_OUTER_BOUND" for j in range(len(skin.loops))]
-            above = [new.wire([(edges[i][0], way) for i, way in loop], k) for loop, k in zip(skin.loops, kinds, strict=True)]
+            above = [
+                new.wire([(edges[i][0], way) for i, way in loop], k) for loop, k in zip(skin.loops, kinds, strict=True)
+            ]
             below = [
                 new.wire([(edges[i][1], not way) for i, way in reversed(loop)], k)
                 for loop, k in zip(skin.loops, kinds, strict=True)

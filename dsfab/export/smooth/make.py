@@ -1,0 +1,230 @@
+"""The ladder of smooth STEP: build, ask OCCT about every piece, refit what it refuses, give up what stays refused.
+
+    charts found, skins fitted -> all pieces built -> file -> `check` -> refused pieces: their crossing edges tighter
+         ^                                                                |  still refused
+         '---------------- another layout of charts ---------------------'-> faceted, piece by piece
+
+A piece is accepted when its solid, read back, is valid, closed, becomes triangles, has the faces that were written and
+the volume of the mesh, and no gap is wider than a twentieth of the thickness. BRepCheck's word alone is not enough:
+it calls edges valid within whatever tolerance they have.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats
+from dsfab.errors import ExportError
+from dsfab.export.part import Part
+from dsfab.export.plate_text import Entities
+from dsfab.export.smooth import check
+from dsfab.export.smooth.charts import charts_of
+from dsfab.export.smooth.layout import layout
+from dsfab.export.smooth.outline import Sheet, sheet_of
+from dsfab.export.smooth.solid import Builder, Key, Model, Piece
+from dsfab.export.smooth.text import SmoothText
+from dsfab.export.step_text import closing, header
+from dsfab.surface.mesh import Surface
+from dsfab.units import MM_PER_M
+
+GAP = 1 / 20
+"""Widest gap between a skin and the edges on it, as a share of the thickness."""
+
+FIT = 1 / 40
+"""Tolerance of the skins, as a share of the thickness."""
+
+VOLUME = 5e-3
+"""Largest change of a piece's volume; the whole part is held to a thousandth, as any format is."""
+
+LAYOUTS = ((1, 0), (8, 1))
+"""Charts at least, and where their seeds begin."""
+
+REFITS = 3
+"""How often the refused pieces of a layout are built tighter."""
+
+SECONDS = 60
+SECONDS_PER_FACE = 0.05
+"""Time for a check, several times what was measured; it may not end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """The smooth pieces of a part and the text of the file.
+
+    pieces  : of the sheet; smooth counts those that were accepted.
+    gap     : widest among these, millimetres; off : largest distance of a skin from the mesh's vertices.
+    volume  : of all solids, as OCCT finds it, cubic millimetres.
+    refused : why others were not, or ''.
+    """
+
+    text: str
+    pieces: int
+    smooth: int
+    faces: int
+    gap: float
+    off: float
+    volume: float
+    refused: str
+
+    @property
+    def told(self) -> str:
+        """How the file was made."""
+        some = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces, the rest faceted, "
+        why = f" ({self.refused})" if self.refused else ""
+        return f"{some}its skins within {self.off:.2g} mm of the vertices, gaps under {self.gap:.2g} mm{why}"
+
+
+_MADE: WeakKeyDictionary[Part, Made] = WeakKeyDictionary()
+
+
+def made(part: Part) -> Made:
+    """The smooth file of a part, made once; raises ExportError with the reason where no piece can be smooth."""
+    if part not in _MADE:
+        _MADE[part] = _Ladder(part).made()
+    return _MADE[part]
+
+
+class _Ladder:
+    def __init__(self, part: Part) -> None:
+        if part.curved is None:
+            raise ExportError("smooth STEP needs the sheet, and only its solid is known")
+        self.part, self.curved = part, part.curved()
+        self.surface = Surface(self.curved.V, self.curved.F)
+        self.t = 2 * MM_PER_M * float(np.median(np.linalg.norm(self.curved.D, axis=1)))
+        self.tolerance = part.tolerance or FIT * self.t
+
+    def made(self) -> Made:
+        """The best of the layouts: the first one without a refused piece."""
+        best: tuple[int, Model, Bools, str, float] | None = None
+        reason = ""
+        for fewest, start in LAYOUTS:
+            try:
+                model, accepted, reason, volume = self._tried(fewest, start)
+            except ExportError as error:
+                reason = reason or str(error)
+                continue
+            if best is None or accepted.sum() > best[0]:
+                best = int(accepted.sum()), model, accepted, reason, volume
+            if accepted.all():
+                break
+        if best is None or not best[2].all():
+            raise ExportError(reason)
+        _, model, accepted, reason, volume = best
+        return self._file(model, accepted, reason, volume)
+
+    def _tried(self, fewest: int, start: int) -> tuple[Model, Bools, str, float]:
+        """A layout, its pieces refitted where refused; which were accepted, and why the others were not."""
+        fields = layout(self.surface, fewest, start)
+        charts = charts_of(self.surface, self.curved, fields, self.tolerance)
+        sheet = sheet_of(self.curved.divided(fields), self.curved.shift)
+        builder, levels = Builder(sheet, charts, self.t), [dict[Key, int]() for _ in range(sheet.count)]
+        model = Model(charts, builder.nodes, [builder.piece(k, levels[k]) for k in range(sheet.count)])
+        wanted = self._volumes(sheet)
+        measured = np.zeros(sheet.count)
+        accepted, reasons = np.zeros(sheet.count, dtype=bool), [""] * sheet.count
+        todo = list(range(sheet.count))
+        for turn in range(REFITS + 1):
+            found = self._asked(model, [k for k in todo if not model.pieces[k].refused])
+            for k in todo:
+                reasons[k] = self._reason(model.pieces[k], found.get(k), wanted[k])
+                accepted[k] = not reasons[k]
+                measured[k] = found[k]["volume"] if k in found else 0.0
+            todo = [k for k in todo if not accepted[k] and k in found]
+            if not todo or turn == REFITS:
+                break
+            for k in todo:
+                _tighten(model, k, levels[k], np.array(found[k]["bad"]).reshape(-1, 3))
+                model.pieces[k] = builder.piece(k, levels[k])
+        return model, accepted, next((r for r in reasons if r), ""), float(measured[accepted].sum())
+
+    def _volumes(self, sheet: Sheet) -> Floats:
+        """Millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the skins."""
+        low, high = ((sheet.V + side * sheet.D)[sheet.F] for side in (-1, 1))
+        d = sheet.D[sheet.F]
+        total = np.zeros(len(sheet.F))
+        for s, weight in ((-np.sqrt(0.6), 5 / 9), (0.0, 8 / 9), (np.sqrt(0.6), 5 / 9)):  # cubic in s: exact
+            P = (low + high) / 2 + s * d
+            cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
+            total += weight * np.einsum("mi,mi->m", cross, d.mean(axis=1)) / 2
+        return np.bincount(sheet.piece, total, sheet.count)
+
+    def _reason(self, piece: Piece, found: dict[str, Any] | None, wanted: float) -> str:
+        """Why a piece is refused; '' when it is accepted."""
+        if piece.refused:
+            return piece.refused
+        if found is None:
+            return "OCCT did not read it within the time limit"
+        gap = max(piece.gap, found["gap"])
+        tests = (
+            (found["valid"] and found["closed"], "OCCT finds it invalid"),
+            (found["faces"] == piece.faces, f"OCCT reads {found['faces']} faces instead of {piece.faces}"),
+            (found["tessellates"], "OCCT makes no triangles of a face"),
+            (gap <= GAP * self.t, f"a gap of {gap:.2g} mm is wider than {GAP * self.t:.2g} mm"),
+            (
+                abs(found["volume"] - wanted) <= VOLUME * wanted,
+                f"its volume is off by {found['volume'] / wanted - 1:.1%}",
+            ),
+        )
+        return next((text for good, text in tests if not good), "")
+
+    def _asked(self, model: Model, which: list[int]) -> dict[int, dict[str, Any]]:
+        """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
+        if not which:
+            return {}
+        text = self._smooth_text(model, which)
+        limit = SECONDS + SECONDS_PER_FACE * sum(model.pieces[k].faces for k in which)
+        with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
+            path = Path(folder) / "a.step"
+            path.write_text(text, encoding="ascii")
+            found = answers(path, limit)
+        return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
+
+    def _smooth_text(self, model: Model, which: list[int]) -> str:
+        new = Entities()
+        writer, faces, shells = SmoothText(new, model), list[int](), list[int]()
+        for i, k in enumerate(which):
+            added = writer.piece(model.pieces[k])
+            faces += added
+            shells += [i] * len(added)
+        head = header(self.part.name, "curved solid with spline skins")
+        end = closing(np.array(shells), [[i] for i in range(len(which))], np.array(faces), new.free)
+        return "".join([head, *new.text, *end])
+
+    def _file(self, model: Model, accepted: Bools, reason: str, volume: float) -> Made:
+        which = np.flatnonzero(accepted).tolist()
+        faces = sum(model.pieces[k].faces for k in which)
+        gap = max(model.pieces[k].gap for k in which)
+        off = max(chart.off for chart in model.charts)
+        return Made(self._smooth_text(model, which), len(accepted), len(which), faces, gap, off, volume, reason)
+
+
+def _tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> None:
+    """Raise the level of the runs that end where `bad` points are; of all when none is known."""
+    piece = model.pieces[k]
+    ends = np.array([model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)])
+    hit = np.ones(len(piece.edges), dtype=bool)
+    if len(bad):
+        vertices = np.array([(edge.start, edge.end) for edge in piece.edges])
+        away = np.linalg.norm(ends[None, :, :, :] - bad[:, None, None, :], axis=3).min(axis=2)
+        nearest = vertices.ravel()[away.argmin(axis=1)]
+        hit = np.isin(vertices, nearest).any(axis=1)
+    for i in np.flatnonzero(hit):
+        level[piece.keys[i]] = min(2, level.get(piece.keys[i], 0) + 1)
+
+
+def answers(path: Path, limit: float) -> list[dict[str, Any]]:
+    """What `check` says about each solid of a file; nothing when it takes longer than `limit` seconds, or fails."""
+    command = [sys.executable, "-P", check.__file__, str(path)]
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+    except subprocess.TimeoutExpired:
+        return []
+    lines = run.stdout.splitlines()
+    return list(json.loads(lines[-1])["solids"]) if not run.returncode and lines else []
