@@ -249,7 +249,7 @@ class Export(Section):
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "planar", "smooth", "faceted"] = "auto"
-    """STEP: planar (flat sheets, lines and splines), smooth (curved ones, splines) or faceted; auto takes the first it can."""
+    """STEP: planar (flat sheets) or smooth (curved ones), of lines and splines, or faceted; auto: the first it can."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Metres that planar and smooth STEP may be off the mesh; 0: a fortieth of the thickness."""
 

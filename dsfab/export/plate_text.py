@@ -118,10 +118,10 @@ def _curve(new: Entities, curve: Curve, poles: Floats) -> int:
     if curve.straight:
         return new.line(poles[0], poles[-1] - poles[0])
     knots, times = np.unique(curve.knots, return_counts=True)
-    listed = references([new.point(p) for p in poles])
+    through = references([new.point(p) for p in poles])
     counts = ",".join(str(k) for k in times.tolist())
     return new.add(
-        f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{listed},.UNSPECIFIED.,.F.,.F.,({counts}),"
+        f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{through},.UNSPECIFIED.,.F.,.F.,({counts}),"
         f"{listed(knots, DIGITS)},.UNSPECIFIED.)"
     )
 

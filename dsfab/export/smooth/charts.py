@@ -18,7 +18,8 @@ SMOOTHING = 1e-5
 """Weight of the differences of poles against the distances from the points."""
 
 OUTSIDE = 0.2
-"""Weight of the points around a chart: they hold the skins where seams are drawn."""
+"""Weight of the points around a chart, which hold the skins where seams are drawn, and of those on the boundary, whose
+normals lean to one side. The tolerance is not asked of either."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +66,8 @@ def charts_of(surface: Surface, curved: Curved, fields: Floats, tolerance: float
 def _chart(surface: Surface, V: Floats, middle: Floats, D: Floats, faces: Bools, tolerance: float) -> Chart:
     F = surface.F
     core = _marked(F, faces, len(V))
-    around = core[F].any(axis=1)
-    around = _marked(F, around, len(V))[F].any(axis=1)
+    near = _marked(F, np.asarray(core[F].any(axis=1)), len(V))
+    around = near[F].any(axis=1)
     axes = _axes(V, surface.areas[:, None] * surface.normals, faces, core)
     steepest = float((surface.normals[faces] @ axes[2]).min())
     if steepest <= 0:
@@ -81,7 +82,8 @@ def _chart(surface: Surface, V: Floats, middle: Floats, D: Floats, faces: Bools,
     P, d = np.concatenate([P, _between(P, d, ends)]), np.concatenate([d, d[ends].mean(axis=1)])
     at_vertices = (V[used] - origin) @ axes[:2].T
     uv = np.concatenate([at_vertices, (P[len(used) :] - origin) @ axes[:2].T])
-    inside = np.concatenate([core[used], core[used][ends].all(axis=1)])
+    trusted = core & ~_marked(surface.edges.ends, surface.edges.boundary, len(V))
+    inside = np.concatenate([trusted[used], trusted[used][ends].all(axis=1)])
     both = np.concatenate([P + d, P - d], axis=1)
     patch, off = _fitted(uv, both, inside, tolerance)
     lower, upper = patch.only(3, 6), patch.only(0, 3)

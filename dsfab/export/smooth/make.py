@@ -153,7 +153,7 @@ class _Ladder:
             P = (low + high) / 2 + s * d
             cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
             total += weight * np.einsum("mi,mi->m", cross, d.mean(axis=1)) / 2
-        return np.bincount(sheet.piece, total, sheet.count)
+        return np.asarray(np.bincount(sheet.piece, total, sheet.count), dtype=np.float64)
 
     def _reason(self, piece: Piece, found: dict[str, Any] | None, wanted: float) -> str:
         """Why a piece is refused; '' when it is accepted."""
@@ -214,7 +214,7 @@ def _tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> None:
         vertices = np.array([(edge.start, edge.end) for edge in piece.edges])
         away = np.linalg.norm(ends[None, :, :, :] - bad[:, None, None, :], axis=3).min(axis=2)
         nearest = vertices.ravel()[away.argmin(axis=1)]
-        hit = np.isin(vertices, nearest).any(axis=1)
+        hit = np.asarray(np.isin(vertices, nearest).any(axis=1))
     for i in np.flatnonzero(hit):
         level[piece.keys[i]] = min(2, level.get(piece.keys[i], 0) + 1)
 

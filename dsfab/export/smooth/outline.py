@@ -8,6 +8,7 @@ seam |........ 0 | 1 ........| seam
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -126,10 +127,7 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[Run, 
     at = _two_at_least(V, loop, np.flatnonzero(ends))
     around = float(length.sum())
     stops = [*at.tolist(), int(at[0]) + len(loop)]
-    return tuple(
-        Run(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), around)
-        for i, j in zip(stops[:-1], stops[1:], strict=True)
-    )
+    return tuple(Run(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), around) for i, j in pairwise(stops))
 
 
 def _two_at_least(V: Floats, loop: Ints, at: Ints) -> Ints:

@@ -203,4 +203,5 @@ def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int],
 
 def _difference(n: int, order: int) -> csr_array:
     rows = {1: [-1.0, 1.0], 2: [1.0, -2.0, 1.0]}[order]
-    return csr_array(diags_array(rows, offsets=list(range(order + 1)), shape=(n - order, n)))
+    table: csr_array = csr_array(diags_array(rows, offsets=list(range(order + 1)), shape=(n - order, n)))
+    return table
