@@ -16,11 +16,8 @@ from dsfab.arrays import Floats, Ints
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
 
-CONE = np.deg2rad(68.0)
-"""Half angle of the cone for clusters; straightening moves faces into charts that see them at a flatter angle."""
-
-FLATTEST = np.deg2rad(80.0)
-"""Half angle for charts: a plane sees their steepest faces six times foreshortened at most."""
+SLACK = np.deg2rad(12.0)
+"""Straightening moves faces into charts that see them at a flatter angle: so much more is allowed then."""
 
 ROUNDS = 30
 """Seeds are added so often."""
@@ -35,19 +32,20 @@ SWEEPS = 4
 """Rounds of diffusion and choice."""
 
 
-def layout(surface: Surface, fewest: int = 1, start: int = 0) -> Floats:
+def layout(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Fields (n, c) on the vertices: chart k is where field k is largest.
 
+    cone : half angle, radians, within which the normals of a cluster lie around their mean.
     fewest : charts at least; start : another number gives another layout.
     """
-    label = _clusters(surface, fewest, start)
+    label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
         return np.ones((surface.n, 1))
-    return _within_cones(surface, label)
+    return _within_cones(surface, label, np.cos(cone + SLACK))
 
 
-def _clusters(surface: Surface, fewest: int, start: int) -> Ints:
-    """(m,) a cluster for each face, no normal of a cluster farther than `CONE` from its mean, if rounds suffice."""
+def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
+    """(m,) a cluster for each face, no normal of a cluster outside the cone around its mean, if rounds suffice."""
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
     rng = np.random.default_rng(start)
@@ -61,7 +59,7 @@ def _clusters(surface: Surface, fewest: int, start: int) -> Ints:
         cosine = _cosines(surface, label)
         least = np.full(len(seeds), 2.0)
         np.minimum.at(least, label, cosine)
-        bad = np.flatnonzero(least < np.cos(CONE))
+        bad = np.flatnonzero(least < np.cos(cone))
         if not len(bad):
             break
         for b in bad:
@@ -108,14 +106,14 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 
-def _within_cones(surface: Surface, label: Ints) -> Floats:
+def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
     """Straightened fields; charts that became too steep or fell apart are divided, and straightened again."""
     for turn in range(5):
         fields = _straightened(surface, label, 1.0 if turn == 0 else 0.7)
         label = fields[surface.F].sum(axis=1).argmax(axis=1)
         label = _parts(surface, label)
         cosine = _cosines(surface, label)
-        bad = np.unique(label[cosine < np.cos(FLATTEST)])
+        bad = np.unique(label[cosine < least])
         if not len(bad) and label.max() + 1 == len(np.unique(fields.argmax(axis=1))):
             break
         for b in bad:

@@ -43,8 +43,8 @@ FIT = 1 / 40
 VOLUME = 5e-3
 """Largest change of a piece's volume; the whole part is held to a thousandth, as any format is."""
 
-LAYOUTS = ((1, 0), (8, 1))
-"""Charts at least, and where their seeds begin."""
+LAYOUTS = ((68.0, 1, 0), (55.0, 8, 1), (45.0, 12, 2))
+"""Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
 
 REFITS = 3
 """How often the refused pieces of a layout are built tighter."""
@@ -104,9 +104,9 @@ class _Ladder:
         """The best of the layouts: the first one without a refused piece."""
         best: tuple[int, Model, Bools, str, float] | None = None
         reason = ""
-        for fewest, start in LAYOUTS:
+        for lean, fewest, start in LAYOUTS:
             try:
-                model, accepted, reason, volume = self._tried(fewest, start)
+                model, accepted, reason, volume = self._tried(np.deg2rad(lean), fewest, start)
             except ExportError as error:
                 reason = reason or str(error)
                 continue
@@ -119,9 +119,9 @@ class _Ladder:
         _, model, accepted, reason, volume = best
         return self._file(model, accepted, reason, volume)
 
-    def _tried(self, fewest: int, start: int) -> tuple[Model, Bools, str, float]:
+    def _tried(self, cone: float, fewest: int, start: int) -> tuple[Model, Bools, str, float]:
         """A layout, its pieces refitted where refused; which were accepted, and why the others were not."""
-        fields = layout(self.surface, fewest, start)
+        fields = layout(self.surface, cone, fewest, start)
         charts = charts_of(self.surface, self.curved, fields, self.tolerance)
         sheet = sheet_of(self.curved.divided(fields), self.curved.shift)
         builder, levels = Builder(sheet, charts, self.t), [dict[Key, int]() for _ in range(sheet.count)]

@@ -173,7 +173,7 @@ def _raised(x: Floats, knots: Floats, span: Ints, values: Floats, degree: int) -
     share = values / (high - low)
     zero = np.zeros((len(x), 1))
     rising, falling = share * (x[:, None] - low), share * (high - x[:, None])
-    return np.concatenate([zero, rising], axis=1) + np.concatenate([falling, zero], axis=1)
+    return np.asarray(np.concatenate([zero, rising], axis=1) + np.concatenate([falling, zero], axis=1))
 
 
 def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> Patch:
