@@ -136,12 +136,13 @@ def _within_budget(part: Part, count: int) -> None:
 def check(part: Part, path: Path) -> None:
     """Read back with build123d: as many solids and faces, all valid, with the part's volume.
 
-    A smooth file was read back before, piece by piece; what is on the disk must be that one.
+    Smooth pieces were read back before, one by one; if all are smooth, what is on the disk must be that file.
     """
     if part.step == "smooth":
         if path.read_bytes() != made(part).text.encode("ascii"):
             raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
-        return
+        if made(part).smooth == made(part).pieces:
+            return
     found = inspection(part, path)
     solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
     if found["solids"] != solids:
@@ -157,7 +158,8 @@ def check(part: Part, path: Path) -> None:
         raise ExportError(
             f"build123d makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
         )
-    check_measure(part, found["volume"])
+    if part.step != "smooth":  # its pieces were measured one by one
+        check_measure(part, found["volume"])
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import igl
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
@@ -48,7 +49,7 @@ class Chart:
 def charts_of(surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> list[Chart]:
     """A chart for each field; raises ExportError where no spline surface comes within `tolerance` millimetres."""
     best = fields.argmax(axis=1)
-    D, V = MM_PER_M * curved.D, MM_PER_M * curved.V
+    D, V = MM_PER_M * _upright(surface, curved.D), MM_PER_M * curved.V
     middle = V + curved.shift * D
     made = []
     for k in range(fields.shape[1]):
@@ -61,6 +62,16 @@ def charts_of(surface: Surface, curved: Curved, fields: Floats, tolerance: float
             )
         made.append(chart)
     return made
+
+
+def _upright(surface: Surface, D: Floats) -> Floats:
+    """Vectors to the same skins along the mean normals of the vertices, weighted with the angles of their faces.
+
+    Those that a face sees best lean a little this way and that: on a skin that is its vertices' noise, not its shape.
+    """
+    N = igl.per_vertex_normals(surface.V, surface.F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE)
+    N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+    return np.asarray(N * np.einsum("ni,ni->n", N, D)[:, None])
 
 
 def _chart(surface: Surface, V: Floats, middle: Floats, D: Floats, faces: Bools, tolerance: float) -> Chart:

@@ -13,24 +13,27 @@ import json
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
+from dsfab.export.planar import Polyhedron, polyhedron
 from dsfab.export.plate_text import Entities
+from dsfab.export.shells import solids_of
 from dsfab.export.smooth import check
 from dsfab.export.smooth.charts import charts_of
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.outline import Sheet, sheet_of
 from dsfab.export.smooth.solid import Builder, Key, Model, Piece
 from dsfab.export.smooth.text import SmoothText
-from dsfab.export.step_text import closing, header
+from dsfab.export.step_text import closing, header, planar_faces
 from dsfab.surface.mesh import Surface
 from dsfab.units import MM_PER_M
 
@@ -81,6 +84,16 @@ class Made:
         return f"{some}its skins within {self.off:.2g} mm of the vertices, gaps under {self.gap:.2g} mm{why}"
 
 
+class _Tried(NamedTuple):
+    """The pieces of a layout: which were accepted, with what volume, and why the first of the others was not."""
+
+    sheet: Sheet
+    model: Model
+    accepted: Bools
+    reason: str
+    volume: float
+
+
 _MADE: WeakKeyDictionary[Part, Made] = WeakKeyDictionary()
 
 
@@ -102,24 +115,24 @@ class _Ladder:
 
     def made(self) -> Made:
         """The best of the layouts: the first one without a refused piece."""
-        best: tuple[int, Model, Bools, str, float] | None = None
+        best: _Tried | None = None
         reason = ""
         for lean, fewest, start in LAYOUTS:
             try:
-                model, accepted, reason, volume = self._tried(np.deg2rad(lean), fewest, start)
+                tried = self._tried(np.deg2rad(lean), fewest, start)
             except ExportError as error:
                 reason = reason or str(error)
                 continue
-            if best is None or accepted.sum() > best[0]:
-                best = int(accepted.sum()), model, accepted, reason, volume
-            if accepted.all():
+            reason = tried.reason or reason
+            if best is None or tried.accepted.sum() > best.accepted.sum():
+                best = tried
+            if best.accepted.all():
                 break
-        if best is None or not best[2].all():
-            raise ExportError(reason)
-        _, model, accepted, reason, volume = best
-        return self._file(model, accepted, reason, volume)
+        if best is None or not best.accepted.any():
+            raise ExportError(f"{reason}; write step = 'faceted'")
+        return self._file(best)
 
-    def _tried(self, cone: float, fewest: int, start: int) -> tuple[Model, Bools, str, float]:
+    def _tried(self, cone: float, fewest: int, start: int) -> _Tried:
         """A layout, its pieces refitted where refused; which were accepted, and why the others were not."""
         fields = layout(self.surface, cone, fewest, start)
         charts = charts_of(self.surface, self.curved, fields, self.tolerance)
@@ -142,7 +155,8 @@ class _Ladder:
             for k in todo:
                 _tighten(model, k, levels[k], np.array(found[k]["bad"]).reshape(-1, 3))
                 model.pieces[k] = builder.piece(k, levels[k])
-        return model, accepted, next((r for r in reasons if r), ""), float(measured[accepted].sum())
+        reason = next((r for r in reasons if r), "")
+        return _Tried(sheet, model, accepted, reason, float(measured[accepted].sum()))
 
     def _volumes(self, sheet: Sheet) -> Floats:
         """Millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the skins."""
@@ -178,7 +192,7 @@ class _Ladder:
         """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
         if not which:
             return {}
-        text = self._smooth_text(model, which)
+        text = self._text(model, which)
         limit = SECONDS + SECONDS_PER_FACE * sum(model.pieces[k].faces for k in which)
         with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
             path = Path(folder) / "a.step"
@@ -186,7 +200,8 @@ class _Ladder:
             found = answers(path, limit)
         return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
 
-    def _smooth_text(self, model: Model, which: list[int]) -> str:
+    def _text(self, model: Model, which: list[int], rest: Ints | None = None) -> str:
+        """The file of some pieces, and of the triangles `rest` (k, 3) of the part as planar faces."""
         new = Entities()
         writer, faces, shells = SmoothText(new, model), list[int](), list[int]()
         for i, k in enumerate(which):
@@ -194,15 +209,49 @@ class _Ladder:
             faces += added
             shells += [i] * len(added)
         head = header(self.part.name, "curved solid with spline skins")
-        end = closing(np.array(shells), [[i] for i in range(len(which))], np.array(faces), new.free)
-        return "".join([head, *new.text, *end])
+        solids = [[i] for i in range(len(which))]
+        if rest is None or not len(rest):
+            return "".join([head, *new.text, *closing(np.array(shells), solids, np.array(faces), new.free)])
+        shape, others = _planar(self.part, rest)
+        texts, numbers, free = planar_faces(shape, new.free)
+        solids += [[i + len(which) for i in one] for one in others]
+        end = closing(np.r_[shells, shape.shell + len(which)], solids, np.r_[faces, numbers], free)
+        return "".join([head, *new.text, *texts, *end])
 
-    def _file(self, model: Model, accepted: Bools, reason: str, volume: float) -> Made:
+    def _rest(self, sheet: Sheet, accepted: Bools) -> Ints:
+        """The triangles of the part that belong to pieces which were not accepted."""
+        shell, solids = solids_of(self.part)
+        first = sheet.F[np.unique(sheet.piece, return_index=True)[1], 0]
+        nearest = np.asarray(cKDTree(self.part.V).query((sheet.V + sheet.D)[first])[1])
+        at = np.full(len(self.part.V), -1)
+        at[self.part.F] = shell[:, None]
+        smooth = set(at[nearest[accepted]].tolist())
+        kept = [i for one in solids for i in one if not smooth & set(one)]
+        return np.asarray(self.part.F[np.isin(shell, kept)])
+
+    def _file(self, best: _Tried) -> Made:
+        model, accepted = best.model, best.accepted
         which = np.flatnonzero(accepted).tolist()
-        faces = sum(model.pieces[k].faces for k in which)
-        gap = max(model.pieces[k].gap for k in which)
-        off = max(chart.off for chart in model.charts)
-        return Made(self._smooth_text(model, which), len(accepted), len(which), faces, gap, off, volume, reason)
+        rest = None if accepted.all() else self._rest(best.sheet, accepted)
+        text = self._text(model, which, rest)
+        return Made(
+            text=text,
+            pieces=len(accepted),
+            smooth=len(which),
+            faces=text.count("=ADVANCED_FACE("),
+            gap=max(model.pieces[k].gap for k in which),
+            off=max(chart.off for chart in model.charts),
+            volume=best.volume,
+            refused=best.reason,
+        )
+
+
+def _planar(part: Part, F: Ints) -> tuple[Polyhedron, list[list[int]]]:
+    """Triangles of a part as planar faces, and the shells of their solids."""
+    some = replace(part, F=F)
+    shell, solids = solids_of(some)
+    inward = np.isin(shell, [i for _, *inner in solids for i in inner])
+    return polyhedron(some.V, np.where(inward[:, None], F[:, ::-1], F), shell), solids
 
 
 def _tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> None:
