@@ -23,12 +23,17 @@ OUTSIDE = 0.2
 normals lean to one side. The tolerance is not asked of either."""
 
 
+OF_CHORD = 0.5
+"""Share of the mesh's own chord error that counts to the tolerance: between its vertices it says no more."""
+
+
 @dataclass(frozen=True, eq=False)
 class Chart:
     """A plane and the skins over it. Lengths in millimetres.
 
     origin, axes : (3,) and (3, 3): two in the plane, and the one across it, where the normals point to.
     upper, lower, middle : surfaces of the skins, and between them, over the plane.
+    tolerance    : what was asked of the fit: more where the mesh is coarse.
     steepest     : cosine of the largest angle between the plane and a face.
     off          : largest distance of a skin from the points it was fitted to.
     """
@@ -38,6 +43,7 @@ class Chart:
     upper: Patch
     lower: Patch
     middle: Patch
+    tolerance: float
     steepest: float
     off: float
 
@@ -55,10 +61,10 @@ def charts_of(surface: Surface, curved: Curved, fields: Floats, tolerance: float
     for k in range(fields.shape[1]):
         touched = (best[surface.F] == k).any(axis=1)
         chart = _chart(surface, V, middle, D, touched, tolerance)
-        if chart.off > tolerance:
+        if chart.off > chart.tolerance:
             raise ExportError(
-                f"no spline surface follows chart {k + 1} of {fields.shape[1]} of the sheet within {tolerance:.2g} mm "
-                f"({chart.off:.2g} mm)"
+                f"no spline surface follows chart {k + 1} of {fields.shape[1]} of the sheet "
+                f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
             )
         made.append(chart)
     return made
@@ -90,7 +96,10 @@ def _chart(surface: Surface, V: Floats, middle: Floats, D: Floats, faces: Bools,
     ends = np.unique(np.sort(local[F[ring]][:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
     origin = V[used].mean(axis=0)
     P, d = middle[used], D[used]
-    P, d = np.concatenate([P, _between(P, d, ends)]), np.concatenate([d, d[ends].mean(axis=1)])
+    between = _between(P, d, ends)
+    chord = np.linalg.norm(between - P[ends].mean(axis=1), axis=1)
+    tolerance += OF_CHORD * float(np.percentile(chord, 90))
+    P, d = np.concatenate([P, between]), np.concatenate([d, d[ends].mean(axis=1)])
     at_vertices = (V[used] - origin) @ axes[:2].T
     uv = np.concatenate([at_vertices, (P[len(used) :] - origin) @ axes[:2].T])
     trusted = core & ~_marked(surface.edges.ends, surface.edges.boundary, len(V))
@@ -99,7 +108,7 @@ def _chart(surface: Surface, V: Floats, middle: Floats, D: Floats, faces: Bools,
     patch, off = _fitted(uv, both, inside, tolerance)
     lower, upper = patch.only(3, 6), patch.only(0, 3)
     mean = Patch(patch.u, patch.v, (upper.poles + lower.poles) / 2)
-    return Chart(origin, axes, upper, lower, mean, steepest, off)
+    return Chart(origin, axes, upper, lower, mean, tolerance, steepest, off)
 
 
 def _marked(F: Ints, faces: Bools, n: int) -> Bools:
