@@ -115,7 +115,7 @@ def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, mak
 
 def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
     surface = sphere(4)
-    centres = [[1, 0, 0], [-1, 0, 0], [0, 0.7, 0.7]]
+    centres = [[1, 0, 0], [-1, 0, 0], [0, np.sqrt(0.5), np.sqrt(0.5)]]
     sheet = holed(surface, centres, 0.5)
     solid, shape, _ = written(surface, sheet, tmp_path / "a.step")
     assert len(shape.solids()) == 1
@@ -145,7 +145,7 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
     assert [one.is_valid for one in shape.solids()] == [True, True]
     few, many = sorted(len(one.faces()) for one in shape.solids())
     assert few == 6
-    assert many > 100
+    assert many > 40
     assert shape.volume == pytest.approx(solid.volume * 1e9, rel=5e-3)
 
 
