@@ -36,7 +36,7 @@ class Statics(Section):
     law: Law = "plane_stress"
     """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
     membrane: Membrane = "constant"
-    """constant strain (the paper), or quadratic: right for slender parts too, at several times the cost."""
+    """constant strain (the paper), or quadratic or hybrid: right for slender parts too, at several times the cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
     strength: Annotated[float, Ge(0)] = 0.0
@@ -237,7 +237,8 @@ class Fabrication(Section):
 
 
 FormatName = Literal[
-    "stl", "3mf", "step", "brep", "obj", "ply", "off", "glb", "3dm", "dxf", "svg", "csv", "json", "vtu"
+    "stl", "3mf", "step", "stpz", "brep", "ifc", "obj", "ply", "off", "glb", "3dm", "dxf", "svg",
+    "lines.step", "csv", "json", "vtu",
 ]  # fmt: skip
 
 
@@ -245,13 +246,16 @@ class Export(Section):
     """[export]: the files."""
 
     formats: tuple[FormatName, ...] = ("stl", "3mf", "step")
-    """stl, 3mf, step, brep, obj, ply, off, glb: the solid. 3dm: with lines. dxf, svg, csv, json: lines. vtu: fields."""
+    """See `dsfab export --help`: solids, lines, drawings, fields."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
-    step: Literal["auto", "planar", "smooth", "faceted"] = "auto"
-    """STEP: planar (flat sheets) or smooth (curved ones), of lines and splines, or faceted; auto: the first it can."""
+    step: Literal["auto", "planar", "smooth", "faceted", "tessellated"] = "auto"
+    """STEP: planar (flat sheets) or smooth (curved ones), of lines and splines, faceted, or tessellated (for viewers);
+    auto: the first of these that it can."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Metres that planar and smooth STEP may be off the mesh; 0: a fortieth of the thickness."""
+    """Metres that planar, smooth or simplified STEP may be off the mesh; 0: a share of the thickness, faceted: none."""
+    step_mb: Annotated[float, Ge(0)] = 0.0
+    """Largest size of a STEP file in MB; 0 is no limit."""
 
 
 class Preset(Section):

@@ -1,5 +1,6 @@
 """The command line as people use it and mistype it: files, exit codes, one sentence, nothing left behind."""
 
+import csv
 import json
 import os
 import signal
@@ -135,15 +136,43 @@ def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
     assert out.splitlines()[1].split()[4] == "n/a"
 
 
-def test_compare_prints_the_competitors_and_the_gain(capsys):
-    arguments = ["compare", "cantilever", "--set", "surface.edge=0.08"]
+def test_compare_prints_the_competitors_and_the_gain_and_writes_them(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "thinner,grid", "--frequency"]
     code, out, _ = run(capsys, *arguments)
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()[:4]] == ["structure", "full", "design", "thinner"]
-    assert "x as stiff as the best isotropic structure" in out
-    code, out, err = run(capsys, *arguments, "--json")
+    assert [line.split()[0] for line in out.splitlines()[:5]] == ["structure", "full", "design", "thinner", "grid"]
+    assert "x as stiff as the best grid structure" in out
+    folder = tmp_path / "outputs" / "cantilever" / "compliance"
+    assert sorted(path.name for path in folder.iterdir()) == ["results.csv", "results.json"]
+    told = json.loads((folder / "results.json").read_text())
+    rows = {row["name"]: row for row in told["competitors"]}
+    assert rows["design"]["compliance_J"] > rows["full"]["compliance_J"]
+    assert rows["thinner"]["mass_kg"] == pytest.approx(rows["design"]["mass_kg"])
+    assert rows["full"]["refusals"].startswith("no natural frequency: the surface can turn about y")
+    assert told["preset"].startswith('name = "cantilever"')
+    with open(folder / "results.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [row["name"] for row in table] == list(rows)
+    assert float(table[1]["compliance_J"]) == rows["design"]["compliance_J"]
+
+
+def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
+    arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "thinner", "--volumes", "0.5:0.7:2"]
+    code, out, err = run(capsys, *arguments, "--json", "-o", str(tmp_path / "c"))
     assert (code, err) == (0, "")
-    assert json.loads(out)["design"]["compliance"] > json.loads(out)["full"]["compliance"]
+    rows = json.loads(out)["competitors"]
+    assert [(row["volume"], row["name"]) for row in rows] == [
+        (share, name) for share in (0.5, 0.7) for name in ("full", "design", "thinner")
+    ]
+    assert all(row["mass_kg"] == pytest.approx(row["volume"] * 157, rel=1e-3) for row in rows if row["name"] != "full")
+    assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
+        "chart.png",
+        "chart.svg",
+        "results.csv",
+        "results.json",
+    ]
+    assert "whole sheet, thinner" in (tmp_path / "c" / "chart.svg").read_text()
 
 
 @pytest.mark.parametrize(
@@ -161,6 +190,9 @@ def test_compare_prints_the_competitors_and_the_gain(capsys):
         (["build", "dome", "--set", "pattern.major.mode=40", *QUICK], "pattern.major.mode = 40"),
         (["inspect", "missing.stl"], "missing.stl"),
         (["bench", "nowhere"], "preset 'nowhere' not found"),
+        (["compare", "dome", "--against", "simpp"], "did you mean simp?"),
+        (["compare", "dome", "--volumes", "0.2:1.2:3"], "write for instance 0.2:0.8:7"),
+        (["compare", "dome", "--volumes", "half"], "write for instance 0.2:0.8:7"),
     ],
 )
 def test_refused_input_ends_with_code_1_and_one_sentence(capsys, tmp_path, monkeypatch, arguments, says):

@@ -1,5 +1,6 @@
 """`dsfab reproduce`: the paper's figures on one page; and the pictures that it needed: directions and modes."""
 
+import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -16,7 +17,9 @@ from dsfab.app.light import QUICK
 from dsfab.app.palette import PAPER
 from dsfab.app.paper_comparisons import as_mode
 from dsfab.app.paper_figures import _reached
+from dsfab.app.paper_volumes import sphere_volumes
 from dsfab.app.previewer import TRIAL, Previewer
+from dsfab.app.report import Reporter
 from dsfab.design import Piece
 from dsfab.diffusion import diffusion_tensors
 from dsfab.errors import DsfabError
@@ -242,3 +245,24 @@ def test_a_previewed_mode_follows_its_number_and_directions_need_a_new_one(dome)
         assert not previewer.can_display(changed)
         with pytest.raises(DsfabError, match="other directions: make a new Previewer"):
             previewer.display(changed)
+
+
+def test_the_claim_on_the_sphere_is_written_as_data_and_a_chart(tmp_path):
+    """In rough; the recorded files in outputs/paper are those of the preset's own mesh."""
+    sphere_volumes(tmp_path, Reporter(quiet=True), coarser=3.5, shares=(0.5,))
+    told = json.loads((tmp_path / "sphere_volumes.json").read_text())
+    assert [row["name"] for row in told["competitors"]] == ["full", "design", "isotropic", "thinner", "plain"]
+    assert told["competitors"][2]["ratio_to_full"] is None or told["competitors"][2]["ratio_to_design"] > 1
+    chart = (tmp_path / "sphere_volumes.svg").read_text()
+    assert "the same, plain widths" in chart
+    assert (tmp_path / "sphere_volumes.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_recorded_comparison_on_the_sphere_says_what_the_paper_claims():
+    """Under a quarter of the best isotropic compliance at 40 to 50 % of the material; five times stiffer and more."""
+    told = json.loads((Path(__file__).parent.parent / "outputs" / "paper" / "sphere_volumes.json").read_text())
+    gains = {row["volume"]: row["ratio_to_design"] for row in told["competitors"] if row["name"] == "isotropic"}
+    assert len(gains) == 7
+    assert min(gains[0.4], gains[0.5]) > 4
+    masses = [row["mass_kg"] for row in told["competitors"] if row["volume"] == 0.4 and row["name"] != "full"]
+    assert max(masses) / min(masses) < 1.002

@@ -127,6 +127,7 @@ def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
     assert here[0]["volume"] > solid.volume * 1e9  # the mesh lies inside the sphere
 
 
+@pytest.mark.slow
 def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypatch):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
@@ -149,6 +150,7 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
     assert shape.volume == pytest.approx(solid.volume * 1e9, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_folded_sheet_is_faceted_and_says_why(tmp_path, here):
     flat = grid(16, 8, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1)], flat.F)

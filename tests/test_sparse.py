@@ -11,7 +11,17 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array, diags_array
 
 from dsfab import sparse
-from dsfab.sparse import ConvergenceError, FactorMemoryError, NotPositiveDefinite, factorise, memory, multigrid, superlu
+from dsfab.sparse import (
+    ConvergenceError,
+    FactorMemoryError,
+    NotPositiveDefinite,
+    factorise,
+    memory,
+    multigrid,
+    one_blas_thread,
+    superlu,
+    threads,
+)
 from dsfab.sparse.dissection import dissection_keys, point_graph
 from dsfab.sparse.multifrontal import Fronts, Multifrontal
 from dsfab.sparse.superlu import SuperLU
@@ -114,6 +124,22 @@ def test_a_factor_is_repeated_bit_for_bit():
     K, points, node = system(ZOO["dome"]())
     b = np.ones(K.shape[0])
     assert np.array_equal(*(factorise(K, points, node, "multifrontal")(b) for _ in range(2)))
+
+
+def test_pardiso_solves_with_the_threads_it_factorised_with():
+    """Seen: a two-level factor made by one thread, used by two, gave numbers a hundred times too large."""
+    require("PARDISO")
+    K, points, node = system(ZOO["saddle"]())
+    solve = factorise(K, points, node, "PARDISO")
+    library, call, seen = solve._solver.libmkl, solve._solver._mkl_pardiso, []
+    solve._solver._mkl_pardiso = lambda *given: (seen.append(library.MKL_Get_Max_Threads()), call(*given))
+    threads._pools.cache_clear()  # PARDISO's library may have been loaded since the last look
+    solve(np.ones(K.shape[0]))
+    with one_blas_thread():
+        assert library.MKL_Get_Max_Threads() == 1
+        solve(np.ones(K.shape[0]))
+        solve.refactor(K)
+    assert seen == 3 * [solve._threads]
 
 
 def test_separators_separate():

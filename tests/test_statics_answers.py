@@ -74,12 +74,12 @@ def test_hinges_leave_the_answers_to_the_most_accurate_elements_and_say_so(facto
     weight = sheet.density * sheet.thickness * GRAVITY
     spread = spread_load(made.surface, made.preset.surface.load, weight)
     rich = solve_statics(
-        made.surface, sheet.material, made.load, sheet.thickness, sheet.law, "quadratic", "hhj", spread=spread
+        made.surface, sheet.material, made.load, sheet.thickness, sheet.law, "hybrid", "hhj", spread=spread
     )
     assert answers.equilibrium.compliance == pytest.approx(rich.compliance, rel=1e-9)
     assert 2 * answers.stress.energy @ made.surface.areas == pytest.approx(rich.compliance, rel=1e-9)
     assert made.statics.equilibrium.compliance != pytest.approx(rich.compliance, rel=0.02)
-    assert any("are those of quadratic+hhj elements" in note.text for note in made.notes)
+    assert any("are those of hybrid+hhj elements" in note.text for note in made.notes)
     assert any("flat faces bend by themselves" in note.text for note in made.notes)
 
 
@@ -191,7 +191,7 @@ def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, **ALL, "export.formats": ["stl"]}.items()]
     assert build("dome", set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
     facts = json.loads((tmp_path / "out" / "design.json").read_text())["statics"]
-    assert facts["answered_by"] == "quadratic+hhj"
+    assert facts["answered_by"] == "hybrid+hhj"
     assert facts["utilisation"] == pytest.approx(facts["largest_von_mises_Pa"] / 235e6)
     assert facts["strength_Pa"] == 235e6
     assert facts["largest_von_mises_at"]["layer"] in ("top", "bottom")

@@ -291,7 +291,7 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         {"diffusion.follow": "snow"},
         {"diffusion.weights": {"wind": 0, "back": 0, "snow": 3.0}},
     ):
-        full.append(compare(run(load_preset("dome", {**changes, **more})), pairs=()).full.compliance)
+        full.append(compare(run(load_preset("dome", {**changes, **more})), against=()).full.compliance)
     assert full[2] == pytest.approx(full[0] + 3 * full[1], rel=1e-10)
 
 

@@ -13,6 +13,7 @@ from dsfab import load_preset, run, sparse
 from dsfab.errors import StaticsError
 from dsfab.statics import (
     PAPER,
+    SIX_NODES,
     VERDICT,
     Elements,
     Material,
@@ -36,7 +37,7 @@ from dsfab.units import GRAVITY
 from tests.test_statics import STEEL, H, case
 from tests.zoo import ZOO, grid, jittered, lifted, sphere
 
-PAIRS = [Elements(m, b) for m in ("constant", "quadratic") for b in ("hinge", "midedge", "hhj")]
+PAIRS = [Elements(m, b) for m in ("constant", "quadratic") for b in ("hinge", "midedge", "hhj")] + [VERDICT]
 pairs = pytest.mark.parametrize("elements", PAIRS, ids=str)
 
 
@@ -170,7 +171,8 @@ def test_patch_a_plate_bent_to_any_quadric_has_the_exact_energy_and_balance(elem
     assert np.abs(residual[inner]).max() <= 1e-9 * np.abs(residual).max()
 
 
-def test_the_quadratic_membrane_bends_in_its_plane_exactly_and_the_constant_one_cannot():
+@pytest.mark.parametrize("membrane", ["quadratic", "hybrid"])
+def test_quadratic_edges_bend_in_their_plane_exactly_and_constant_strain_cannot(membrane):
     """u = (x y, -x^2 / 2), nu = 0: strain xx = y, nothing else; energy E h / 2 times the integral of y^2."""
     surface = jittered(grid(8, 2, 4.0, 1.0))
     material, thickness = Material(2e9, 0.0), 0.02
@@ -179,7 +181,7 @@ def test_the_quadratic_membrane_bends_in_its_plane_exactly_and_the_constant_one_
     u = field(surface.V)
     bubble = field(surface.V[surface.edges.ends].mean(axis=1)) - (u[first] + u[last]) / 2
     exact = 2e9 * 0.02 / 2 * 4.0 / 3
-    rich, poor = Elements("quadratic", None), Elements("constant", None)
+    rich, poor = Elements(membrane, None), Elements("constant", None)
     energy = {}
     for elements in (rich, poor):
         X = unknowns(surface, elements, u, bubble=bubble)
@@ -389,7 +391,8 @@ def test_names_of_unknowns_and_their_number():
     expected = {PAPER: 3 * n, Elements("quadratic", "midedge"): 3 * n + 3 * e, VERDICT: 3 * n + 5 * e}
     assert {pair: pair.unknowns(surface) for pair in expected} == expected
     assert VERDICT.in_plane.on_edges == ("along", "across")
-    assert str(VERDICT) == "quadratic+hhj"
+    assert str(VERDICT) == "hybrid+hhj"
+    assert VERDICT.on_edges == SIX_NODES.on_edges
     with pytest.raises(ValueError, match="no bending"):
         bending_stiffness(surface, STEEL, H, VERDICT.in_plane)
 

@@ -11,7 +11,7 @@ import dsfab
 
 
 def over_full(design) -> float:
-    compared = dsfab.compare(design, pairs=())
+    compared = dsfab.compare(design, against=())
     return compared.design.compliance / compared.full.compliance
 
 

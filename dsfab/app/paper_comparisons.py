@@ -7,13 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from dsfab.app.paper_drawing import Shown, drawn
-from dsfab.arrays import Floats
 from dsfab.design import DiffusionResult, Draft
 from dsfab.diffusion import Modes
 from dsfab.pipeline import draft
 from dsfab.preset_file import overridden
-from dsfab.surface import Surface
-from dsfab.surface.hats import voronoi_mass
+from dsfab.study.baselines.striped import as_mode
 
 RATIOS = (1.0, 10.0, 100.0)
 """The anisotropies that are compared."""
@@ -75,13 +73,3 @@ def _one_family(design: Draft, folder: Path, shown: Mapping[str, Shown]) -> Comp
         "poles, and neither do its stripes. The families of the diffusion give rings and meridians everywhere."
     )
     return Comparison("Why not stripes along the von Mises stress?", words, rows)
-
-
-def as_mode(surface: Surface, face: Floats) -> Floats:
-    """(n,) values of faces (m,) at the vertices, scaled like a mode (see `dsfab.diffusion.Modes`), so that frequencies
-    mean the same: mean 0, and area / 4 pi as the integral of the square."""
-    sums = np.bincount(surface.F.ravel(), np.repeat(face * surface.areas, 3), surface.n)
-    value = sums / np.bincount(surface.F.ravel(), np.repeat(surface.areas, 3), surface.n)
-    mass = voronoi_mass(surface)
-    value = value - mass @ value / mass.sum()
-    return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))

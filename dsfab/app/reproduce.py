@@ -28,6 +28,10 @@ def reproduce(
     coarser: Annotated[
         float, Parameter(help="Edges this many times as long as the presets' own: a quick look, in rough.")
     ] = 1.0,
+    volumes: Annotated[
+        bool,
+        Parameter(negative=(), help="Also compare the sphere with others at seven volumes (minutes)."),
+    ] = False,
     output: Annotated[Path, Parameter(name=["-o", "--output"], help="Folder of the page.")] = FOLDER,
     quiet: Quiet = False,
 ) -> int:
@@ -48,7 +52,7 @@ def reproduce(
     require_rendering()
     reporter = Reporter(quiet)
     try:
-        figures = _write(chosen, output, coarser, reporter)
+        figures = _write(chosen, output, coarser, reporter, volumes)
         reporter.done()
     finally:
         reporter.stop()
@@ -73,7 +77,9 @@ def choose(names: tuple[str, ...]) -> "list[Figure]":
     return [figure for figure in FIGURES if not names or figure.preset in names]
 
 
-def _write(chosen: "list[Figure]", folder: Path, coarser: float, reporter: Reporter) -> "list[Made]":
+def _write(
+    chosen: "list[Figure]", folder: Path, coarser: float, reporter: Reporter, volumes: bool = False
+) -> "list[Made]":
     """Make the figures one by one, then the page; pictures of an earlier page that are gone are removed."""
     from dsfab.app.paper_figures import made
     from dsfab.app.paper_page import PAGE_NAME, About, page, pictures_of
@@ -83,6 +89,10 @@ def _write(chosen: "list[Figure]", folder: Path, coarser: float, reporter: Repor
         for number, figure in enumerate(chosen, start=1):
             reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
             figures.append(made(figure, partial, coarser))
+        if volumes:
+            from dsfab.app.paper_volumes import sphere_volumes
+
+            sphere_volumes(partial, reporter, coarser)
         (partial / PAGE_NAME).write_text(page(figures, About(coarser, _machine())), encoding="utf-8")
         stale = pictures_of(folder) - pictures_of(partial)
     for name in stale:

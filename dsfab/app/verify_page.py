@@ -18,11 +18,11 @@ STYLE = """
   --bad: #b3401f; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e4e2dc; --paper: #17181a; --faint: #84878b; --line: #3a3c40;
   --good: #58c48a; --bad: #f0815a; } }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 62rem;
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 72rem;
   margin: 2rem auto; padding: 0 1rem; }
 h1, h2 { font-weight: 600; line-height: 1.2; } h2 { margin: 2.4rem 0 .3rem; font-size: 1.15rem; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; margin: .6rem 0; }
-th, td { text-align: right; padding: .1rem .55rem; border-bottom: 1px solid var(--line); font-weight: 400;
+th, td { text-align: right; padding: .1rem .4rem; border-bottom: 1px solid var(--line); font-weight: 400;
   white-space: nowrap; } td.left { white-space: normal; }
 th { font-weight: 600; } th:first-child, td:first-child, th.left, td.left { text-align: left; }
 .ok, .better, .met { color: var(--good); } .off, .refused, .worse, .missed { color: var(--bad); }
@@ -78,7 +78,8 @@ def _head(tests: Sequence[Test], rows: Sequence[Row]) -> str:
         [
             "<h1>Can the statics be trusted?</h1>",
             "<p>Structures with known answers, each on at least three meshes. <b>Ratio</b> is the value found over ",
-            f"the reference. The pair <b>{VERDICT}</b> judges structures; the others are shown beside it. Verdicts: ",
+            "the reference; where thin sheets converge to something else, the share of that limit follows, which the ",
+            f"targets are about. The pair <b>{VERDICT}</b> judges structures; the others stand beside it. Verdicts: ",
             "<span class=ok>ok</span> within the tolerance of the test, <span class=coarse>coarse</span> not yet but ",
             "on a finer mesh, <span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
             "where hinges cannot hold what the test holds. In the plots lines are the mesh patterns in the order of ",
@@ -99,7 +100,7 @@ def _cells(count: int) -> str:
 def _error(row: Row, limit: float | None) -> str:
     if row.value is None:
         return "no value"
-    of = f" of {limit:g}, which flat triangles converge to" if limit else ""
+    of = f" of {limit:.5g}, the limit of thin sheets" if limit else ""
     return f"{row.value / (limit or row.reference):.4f}{of}; wanted within {100 * (row.target or 0):.2g} %"
 
 
@@ -156,36 +157,42 @@ def _section(test: Test, rows: Sequence[Row], against: Sequence[Standing], short
     note = f"<p>{escape(short[test.name])}.</p>" if test.name in short else ""
     return (
         f'<section id="{test.name}"><h2>{test.name}</h2><p>{escape(test.about.capitalize())}. Reference '
-        f"{test.reference:.6g}: {escape(test.source)}.</p><figure>{sketch}{plot}</figure>"
+        f"{test.reference:.6g}: {escape(test.source)}.{_limit(test)}</p><figure>{sketch}{plot}</figure>"
         f"{_table(test, here)}{note}{_beside(beside)}</section>"
     )
 
 
+def _limit(test: Test) -> str:
+    return "" if test.limit is None else f" Targets are about {test.limit:.6g}; the second ratio is over it."
+
+
 def _table(test: Test, rows: Sequence[Row]) -> str:
-    """Meshes down, pairs side by side."""
-    pairs = list(dict.fromkeys(row.elements for row in rows))
-    head = "".join(
-        f'<th colspan=4 style="color: {colour}">{escape(pair)}</th>'
-        for pair, colour in zip(pairs, COLOURS, strict=False)
-    )
+    """Meshes down, pairs side by side, the most accurate one first."""
+    colours = dict(zip(dict.fromkeys(row.elements for row in rows), COLOURS, strict=False))
+    pairs = list(reversed(colours))
+    head = "".join(f'<th colspan=4 style="color: {colours[pair]}">{escape(pair)}</th>' for pair in pairs)
     lines = ""
     for mesh in test.meshes:
         for cells in test.cells:
-            found = [row for row in rows if (row.mesh, row.cells) == (mesh, cells)]
-            target = next((row for row in found if row.met is not None), None)
+            found = {row.elements: row for row in rows if (row.mesh, row.cells) == (mesh, cells)}
+            target = next((row for row in found.values() if row.met is not None), None)
             state = "" if target is None or target.target is None else f"{100 * target.target:.2g} % "
             word = "" if target is None else "met" if target.met else "missed"
-            lines += f"<tr><td>{mesh.replace('_', ' ')}</td><td>{cells}</td>{''.join(map(_numbers, found))}"
-            lines += f"<td class={word or 'quiet'}>{state}{word}</td></tr>"
+            lines += (
+                f"<tr><td>{mesh.replace('_', ' ')}</td><td>{cells}</td><td class={word or 'quiet'}>{state}{word}</td>"
+            )
+            lines += f"{''.join(_numbers(found[pair]) for pair in pairs)}</tr>"
     return (
-        f"<div class=wide><table><tr><th>mesh</th><th>cells</th>{head}<th>target</th></tr><tr class=quiet><td></td>"
-        f"<td></td>{'<td>unknowns</td><td>ratio</td><td>rate</td><td></td>' * len(pairs)}<td></td></tr>{lines}"
+        f"<div class=wide><table><tr><th>mesh</th><th>cells</th><th>target</th>{head}</tr><tr class=quiet><td></td>"
+        f"<td></td><td></td>{'<td>unknowns</td><td>ratio</td><td>rate</td><td></td>' * len(pairs)}</tr>{lines}"
         "</table></div>"
     )
 
 
 def _numbers(row: Row) -> str:
     ratio = "" if row.ratio is None else f"{row.ratio:.4f}"
+    if row.of_limit is not None:
+        ratio += f" <span class=quiet>/ {row.of_limit:.4f}</span>"
     rate = "" if row.rate is None else f"{row.rate:.1f}"
     return f"<td class=quiet>{row.unknowns}</td><td>{ratio}</td><td>{rate}</td>{_verdict(row.verdict)}"
 

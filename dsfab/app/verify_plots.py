@@ -19,7 +19,7 @@ COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
 """Of the pairs, in their order; readable on white and on black."""
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
-MARKS = "xd+^v*sp<>hD"
+MARKS = "xd+^v*sp<>hDPX"
 
 INK, FAINT = "#010203", "#040506"
 """Written by matplotlib, and replaced by what the page says: `currentColor` and its `--faint`."""

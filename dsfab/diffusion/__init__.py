@@ -1,7 +1,7 @@
 """Stage 3, diffusion: where material wants to run."""
 
 from dsfab.diffusion.frame import CLEAR, reference_axes
-from dsfab.diffusion.modes import Modes, diffusion_modes
+from dsfab.diffusion.modes import Modes, diffusion_modes, family_modes
 from dsfab.diffusion.operators import diffusion_operator
 from dsfab.diffusion.symmetry import Symmetry, symmetry_group, symmetry_of
 from dsfab.diffusion.tensors import DiffusionTensors, Labelling, combined_stress, diffusion_tensors
@@ -16,6 +16,7 @@ __all__ = [
     "diffusion_modes",
     "diffusion_operator",
     "diffusion_tensors",
+    "family_modes",
     "reference_axes",
     "symmetry_group",
     "symmetry_of",

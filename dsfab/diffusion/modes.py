@@ -1,6 +1,6 @@
 """Modes of a diffusion operator: its smallest eigenpairs, scaled, signed and ordered reproducibly."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -12,7 +12,7 @@ from dsfab.arrays import Floats, Ints, lock
 from dsfab.diffusion.frame import reference_axes
 from dsfab.diffusion.symmetry import Symmetry
 from dsfab.errors import PatternError
-from dsfab.sparse import SuperLU, one_blas_thread
+from dsfab.sparse import Factor, SuperLU, factorise, one_blas_thread, solver_name
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import pieces
@@ -75,27 +75,53 @@ def diffusion_modes(
 ) -> Modes:
     """The k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
-    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2 with one factor, whose order of elimination is found once a mesh.
-    The scale is as if the area were 4 pi, so that frequencies mean the same at any size: on the unit sphere modes are
-    M-normalised. Signs and the basis of a repeated eigenvalue do not depend on the solver (`_canonical`), and turn with
-    the surface if the axes do.
+    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. The scale is as if the area were 4 pi, so that frequencies mean the
+    same at any size: on the unit sphere modes are M-normalised. Signs and the basis of a repeated eigenvalue do not
+    depend on the solver (`_canonical`), and turn with the surface if the axes do.
 
     axes     : (3, 3) rows, what signs and bases look at; those of the surface alone (`reference_axes`) when left out.
     symmetry : only modes that are the same at all of its images: more pairs are computed until there are k such.
 
     Raises PatternError when the mesh has too few vertices for k modes.
     """
+    return family_modes(surface, [L], k, axes, symmetry)[0]
+
+
+def family_modes(
+    surface: Surface,
+    operators: Sequence[csr_array],
+    k: int = 5,
+    axes: Floats | None = None,
+    symmetry: Symmetry | None = None,
+) -> list[Modes]:
+    """The modes of several operators on one surface, each as `diffusion_modes` says.
+
+    Operators of one mesh have one pattern: it is analysed once, and each of them costs one factorisation of values.
+    """
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
-    constants = _constants(surface)
-    pairs = _pairs(surface, L, mass)
+    found, solve = [], None
+    for L in operators:
+        A = _scaled(surface, L, mass)
+        if solve is None:
+            solve = _factor(surface, A)
+        else:
+            solve.refactor(A)
+        found.append(_modes(surface, L, solve, k, axes, symmetry))
+    return found
+
+
+def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, symmetry: Symmetry | None) -> Modes:
+    """The modes of L, by the factor of its scaled matrix."""
+    mass, constants = voronoi_mass(surface), _constants(surface)
     wanted = k * (symmetry.order if symmetry else 1) + constants + SPARE
     while True:
         if wanted >= surface.n:
             raise PatternError(
                 f"{k} modes need more than {wanted} vertices; the surface has {surface.n}: refine the mesh"
             )
-        lam, X = (part[..., constants:] for part in pairs(wanted))
+        lam, Y = _lanczos(solve, surface.n, 1 / surface.area, wanted)
+        lam, X = lam[constants:], Y[:, constants:] / _root(surface, mass)[:, None]
         if symmetry:
             lam, X = symmetry.invariant(L, X, mass)
         if len(lam) >= k and (symmetry or 2 * wanted >= surface.n or lam[-1] - lam[k - 1] > SAME * lam[-1]):
@@ -106,23 +132,27 @@ def diffusion_modes(
     return Modes(lam[:k], X * np.sqrt(surface.area / (4 * np.pi)))
 
 
-def _pairs(surface: Surface, L: csr_array, mass: Floats) -> Callable[[int], tuple[Floats, Floats]]:
-    """Factorise once; the function gives the smallest pairs of L x = lambda M x, ascending, M-orthonormal."""
-    # on a vertex of no face the mass is 0: it keeps a unit row, out of the way of the small eigenvalues
-    root = np.sqrt(np.where(mass > 0, mass, surface.area))
-    shift = 1 / surface.area
+def _root(surface: Surface, mass: Floats) -> Floats:
+    """(n,) root of the mass; on a vertex of no face the mass is 0, and it keeps a unit row of the scaled matrix."""
+    return np.sqrt(np.where(mass > 0, mass, surface.area))
+
+
+def _scaled(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
+    """M^-1/2 (L + s M) M^-1/2, s = 1 / area; a vertex of no face is kept out of the way of the small eigenvalues."""
+    root = _root(surface, mass)
     unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
     A = csr_array((L.data / np.repeat(root, np.diff(L.indptr)) / root[L.indices], L.indices, L.indptr), shape=L.shape)
-    # one unknown a vertex: SuperLU's factor is ready sooner than PARDISO's, and its 30 solves cost less
-    A = csr_array(A + diags_array(unused + shift))
+    return csr_array(A + diags_array(unused + 1 / surface.area))
+
+
+def _factor(surface: Surface, A: csr_array) -> Factor:
+    """PARDISO where it is there: half of SuperLU's time with one unknown a point, and both are quicker at the thirty to
+    fifty single solves than the multifrontal factor. The order for SuperLU is found once for a surface that lives."""
+    if solver_name() == "PARDISO":
+        return factorise(A, surface.V)
     solve = SuperLU(A, surface.V, np.arange(surface.n), order=_ORDERS.get(surface), definite=True)
     _ORDERS[surface] = solve.order
-
-    def pairs(count: int) -> tuple[Floats, Floats]:
-        lam, Y = _lanczos(solve, surface.n, shift, count)
-        return lam, Y / root[:, None]
-
-    return pairs
+    return solve
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:

@@ -7,9 +7,9 @@ from dsfab.design import DiffusionResult, StaticsResult
 from dsfab.diffusion import (
     CLEAR,
     combined_stress,
-    diffusion_modes,
     diffusion_operator,
     diffusion_tensors,
+    family_modes,
     reference_axes,
     symmetry_of,
 )
@@ -29,7 +29,7 @@ def _followed(preset: Preset, surface: Surface, statics: StaticsResult) -> Float
     return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
 
 
-def _axes(surface: Surface, load: LoadCase) -> Floats:
+def load_axes(surface: Surface, load: LoadCase) -> Floats:
     """What signs and bases of modes look at: the loads and the supports, and so they turn with the design."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
@@ -48,10 +48,10 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
         sigma = _followed(preset, surface, statics)
         sigma = symmetry.stress(sigma) if symmetry else sigma
         tensors = diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
-        L_major, L_minor = (diffusion_operator(surface, D) for D in (tensors.major, tensors.minor))
+        operators = [diffusion_operator(surface, D) for D in (tensors.major, tensors.minor)]
     with log.row("modes"):
-        axes = _axes(surface, statics.load)
-        major, minor = (diffusion_modes(surface, L, ask.modes, axes, symmetry) for L in (L_major, L_minor))
+        axes = load_axes(surface, statics.load)
+        major, minor = family_modes(surface, operators, ask.modes, axes, symmetry)
     if symmetry:
         off = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
         log.note(

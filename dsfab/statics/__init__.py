@@ -8,8 +8,9 @@ from dsfab.statics.answers import Answers, Ask, sheet_answers
 from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.blocks import added
+from dsfab.statics.corners import membrane_strains, membrane_stresses
 from dsfab.statics.curvature import FACETED, facet_number
-from dsfab.statics.elements import PAPER, VERDICT, Bending, Elements, Membrane
+from dsfab.statics.elements import PAPER, SIX_NODES, VERDICT, Bending, Elements, Membrane
 from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
@@ -27,6 +28,7 @@ __all__ = [
     "FACETED",
     "LAYERS",
     "PAPER",
+    "SIX_NODES",
     "VERDICT",
     "Answers",
     "Ask",
@@ -58,6 +60,8 @@ __all__ = [
     "flatness",
     "frequencies",
     "membrane_stiffness",
+    "membrane_strains",
+    "membrane_stresses",
     "needles_told",
     "plane_von_mises",
     "resultant",

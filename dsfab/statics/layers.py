@@ -8,12 +8,13 @@ import numpy as np
 
 from dsfab.arrays import Floats, lock
 from dsfab.errors import StaticsError
+from dsfab.statics.corners import membrane_strains, membrane_stresses
 from dsfab.statics.curvature import face_moments, hinge_energy
-from dsfab.statics.elements import Elements, edge_frames, voigt
+from dsfab.statics.elements import Elements
 from dsfab.statics.material import Law, Material
 from dsfab.statics.recovery import averaged
 from dsfab.statics.solve import Equilibrium
-from dsfab.surface.hats import hat_gradients, tangents
+from dsfab.surface.hats import tangents
 from dsfab.surface.mesh import Surface
 
 Layer = Literal["top", "middle", "bottom"]
@@ -144,8 +145,8 @@ def sheet_stress(
 
     With `stvk` the stress across the sheet, which that law has and a thin sheet has not, is left out of von Mises.
     """
-    strain = _corner_strains(surface, answer)
-    membrane = strain @ material.membrane(law)
+    strain = membrane_strains(surface, answer)
+    membrane = membrane_stresses(surface, material, law, elements, strain)
     moments = face_moments(surface, material, thickness, elements, answer)
     stretched = 0.5 * thickness * _mean_product(membrane, strain)
     if elements.bending == "hinge":
@@ -153,7 +154,7 @@ def sheet_stress(
     else:
         bent = 0.5 * _mean_product(moments, moments @ np.linalg.inv(material.bending(thickness)))
     frame, bending = tangents(surface), 6 / thickness**2 * moments
-    linear, curved = elements.membrane == "quadratic", elements.bending == "hhj"
+    linear, curved = elements.membrane != "constant", elements.bending == "hhj"
     smooth_membrane = averaged(surface, frame, membrane, sided=False) if linear else membrane
     smooth_bending = averaged(surface, frame, bending, sided=True) if curved else bending
     return SheetStress(frame, membrane, bending, smooth_membrane, smooth_bending, stretched, bent)
@@ -162,19 +163,3 @@ def sheet_stress(
 def _mean_product(a: Floats, b: Floats) -> Floats:
     """(m,) means over each face of a . b, both linear on it and given at its corners, (m, 3 corners, 3): exact."""
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)
-
-
-def _corner_strains(surface: Surface, answer: Equilibrium) -> Floats:
-    """(m, 3 corners, 3) in-plane strains (xx, yy, 2 xy) of the middle surface in each face's frame."""
-    t = tangents(surface)
-    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    corner = answer.u[surface.F] @ t.transpose(0, 2, 1)  # (m, corner, 2): displacements in the frame
-    strain = np.repeat(voigt(slope, corner).sum(axis=1)[:, None], 3, axis=1)
-    if answer.bubbles is None:
-        return strain
-    moved = np.einsum("ed,edx->ex", answer.bubbles, edge_frames(surface)[:, :2])[surface.edges.of]
-    bubble = moved @ t.transpose(0, 2, 1)
-    # 4 phi_c phi_c+1 has the gradient 4 grad phi_c+1 at corner c, 4 grad phi_c at corner c + 1, none at the third
-    here = voigt(4 * np.roll(slope, -1, axis=1), bubble)
-    there = voigt(4 * slope, bubble)
-    return np.asarray(strain + here + np.roll(there, 1, axis=1))

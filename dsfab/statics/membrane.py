@@ -1,4 +1,4 @@
-"""Membrane stiffness, in each triangle's own plane: constant strain, or quadratic displacements by edge bubbles."""
+"""Membrane stiffness, in each triangle's own plane: constant strain, or edges that bend by bubbles."""
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -7,6 +7,7 @@ from dsfab.arrays import Floats
 from dsfab.statics.blocks import upwards, vertex_pairs
 from dsfab.statics.elements import PAPER, Elements, assembled, edge_frames, padded, voigt
 from dsfab.statics.hinges import hinges
+from dsfab.statics.hybrid import hybrid_rigidity
 from dsfab.statics.material import Law, Material
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
@@ -20,9 +21,12 @@ def membrane_stiffness(
     `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact); its edge bubbles
     move within the sheet only, so flat triangles that meet at an angle stay closed without drilling unknowns.
+    `hybrid`: the same on the edges, with stresses in equilibrium inside (`dsfab.statics.hybrid`); never stiffer.
     """
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
+    if elements.membrane == "hybrid":
+        return _hybrid(surface, material.membrane(law) * thickness, elements)
     return padded(_constant(surface, material.membrane(law) * thickness, elements), elements.unknowns(surface))
 
 
@@ -104,11 +108,23 @@ def bubble_strains(surface: Surface, at: Floats) -> Floats:
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
     # all three quadrature points below each other, B^T C B as R^T R: one product of 9 x 15 a face
-    B = np.empty((surface.m, 3, 3, 15))
-    B[..., :9] = corner_strains(surface)[:, None]
-    for opposite in range(3):
-        B[:, opposite, :, 9:] = bubble_strains(surface, np.where(np.arange(3) == opposite, 0.0, 0.5))
+    B = _strains_at(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R
     blocks *= (surface.areas / 3)[:, None, None]
     return assembled(blocks, elements.columns(surface, "along", "across"), elements.unknowns(surface))
+
+
+def _hybrid(surface: Surface, C: Floats, elements: Elements) -> csr_array:
+    B = _strains_at(surface, np.eye(3)).reshape(-1, 9, 15)
+    blocks = B.transpose(0, 2, 1) @ (hybrid_rigidity(surface, C) @ B)
+    return assembled(blocks, elements.columns(surface, "along", "across"), elements.unknowns(surface))
+
+
+def _strains_at(surface: Surface, points: Floats) -> Floats:
+    """(m, 3 points, 3, 15) strains at three points with barycentric coordinates (3, 3), of corners, then of bubbles."""
+    B = np.empty((surface.m, 3, 3, 15))
+    B[..., :9] = corner_strains(surface)[:, None]
+    for k, at in enumerate(points):
+        B[:, k, :, 9:] = bubble_strains(surface, at)
+    return B

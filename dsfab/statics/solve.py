@@ -46,6 +46,7 @@ class Equilibrium:
                  bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
     torque     : (e,) moments of the supports on edges that cannot turn, about the edges' directions, newton metres;
                  empty for elements without rotations.
+    elements   : what it was made with.
     """
 
     u: Floats
@@ -55,6 +56,7 @@ class Equilibrium:
     residual: float = 0.0
     on_edges: Mapping[str, Floats] = field(default_factory=dict)
     torque: Floats = field(default_factory=lambda: np.zeros(0))
+    elements: Elements = PAPER
 
     def __post_init__(self) -> None:
         lock(self, "u", np.float64, (None, 3))
@@ -188,7 +190,7 @@ def _answer(
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(held[3 * surface.n :], on_edges, 0.0))
     named = zip(elements.on_edges, edges.reshape(len(elements.on_edges), -1), strict=True) if len(edges) else ()
-    return Equilibrium(u, reaction, compliance, imbalance, residual, dict(named), torque)
+    return Equilibrium(u, reaction, compliance, imbalance, residual, dict(named), torque, elements)
 
 
 def _summed(
@@ -209,9 +211,8 @@ def _summed(
     residual = float(off / np.sqrt(compliance)) if compliance > 0 else 0.0
     force = np.sum([a * load.force for a, load in zip(factors, loads, strict=True)], axis=0)
     imbalance = _imbalance(surface, force, reaction, torque)
-    return Equilibrium(
-        np.sum([a * part.u for a, part in parts], axis=0), reaction, compliance, imbalance, residual, on_edges, torque
-    )
+    u = np.sum([a * part.u for a, part in parts], axis=0)
+    return Equilibrium(u, reaction, compliance, imbalance, residual, on_edges, torque, answers[0].elements)
 
 
 def _require_solved(surface: Surface, imbalance: float, residual: float) -> None:

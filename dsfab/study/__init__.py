@@ -1,6 +1,7 @@
 """Questions about designs: parametric sweeps, comparisons with other designs, and the verification of the elements."""
 
-from dsfab.study.comparison import Comparison, Competitor, compare
+from dsfab.study.comparison import Comparison, compare, compare_at
+from dsfab.study.competitors import Competitor
 from dsfab.study.sweeps import METRICS, Run, sweep
 
-__all__ = ["METRICS", "Comparison", "Competitor", "Run", "compare", "sweep"]
+__all__ = ["METRICS", "Comparison", "Competitor", "Run", "compare", "compare_at", "sweep"]

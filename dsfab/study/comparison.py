@@ -1,132 +1,166 @@
 """`compare`: does a structure carry its loads better than others of its mass? A figure of the paper, for any design.
 
-The competitors have the same mass, thickness (but for `thinner`), loads, supports and kept regions:
-
-full       the whole surface, uncut: nothing can be stiffer at this thickness, and it weighs more
-thinner    the whole surface, uncut, as thin as the design is light
-isotropic  stripes of the same frequencies on modes that ignore the stress (r = 1): the best and the median over pairs
+Every competitor has the same mass to a thousandth, the same loads, supports and kept regions, and but for `thinner` the
+same thickness (see `dsfab.study.baselines`). Beside them stands `full`, the whole surface uncut: nothing can be stiffer
+at this thickness, and it weighs more.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from itertools import product
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from dsfab.design import Design
-from dsfab.errors import DsfabError, PatternError
-from dsfab.pipeline import revise
-from dsfab.pipeline.handover import sheet_loads
-from dsfab.preset_file import overridden
-from dsfab.statics import solve_cases
-from dsfab.surface import LoadCase, Surface
+from dsfab.design import Design, Draft
+from dsfab.errors import DsfabError
+from dsfab.slicing.features import features, kept_cells
+from dsfab.study.baselines import DEFAULT, Baseline, Brief, Structure, Variant, chosen
+from dsfab.study.baselines.matching import striped
+from dsfab.study.competitors import Competitor, Spread
+from dsfab.study.judging import Judge, quick
+from dsfab.study.sweeps.making import Making
 
-SAME_MASS = 0.01
-"""Competitors that lose more than this share of their mass as loose pieces are out of the race."""
-
-PAIRS = tuple(product((1, 2, 3), (1, 2, 3)))
-"""Pairs of modes that the isotropic competitors are made of: where modes repeat, one pair would be a lucky draw."""
-
-
-@dataclass(frozen=True)
-class Competitor:
-    """A structure under the design's loads: compliance in joules and mass in kg; `error` if it carries nothing."""
-
-    name: str
-    compliance: float
-    mass: float
-    error: str = ""
+Told = Callable[[str], None]
+"""Called with the name of the competitor that is about to be made."""
 
 
 @dataclass(frozen=True)
 class Comparison:
     """The design against its competitors; the smaller the compliance, the stiffer.
 
-    Each value is one solve on the mesh as it is cut, with quadratic membrane and mid-edge bending elements: at four
-    elements across a member typically within 3 %, good for comparing like with like, not a verdict on safety.
-
     The loads are those that the pattern follows: one case or combination, or several, whose compliances are then added
     with the weights of [diffusion] (1 each when left out).
     """
 
-    design: Competitor
+    name: str
     full: Competitor
-    thinner: Competitor
-    isotropic: tuple[Competitor, ...]
+    design: Competitor
+    rivals: tuple[Competitor, ...]
 
     @property
-    def carried(self) -> tuple[Competitor, ...]:
-        """Isotropic competitors that carry the loads, stiffest first."""
-        return tuple(sorted((c for c in self.isotropic if not c.error), key=lambda c: c.compliance))
+    def competitors(self) -> tuple[Competitor, ...]:
+        """The full sheet, the design, and the others in the order asked for."""
+        return (self.full, self.design, *self.rivals)
 
-    @property
-    def gain(self) -> float:
-        """Compliance of the best isotropic competitor over the design's: above 1 the design is stiffer."""
-        return self.carried[0].compliance / self.design.compliance if self.carried else float("inf")
+    def __getitem__(self, name: str) -> Competitor:
+        """A competitor by its name."""
+        return next(one for one in self.competitors if one.name == name)
 
-    @property
-    def median_gain(self) -> float:
-        """The same for the median competitor; those that carry nothing count as infinitely soft."""
-        values = [np.inf if c.error else c.compliance for c in self.isotropic]
-        return float(np.median(values)) / self.design.compliance
+    def gain(self, name: str) -> float:
+        """Compliance of a competitor over the design's: above 1 the design is stiffer; nan where neither carries."""
+        rival, own = self[name].compliance, self.design.compliance
+        return rival / own if np.isfinite(own) else 0.0 if np.isfinite(rival) else float("nan")
+
+    def record(self) -> dict[str, Any]:
+        """Plain values for a file, SI units: `name`, and `competitors`, a flat table of one row each."""
+        return {
+            "name": self.name,
+            "competitors": [one.row(self.full.compliance, self.design.compliance) for one in self.competitors],
+        }
 
 
-def compare(design: Design, pairs: tuple[tuple[int, int], ...] = PAIRS) -> Comparison:
+def compare(
+    design: Design | Making, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
+) -> Comparison:
     """The design's compliance on its own cut sheet, beside competitors of the same mass.
 
-    pairs : (major, minor) modes of the isotropic competitors.
+    against : names of `BASELINES`.     judge : what each is judged by; the stiffest of variants is found by `quick`.
 
     Raises StaticsError when the design itself does not carry its loads: a concentrated load that stands on a piece
-    which reaches no support counts as not carried.
+    which reaches no support counts as not carried. DsfabError for names of no baseline.
     """
-    sheet, statics = design.sheet, design.preset.statics
-    weight = statics.density * statics.thickness
-    share = sheet.surface.area / design.surface.area
-    own = Competitor("design", _on_sheet(design), weight * sheet.surface.area)
-    whole = _compliance(design, design.surface, _loads(design), 1.0)
-    full = Competitor("full", whole, weight * design.surface.area)
-    thinner = Competitor("thinner", _compliance(design, design.surface, _loads(design), share), own.mass)
-    return Comparison(own, full, thinner, tuple(_isotropic(design, pairs)))
+    rivals = chosen(against)
+    made = design.draft if isinstance(design, Making) else design
+    brief = Brief.of(made, design.sheet.surface.area)
+    slicing, thickness = design.slicing, made.preset.statics.thickness
+    own = Structure(slicing.cells, made.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
+    entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse=True)
+    return _compared(brief, entered, rivals, judge, told)
 
 
-def _on_sheet(design: Design) -> float:
-    """Compliance, joules, of the design on its own cut sheet."""
-    sheet = design.sheet
-    loads = sheet_loads(design.surface, design.slicing.cells.kept(), sheet, _loads(design))
-    return _compliance(design, sheet.surface, loads, 1.0)
+def compare_at(
+    made: Design | Draft, share: float, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
+) -> Comparison:
+    """`compare` where all of them, the design with its widths scaled as well, use `share` of the surface.
+
+    A design that does not carry its loads there is told as an error, like its competitors.
+
+    Raises DsfabError for a share that is not between 0 and 1, and for names of no baseline.
+    """
+    rivals = chosen(against)
+    if not 0 < share < 1:
+        raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
+    brief = Brief.of(made, share * made.surface.area)
+    variant = Variant("", lambda: striped(brief, brief.preset, brief.diffusion))
+    return _compared(brief, _entered(brief, "design", [variant], judge), rivals, judge, told)
 
 
-def _loads(design: Design) -> dict[str, LoadCase]:
-    """The loads of what the pattern follows, by name."""
-    return {name: design.statics.cases[name].load for name in design.preset.followed}
-
-
-def _compliance(design: Design, surface: Surface, loads: Mapping[str, LoadCase], share: float) -> float:
-    """Compliance, joules, of a sheet of `share` of the design's thickness: the weighted sum over what is followed."""
-    statics = design.preset.statics
-    thickness = share * statics.thickness
-    answers = solve_cases(surface, statics.material, loads, thickness, statics.law, "quadratic", "midedge")
-    return sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
-
-
-def _isotropic(design: Design, pairs: tuple[tuple[int, int], ...]) -> Iterator[Competitor]:
-    """Competitors that know nothing of the stress: r = 1, plain widths scaled to the design's area."""
-    weight = design.preset.statics.density * design.preset.statics.thickness
-    blind = {
-        "diffusion.r": 1.0,
-        "diffusion.modes": max([design.preset.diffusion.modes, *(max(pair) for pair in pairs)]),
-        "pattern.width": {"solid_fraction": design.sheet.surface.area / design.surface.area},
-    }
-    last = design
-    for major, minor in pairs:
-        name = f"isotropic {major}, {minor}"
+def _compared(
+    brief: Brief, design: Competitor, rivals: dict[str, Baseline], judge: Judge, told: Told | None
+) -> Comparison:
+    whole = Variant("", lambda: Structure.uncut(brief.surface, brief.preset.statics.thickness))
+    full = _entered(brief, "full", [whole], judge, refuse=True)
+    entered = []
+    for name, baseline in rivals.items():
+        if told:
+            told(name)
+        start = time.perf_counter()
         try:
-            last = revise(
-                last, overridden(design.settled, {**blind, "pattern.major.mode": major, "pattern.minor.mode": minor})
-            )
-            lost = 1 - last.sheet.surface.area / design.sheet.surface.area
-            if lost > SAME_MASS:
-                raise PatternError(f"falls apart: {lost:.0%} of it reach no support")
-            yield Competitor(name, _on_sheet(last), weight * last.sheet.surface.area)
+            variants = baseline(brief)
         except DsfabError as error:
-            yield Competitor(name, float("nan"), 0.0, str(error))
+            entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
+            continue
+        late = time.perf_counter() - start
+        one = _entered(brief, name, variants, judge)
+        entered.append(replace(one, seconds_made=one.seconds_made + late, seconds=one.seconds + late))
+    return Comparison(brief.preset.name, full, design, tuple(entered))
+
+
+def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False) -> Competitor:
+    """The stiffest of the variants; `refuse` raises what the first of them is refused for."""
+    start, making, found, errors = time.perf_counter(), 0.0, [], []
+    several = len(variants) > 1
+    for variant in variants:
+        before = time.perf_counter()
+        try:
+            structure = variant.make()
+            making += time.perf_counter() - before
+            found.append((variant.says, structure, (quick if several else judge)(brief, structure)))
+        except DsfabError as error:
+            if refuse:
+                raise
+            errors.append(str(error))
+    values = [judgement.compliance for _, _, judgement in found]
+    spread = Spread.of([*values, *(float("inf") for _ in errors)]) if several else None
+    if not found:
+        told = f"none of {len(errors)} variants carries the loads; the first: {errors[0]}" if several else errors[0]
+        return Competitor(name, spread=spread, error=told, seconds_made=making, seconds=time.perf_counter() - start)
+    says, structure, judgement = found[int(np.argmin(values))]
+    try:
+        judgement = judge(brief, structure) if several and judge is not quick else judgement
+    except DsfabError as error:
+        return Competitor(name, says, spread=spread, error=str(error), seconds=time.perf_counter() - start)
+    area, thickness = structure.sheet.surface.area, structure.thickness
+    return Competitor(
+        name,
+        says,
+        area / brief.surface.area,
+        area * thickness * brief.preset.statics.density,
+        thickness,
+        judgement,
+        structure.pieces,
+        structure.loose,
+        _smallest_member(structure),
+        spread,
+        making,
+        time.perf_counter() - start,
+    )
+
+
+def _smallest_member(structure: Structure) -> float | None:
+    if structure.cells is structure.sheet:  # not cut
+        return None
+    kept = kept_cells(structure.cells, structure.sheet)
+    member = features(structure.cells, kept, structure.names).member
+    return None if member is None else member.size

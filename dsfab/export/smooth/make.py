@@ -33,7 +33,8 @@ from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.outline import Sheet, sheet_of
 from dsfab.export.smooth.solid import Builder, Key, Model, Piece
 from dsfab.export.smooth.text import SmoothText
-from dsfab.export.step_text import closing, header, planar_faces
+from dsfab.export.step_pieces import closing
+from dsfab.export.step_text import header, planar_faces
 from dsfab.surface.mesh import Surface
 from dsfab.units import MM_PER_M
 
@@ -51,6 +52,9 @@ LAYOUTS = ((68.0, 1, 0), (55.0, 8, 1), (45.0, 12, 2))
 
 REFITS = 3
 """How often the refused pieces of a layout are built tighter."""
+
+SKINS = "curved solid with spline skins"
+"""What the file says about itself."""
 
 SECONDS = 60
 SECONDS_PER_FACE = 0.05
@@ -208,15 +212,16 @@ class _Ladder:
             added = writer.piece(model.pieces[k])
             faces += added
             shells += [i] * len(added)
-        head = header(self.part.name, "curved solid with spline skins")
+        name = self.part.name
         solids = [[i] for i in range(len(which))]
         if rest is None or not len(rest):
-            return "".join([head, *new.text, *closing(np.array(shells), solids, np.array(faces), new.free)])
+            head = header(name, SKINS, len(solids))
+            return "".join([head, *new.text, *closing(np.array(shells), solids, np.array(faces), new.free, name)])
         shape, others = _planar(self.part, rest)
         texts, numbers, free = planar_faces(shape, new.free)
         solids += [[i + len(which) for i in one] for one in others]
-        end = closing(np.r_[shells, shape.shell + len(which)], solids, np.r_[faces, numbers], free)
-        return "".join([head, *new.text, *texts, *end])
+        end = closing(np.r_[shells, shape.shell + len(which)], solids, np.r_[faces, numbers], free, name)
+        return "".join([header(name, SKINS, len(solids)), *new.text, *texts, *end])
 
     def _rest(self, sheet: Sheet, accepted: Bools) -> Ints:
         """The triangles of the part that belong to pieces which were not accepted."""

@@ -6,7 +6,7 @@ One file per family of tests; a test is a mesh, a load and one number with its r
 from collections.abc import Callable, Iterator, Sequence
 
 from dsfab.errors import StaticsError
-from dsfab.statics import PAPER, VERDICT, Elements
+from dsfab.statics import PAPER, SIX_NODES, VERDICT, Elements
 from dsfab.study.verification import beams, plane, plates, shells, vessels
 from dsfab.study.verification.meshes import Mesh
 from dsfab.study.verification.problem import Problem, Test
@@ -34,7 +34,7 @@ TESTS: dict[str, Test] = {
 }
 """Every test by its name."""
 
-PAIRS = (PAPER, Elements("quadratic", "midedge"), VERDICT)
+PAIRS = (PAPER, Elements("quadratic", "midedge"), SIX_NODES, VERDICT)
 """The pairs that are run unless others are asked for."""
 
 

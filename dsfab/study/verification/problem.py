@@ -94,7 +94,8 @@ class Test:
     cells     : refinements, coarse to fine.      meshes : patterns it is run on.
     tolerance : accepted relative error of the verdict's elements on the finest mesh.
     targets   : relative errors that the verdict's elements are meant to stay below, by cells.
-    limit     : what the targets are about where it is not the reference (a value that flat triangles converge to).
+    limit     : what the targets are about where it is not the reference: what the elements converge to (the exact
+                answer of a thin sheet where one is published) if the usual reference is not that. The table has both.
     """
 
     __test__ = False  # pytest collects classes of this name

@@ -56,6 +56,10 @@ MIDAS = Source("MIDAS/Gen verification example 24", "page")
 LE1 = Source("Abaqus 2017 Benchmarks, LE1: plane stress elements, Table 1", "page")
 LE3 = Source("Abaqus 2017 Benchmarks, LE3: hemispherical shell with point loads", "page")
 KO = Source("Ko, Lee, Lee and Bathe 2017, Computers and Structures 193, 187-206, N = 16", "transcript")
+TMRFS = Source(
+    "Sangtarash, Ghohani Arab, Sohrabi and Ghasemi 2020, flat shell triangle, Table 9, in FinEtoolsFlexStructures.jl",
+    "transcript",
+)
 SIMO = Source("Simo, Fox and Rifai 1989, Computer Methods in Applied Mechanics and Engineering 73, 53-92", "recalled")
 DVORKIN = Source("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
 FELIPPA = Source("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
@@ -91,6 +95,12 @@ REFINED: tuple[tuple[str, Source, tuple[int, ...], Ratios], ...] = (
     ("scordelis_lo", HARDER, (4, 8, 12, 16, 20), {"NASTRAN QUAD4": (1.376, 1.050, 1.018, 1.008, 1.004)}),
     ("scordelis_lo", DVORKIN, (8, 16), {"MITC4": (0.94, 0.97)}),
     ("scordelis_lo", KO, (32,), {"MITC4": (0.9886,), "MITC4+": (0.9973,), "MITC3": (0.9550,)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"Allman triangle": (1.004, 0.987, 0.987, 0.988)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"Cook triangle": (0.907, 0.929, 0.950, 0.981)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"Providas-Kattis triangle": (0.734, 0.815, 0.873, 0.967)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"TMRFS triangle": (0.924, 0.963, 0.974, 0.998)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32), {"Shin-Lee triangle": (1.379, 1.023, 1.004)}),
+    ("scordelis_lo", TMRFS, (8, 32, 64), {"MITC3+": (0.669, 0.857, 0.955)}),
     ("pinched_cylinder", SIMO, (4, 8, 16), {"MITC4": (0.370, 0.740, 0.930), "Simo mixed": (0.399, 0.763, 0.935)}),
     ("pinched_cylinder", KO, (16,), {"MITC4": (0.9286,), "MITC4+": (0.9313,)}),
     ("holed_hemisphere", CATIA, (2, 4, 6, 8, 10, 12), {"CATIA TR3": (1.127, 1.043, 1.019, 1.009, 1.010, 0.993)}),

@@ -24,6 +24,8 @@ class Row:
                solver did not trust its own answer (a sheet too thin for sixteen digits).
     target   : relative error that the pair for verdicts is meant to stay below on this mesh, if there is one.
     met      : whether it does.
+    limit    : what the target is about where it is not the reference, see `Test.limit`.
+    of_limit : value over limit.
     """
 
     test: str
@@ -39,6 +41,8 @@ class Row:
     verdict: str
     target: float | None = None
     met: bool | None = None
+    limit: float | None = None
+    of_limit: float | None = None
 
 
 def series(test: Test, mesh: Mesh, elements: Elements) -> list[Row]:
@@ -55,6 +59,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[Row]:
     for k, cells in enumerate(test.cells):
         verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
         target = test.targets.get(cells) if elements == VERDICT else None
+        value = values[k]
         rows.append(
             Row(
                 test.name,
@@ -62,14 +67,16 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[Row]:
                 str(elements),
                 cells,
                 problems[k].unknowns(elements),
-                values[k],
+                value,
                 test.reference,
                 ratios[k],
                 observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
                 test.source,
                 verdict,
                 target,
-                None if target is None else _met(test, values[k], target),
+                None if target is None else _met(test, value, target),
+                test.limit,
+                None if test.limit is None or value is None else value / test.limit,
             )
         )
     return rows

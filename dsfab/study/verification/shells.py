@@ -90,21 +90,28 @@ def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     )
 
 
+ROOF_LIMIT = 0.300592
+"""Sag of the roof by the theory of thin shells (Kirchhoff and Love, deep): quintic NURBS of 64 knot spans by Kiendl,
+Bletzinger, Linhard and Wuechner 2009 (Computer Methods in Applied Mechanics and Engineering 198, 3902-3914) agree in
+ten digits, as listed among the examples of FinEtoolsFlexStructures.jl. 0.3024 is MacNeal and Harder's choice between
+0.3086 (shallow shell, Scordelis and Lo 1964) and elements of their time."""
+
 TESTS = [
     Test(
         "scordelis_lo",
         0.3024,
-        "MacNeal and Harder 1985 (0.3006 deep shell); whole roof",
+        "MacNeal and Harder 1985 (exact thin shell 0.30059, Kiendl et al. 2009); whole roof",
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         (4, 8, 16, 32),
         MESHES,
         targets={8: 0.015, 16: 0.008},
+        limit=ROOF_LIMIT,
     ),
     Test(
         "pinched_cylinder",
-        1.8248e-5,
-        "Belytschko et al. 1985; eighth, a quarter of the force",
+        164.24 / (3e6 * 3),
+        "Lindberg, Olson and Cowper 1969, 164.24 P / (E h), often cut to 1.8248e-5; eighth, a quarter of the force",
         "tube between stiff end walls, pinched by two forces: how far they move",
         pinched_cylinder,
         (4, 8, 16, 32),
@@ -114,7 +121,7 @@ TESTS = [
     Test(
         "holed_hemisphere",
         0.0940,
-        "MacNeal and Harder 1985, 18 degree hole (flat triangles converge to 0.0935); quarter, half of each force",
+        "MacNeal and Harder 1985, 18 degree hole (all pairs here converge to 0.0935); quarter, half of each force",
         "hemisphere with a hole at its pole, pulled and pushed at its rim: how far the forces move",
         holed_hemisphere,
         (4, 8, 16, 32),

@@ -1,0 +1,35 @@
+"""Other ways to spend the same material: the competitors of a design, by name, one function each."""
+
+from collections.abc import Iterable, Mapping
+
+from dsfab.errors import DsfabError, did_you_mean
+from dsfab.study.baselines.brief import Baseline, Brief, Structure, Variant
+from dsfab.study.baselines.matching import SAME_MASS
+from dsfab.study.baselines.optimised import simp
+from dsfab.study.baselines.striped import grid, isotropic, rotated, von_mises
+from dsfab.study.baselines.uncut import thinner
+
+__all__ = ["BASELINES", "DEFAULT", "SAME_MASS", "Baseline", "Brief", "Structure", "Variant", "chosen"]
+
+BASELINES: Mapping[str, Baseline] = {
+    "isotropic": isotropic,
+    "rotated": rotated,
+    "thinner": thinner,
+    "von_mises": von_mises,
+    "grid": grid,
+    "simp": simp,
+}
+"""All of the same mass, and but for `thinner` of the same thickness, with the same loads, supports and kept regions."""
+
+DEFAULT = ("isotropic", "thinner")
+"""Those that a comparison asks for unless it is told otherwise."""
+
+
+def chosen(names: Iterable[str]) -> dict[str, Baseline]:
+    """Baselines by their names, each once; raises DsfabError for a name that is none."""
+    for name in (names := list(dict.fromkeys(names))):
+        if name not in BASELINES:
+            raise DsfabError(
+                f"there is no competitor {name!r}{did_you_mean(name, BASELINES)}; there are {', '.join(BASELINES)}"
+            )
+    return {name: BASELINES[name] for name in names}

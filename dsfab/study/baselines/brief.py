@@ -1,0 +1,107 @@
+"""What all competitors share, and what a competitor is."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.sparse import csr_array, eye_array
+
+from dsfab.arrays import Bools
+from dsfab.design import Design, DiffusionResult, Draft, StaticsResult
+from dsfab.pattern import Layer
+from dsfab.pipeline.patterns import kept_regions
+from dsfab.preset import Preset
+from dsfab.slicing import Sheet
+from dsfab.surface import LoadCase, Surface
+from dsfab.surface.topology import pieces
+
+
+@dataclass(frozen=True, eq=False)
+class Brief:
+    """A preset with its modes and phases settled, what was made of it before the pattern, and the area to be used, m2.
+
+    frequency : of the major and of the minor stripes, as the design draws them.
+    """
+
+    preset: Preset
+    surface: Surface
+    statics: StaticsResult
+    diffusion: DiffusionResult
+    frequency: tuple[float, float]
+    area: float
+
+    @classmethod
+    def of(cls, made: Design | Draft, area: float) -> Self:
+        """What the competitors of a design share."""
+        pattern = made.pattern
+        preset = made.preset.settled(pattern.mode, pattern.phase) if pattern.choice else made.preset
+        return cls(preset, made.surface, made.statics, made.diffusion, pattern.frequency, area)
+
+    @property
+    def share(self) -> float:
+        """The area over that of the surface."""
+        return self.area / self.surface.area
+
+    @property
+    def loads(self) -> dict[str, LoadCase]:
+        """The loads that the pattern follows, on the uncut surface."""
+        return {name: self.statics.cases[name].load for name in self.preset.followed}
+
+    @cached_property
+    def kept(self) -> Sequence[Layer]:
+        """What every competitor that is cut keeps: the discs around loads and supports, and the rim."""
+        return kept_regions(self.preset, self.surface, self.statics.load)
+
+    @property
+    def kept_faces(self) -> Bools:
+        """(m,) whether the middle of a face is in what is kept."""
+        found = np.zeros(self.surface.m, dtype=bool)
+        for layer in self.kept:
+            found |= layer.field[self.surface.F].mean(axis=1) > layer.levels[0]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """A sheet to be judged.
+
+    cells  : all cells, material and void.        names : of the fields that made them material, see `cut`.
+    sheet  : what is built, without the pieces that reach no support.       pieces : of it.      thickness : metres.
+    """
+
+    cells: Sheet
+    names: tuple[str, ...]
+    sheet: Sheet
+    pieces: int
+    thickness: float
+
+    @classmethod
+    def uncut(cls, surface: Surface, thickness: float) -> Self:
+        """The whole surface."""
+        every = np.arange(surface.m)
+        whole = Sheet(surface, every, np.zeros_like(every), csr_array(eye_array(surface.n)))
+        return cls(whole, ("the sheet",), whole, pieces(surface.F, surface.edges)[0], thickness)
+
+    @cached_property
+    def drawn(self) -> Sheet:
+        """All material, the loose pieces included."""
+        return self.cells.kept()
+
+    @property
+    def loose(self) -> float:
+        """Share of the drawn material that reaches no support and is left out."""
+        return max(0.0, 1 - self.sheet.surface.area / self.drawn.surface.area)
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One of several structures that a competitor may be, such as "modes 1, 2"; `make` may raise DsfabError."""
+
+    says: str
+    make: Callable[[], Structure]
+
+
+Baseline = Callable[[Brief], list[Variant]]
+"""A way to spend the material of a brief. Of several variants the stiffest competes."""

@@ -1,0 +1,53 @@
+"""The competitor that knows the compliance: topology optimisation, its densities cut along a level line."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.errors import PatternError
+from dsfab.pattern import Layer, solved_factor, vertex_means
+from dsfab.study.baselines.brief import Brief, Structure, Variant
+from dsfab.study.baselines.matching import area_share, matched
+from dsfab.study.simp import Densities, Simp, densities
+
+
+def simp(brief: Brief) -> list[Variant]:
+    """Densities of the same area by SIMP, cut where they exceed the value that gives that area."""
+    return [Variant("", lambda: _cut(brief, optimised(brief)))]
+
+
+def optimised(brief: Brief, ask: Simp | None = None) -> Densities:
+    """The densities of faces for the area, loads and kept regions of a brief."""
+    statics, weights = brief.preset.statics, brief.preset.followed
+    given = brief.surface, statics.material, statics.thickness, brief.loads, brief.area, brief.kept_faces
+    return densities(*given, weights, statics.law, ask)
+
+
+def level_line(brief: Brief, density: Floats) -> Structure:
+    """The structure where densities of faces (m,), averaged around the vertices, exceed one value."""
+    return matched(brief, partial(_drawing, vertex_means(brief.surface, density)))
+
+
+def _cut(brief: Brief, found: Densities) -> Structure:
+    """`level_line`; where it falls apart, the reason tells how much was left grey."""
+    try:
+        return level_line(brief, found.density)
+    except PatternError as error:
+        raise PatternError(
+            f"{error}; SIMP left {found.grey(brief.surface):.0%} of the area neither void nor material"
+        ) from None
+
+
+def _drawing(field: Floats, brief: Brief, share: float, tolerance: float) -> Sequence[Layer]:
+    """What is kept, and where a field (n,) exceeds the value that makes `share` of the surface material."""
+    high, low = float(field.max()), float(field.min())
+    margin = 1e-3 * (high - low)
+    every = np.full(brief.surface.n, np.inf)
+
+    def layers(depth: float) -> list[Layer]:
+        level = high + margin - depth * (high - low + 2 * margin)
+        return [*brief.kept, Layer("simp", field, np.array([level]), every)]
+
+    return layers(solved_factor(lambda depth: area_share(brief, layers(depth)), share, tolerance))

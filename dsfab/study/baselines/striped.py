@@ -1,0 +1,131 @@
+"""Competitors made of stripes, as the design is, but along other directions: deaf, turned, of von Mises, straight."""
+
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.design import DiffusionResult
+from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, reference_axes
+from dsfab.pattern import Family, Stripes, vertex_means
+from dsfab.pipeline.directions import diffusion_step, load_axes
+from dsfab.pipeline.log import Log
+from dsfab.preset import Preset
+from dsfab.preset_file import overridden
+from dsfab.study.baselines.brief import Brief, Structure, Variant
+from dsfab.study.baselines.matching import striped, widened
+from dsfab.surface import Surface
+from dsfab.surface.hats import voronoi_mass
+
+MODES = 3
+"""Pairs are made of the first so many modes: where modes repeat, one pair would be a lucky draw."""
+
+PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]
+"""Of the major and of the minor stripes."""
+
+PHASES = (0.0, 0.25, 0.5, 0.75)
+"""Periods by which stripes are shifted that have no pairs of modes to choose from."""
+
+TIE = 1e-3
+"""Weight of the axes of supports and loads where the surface's own are no clear ones: on a sphere, on a square."""
+
+
+def isotropic(brief: Brief) -> list[Variant]:
+    """Stripes of plain width and the same frequencies on modes that do not hear the stress (r = 1): all pairs."""
+    blind = overridden(
+        brief.preset,
+        {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": brief.share}},
+    )
+    diffusion = cache(lambda: diffusion_step(blind, brief.surface, brief.statics, Log(None)))
+    both = blind.pattern.major, blind.pattern.minor
+    alike = both[0].stripes == both[1].stripes and both[0].spacing == both[1].spacing
+    # without stress both families have the same modes: (1, 2) is (2, 1) where they are striped alike
+    wanted = [(a, b) for a, b in PAIRS if not alike or a <= b]
+    return _pairs(brief, blind, diffusion, wanted)
+
+
+def rotated(brief: Brief) -> list[Variant]:
+    """The design's tensors and stripes turned by 45 degrees in the tangent plane: all pairs of modes."""
+
+    @cache
+    def diffusion() -> DiffusionResult:
+        tensors = turned(brief.surface, brief.diffusion.tensors, np.pi / 4)
+        axes = load_axes(brief.surface, brief.statics.load)
+        operators = (diffusion_operator(brief.surface, D) for D in (tensors.major, tensors.minor))
+        major, minor = (diffusion_modes(brief.surface, L, MODES, axes) for L in operators)
+        return DiffusionResult(tensors, major, minor)
+
+    return _pairs(brief, brief.preset, diffusion, PAIRS)
+
+
+def von_mises(brief: Brief) -> list[Variant]:
+    """Stripes of one family on the von Mises stress, of plain width: the paper's answer to "why not follow that?"."""
+    value = as_mode(brief.surface, brief.statics.answers.stress.largest)
+    return [
+        Variant(f"phase {phase:g}", partial(_plain, brief, {"von Mises": (value, brief.frequency[0])}, phase))
+        for phase in PHASES
+    ]
+
+
+def grid(brief: Brief) -> list[Variant]:
+    """Stripes of plain width, straight along the surface's two principal axes, as many as the design has."""
+    centred = brief.surface.V - brief.surface.V.mean(axis=0)
+    fields = {
+        name: (scaled(brief.surface, centred @ axis), frequency)
+        for name, axis, frequency in zip(("along", "across"), principal_axes(brief), brief.frequency, strict=True)
+    }
+    return [Variant(f"phase {phase:g}", partial(_plain, brief, fields, phase)) for phase in PHASES]
+
+
+def turned(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
+    """Tensors turned about the faces' normals by `angle`, radians; what is told of the stresses stays."""
+    x, y, z = surface.normals.T
+    zero = np.zeros(surface.m)
+    across = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    R = np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * across @ across  # Rodrigues 1840
+    major, minor = (R @ D @ R.transpose(0, 2, 1) for D in (tensors.major, tensors.minor))
+    return DiffusionTensors(major, minor, tensors.isotropic, tensors.principal)
+
+
+def as_mode(surface: Surface, face: Floats) -> Floats:
+    """(n,) values of faces (m,) at the vertices, `scaled` like a mode."""
+    return scaled(surface, vertex_means(surface, face))
+
+
+def scaled(surface: Surface, value: Floats) -> Floats:
+    """(n,) values of vertices (n,) scaled like a mode (see `dsfab.diffusion.Modes`), so that frequencies mean the same:
+    mean 0, and area / 4 pi as the integral of the square."""
+    mass = voronoi_mass(surface)
+    value = value - mass @ value / mass.sum()
+    return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))
+
+
+def principal_axes(brief: Brief) -> Floats:
+    """(2, 3) unit axes along which the surface is longest; where it is equally long, nearer the loads and supports."""
+    surface, load = brief.surface, brief.statics.load
+    mass = voronoi_mass(surface)
+    x = surface.V - mass @ surface.V / mass.sum()
+    spread = x.T @ (mass[:, None] * x)
+    ties = reference_axes(surface, (load.held.astype(float),), (load.force.sum(axis=0),))
+    spread += TIE * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
+    return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
+
+
+def _pairs(
+    brief: Brief, preset: Preset, diffusion: Callable[[], DiffusionResult], pairs: Iterable[tuple[int, int]]
+) -> list[Variant]:
+    """A variant for each pair of modes, all on one `diffusion`, which is made when the first is."""
+    phases = preset.pattern.major.shift, preset.pattern.minor.shift
+
+    def made(pair: tuple[int, int]) -> Structure:
+        return striped(brief, preset.settled(pair, phases), diffusion())
+
+    return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in pairs]
+
+
+def _plain(brief: Brief, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
+    """Stripes of plain width on fields (n,) with a frequency each."""
+    preset = overridden(brief.preset, {"pattern.width": {"solid_fraction": brief.share}})
+    stripes = [(name, x, Stripes(frequency, phase)) for name, (x, frequency) in fields.items()]
+    return widened(brief, preset, [Family.on(brief.surface, name, own, x) for name, x, own in stripes])

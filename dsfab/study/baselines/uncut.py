@@ -1,0 +1,11 @@
+"""Competitors that are not cut."""
+
+from functools import partial
+
+from dsfab.study.baselines.brief import Brief, Structure, Variant
+
+
+def thinner(brief: Brief) -> list[Variant]:
+    """The whole surface, everywhere as thin as the design is light."""
+    thickness = brief.share * brief.preset.statics.thickness
+    return [Variant("", partial(Structure.uncut, brief.surface, thickness))]

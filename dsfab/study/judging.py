@@ -1,0 +1,191 @@
+"""`Judge`: the one function that looks at a structure and says how it carries its loads."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.errors import StaticsError
+from dsfab.pipeline.handover import sheet_loads
+from dsfab.statics import (
+    LAYERS,
+    VERDICT,
+    Ask,
+    Elements,
+    Equilibrium,
+    buckling,
+    flat_axis,
+    frequencies,
+    sheet_stress,
+    solve_cases,
+)
+from dsfab.study.baselines import Brief, Structure
+from dsfab.surface import LoadCase, Surface
+
+QUICK = Elements("quadratic", "midedge")
+"""Fit for comparing like with like by one solve on the mesh as it is cut."""
+
+QUANTILE = 0.999
+"""Share of the area that a stress is told of which all but the worst places keep to: peaks grow with the mesh."""
+
+Verdict = Literal["pass", "fail", "unknown"]
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The largest of a quantity: `value` at `place`, metres; and what `QUANTILE` of the area does not exceed."""
+
+    value: float
+    place: tuple[float, float, float]
+    quantile: float
+
+
+@dataclass(frozen=True)
+class Carried:
+    """How a sheet answers one load.
+
+    compliance, displacement : joules, and metres with its place.
+    tension, compression     : the largest principal stress of all layers, and minus the smallest, Pa; not under 0.
+    stress      : the largest von Mises stress, Pa.      utilisation : over the strength, of `QUANTILE` and at the peak.
+    reactions   : newtons (3,), of each entry of surface.support, in their order.
+    imbalance, residual : see `dsfab.statics.Equilibrium`.
+    buckling, frequency : lowest load factor, and hertz; None where they were not asked for or there is none.
+    refusals    : why they could not be found.
+    """
+
+    compliance: float
+    displacement: Extreme
+    tension: Extreme
+    compression: Extreme
+    stress: Extreme
+    utilisation: tuple[float, float] | None
+    reactions: tuple[tuple[float, float, float], ...]
+    imbalance: float
+    residual: float
+    buckling: float | None = None
+    frequency: float | None = None
+    refusals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a judge says of a structure.
+
+    compliance : joules, summed over what the pattern follows with its weights.
+    bound      : the share by which the true value may be off, or None where the judge does not say.
+    verdict    : whether the bound can be relied on, and `reason`.
+    cases      : by name, the answer to each load.
+    """
+
+    compliance: float
+    cases: Mapping[str, Carried]
+    bound: float | None = None
+    verdict: Verdict = "unknown"
+    reason: str = ""
+
+    def worst(self, name: str) -> Extreme:
+        """The largest over the cases of `displacement`, `tension`, `compression` or `stress`."""
+        found: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
+        return max(found, key=lambda extreme: extreme.value)
+
+
+Judge = Callable[[Brief, Structure], Judgement]
+"""May raise DsfabError: then the structure does not carry its loads."""
+
+
+def quick(brief: Brief, structure: Structure, ask: Ask | None = None) -> Judgement:
+    """One solve on the mesh as it is cut, by quadratic membrane and mid-edge bending.
+
+    At four elements across a member typically within 3 %: good for comparing like with like, not a verdict on safety.
+
+    ask : how many frequencies and load factors are wanted besides (one is kept), by the most accurate elements.
+
+    Raises StaticsError when the structure does not carry its loads: a concentrated load on a piece that reaches no
+    support counts as not carried.
+    """
+    statics, surface, ask = brief.preset.statics, structure.sheet.surface, ask or Ask()
+    loads = sheet_loads(brief.surface, structure.drawn, structure.sheet, brief.loads)
+    given = statics.material, loads, structure.thickness, statics.law
+    answers = solve_cases(surface, *given, "quadratic", "midedge")
+    plane = flat_axis(surface, *loads.values()) is not None
+    cases = {
+        name: _carried(brief, structure, loads[name], answer, QUICK.in_plane if plane else QUICK, ask)
+        for name, answer in answers.items()
+    }
+    total = sum(weight * answers[name].compliance for name, weight in brief.preset.followed.items())
+    return Judgement(total, cases, reason="one solve on the cut mesh: fit for comparing, not a verdict")
+
+
+def _carried(
+    brief: Brief, structure: Structure, load: LoadCase, answer: Equilibrium, elements: Elements, ask: Ask
+) -> Carried:
+    statics, surface = brief.preset.statics, structure.sheet.surface
+    stress = sheet_stress(surface, statics.material, structure.thickness, statics.law, elements, answer)
+    principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
+    moved = np.linalg.norm(answer.u, axis=1)
+    largest = _extreme(surface, stress.largest)
+    strength = statics.strength
+    return Carried(
+        answer.compliance,
+        Extreme(float(moved.max()), _point(surface.V[moved.argmax()]), _quantile(moved, surface.vertex_areas)),
+        _extreme(surface, np.maximum(principal[..., 0].max(axis=1), 0)),
+        _extreme(surface, np.maximum(-principal[..., 1].min(axis=1), 0)),
+        largest,
+        (largest.quantile / strength, largest.value / strength) if strength else None,
+        _reactions(brief, structure, answer),
+        answer.imbalance,
+        answer.residual,
+        *_modes(brief, structure, load, answer, ask),
+    )
+
+
+def _extreme(surface: Surface, value: Floats) -> Extreme:
+    """Of values of faces (m,)."""
+    worst = int(value.argmax())
+    return Extreme(float(value[worst]), _point(surface.centroids[worst]), _quantile(value, surface.areas))
+
+
+def _quantile(value: Floats, weight: Floats) -> float:
+    """What `QUANTILE` of the weights does not exceed."""
+    order = np.argsort(value)
+    upto = np.cumsum(weight[order])
+    return float(value[order][min(np.searchsorted(upto, QUANTILE * upto[-1]), len(order) - 1)])
+
+
+def _point(x: Floats) -> tuple[float, float, float]:
+    a, b, c = (float(v) for v in x + 0.0)
+    return a, b, c
+
+
+def _reactions(brief: Brief, structure: Structure, answer: Equilibrium) -> tuple[tuple[float, float, float], ...]:
+    """Of each support, newtons: what several of them hold is shared equally."""
+    supports = brief.preset.surface.support
+    holds = [support.fixed(brief.surface) | (support.springs(brief.surface) > 0) for support in supports]
+    marks = np.array([structure.sheet.between(hold) for hold in holds])
+    shares = marks / np.maximum(marks.sum(axis=0), 1)
+    return tuple(_point((answer.reaction * share).sum(axis=0)) for share in shares)
+
+
+def _modes(
+    brief: Brief, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
+) -> tuple[float | None, float | None, tuple[str, ...]]:
+    """`buckling`, `frequency` and `refusals` of a `Carried`."""
+    statics, surface = brief.preset.statics, structure.sheet.surface
+    clamped = load.clamped if len(load.clamped) else None
+    how: dict[str, Any] = {"law": statics.law, "elements": VERDICT}
+    held: dict[str, Any] = {**how, "clamped": clamped, "spring": load.spring}
+    factor, hertz, refusals = np.empty(0), np.empty(0), []
+    try:
+        if ask.buckling:
+            factor = buckling(surface, statics.material, load, answer, structure.thickness, 1, **how).factor
+    except StaticsError as error:
+        refusals.append(f"no buckling factor: {error}")
+    try:
+        if ask.frequencies:
+            hertz = frequencies(surface, statics.material, load.fixed, structure.thickness, 1, **held).hertz
+    except StaticsError as error:
+        refusals.append(f"no natural frequency: {error}")
+    lowest = [float(found[0]) if len(found) else None for found in (factor, hertz)]
+    return lowest[0], lowest[1], tuple(refusals)

@@ -1,0 +1,116 @@
+"""`check`: the verdict on a cut sheet under the loads of its uncut surface."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from dsfab.design import Design
+from dsfab.errors import DsfabError
+from dsfab.pipeline.log import Progress
+from dsfab.slicing import Sheet
+from dsfab.study.verdict import rules
+from dsfab.study.verdict.climb import Climb
+from dsfab.study.verdict.smooth import SmoothSurface
+from dsfab.study.verdict.structure import Dropped, Structure, attached
+from dsfab.study.verdict.verdict import SEVERITY, CaseVerdict, Depth, Verdict
+from dsfab.surface import Surface
+
+BUDGET = 4e9
+"""Bytes that a verdict may take unless told otherwise."""
+
+
+def check(
+    subject: Design | Structure,
+    sheet: Sheet | None = None,
+    depth: Depth = "full",
+    budget: float = BUDGET,
+    progress: Progress | None = None,
+) -> Verdict:
+    """The compliance of a cut sheet under its loads, with a bound; or why it is not known, or that nothing is carried.
+
+    subject : a design, or the `Structure` that competitors share.
+    sheet   : the material, loose pieces included; that of the design when left out. It lies in the subject's surface.
+    depth   : quick, one solve by quadratic + midedge on the mesh as it is cut; or full, quadratic + hhj on the cut mesh
+              and on its refinement with all points on the smooth surface, extrapolated, and on one more where the
+              bound is not under 2 % then.
+    budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
+
+    Nothing is raised for a sheet that does not carry its loads: that is a verdict. Raises ValueError when `sheet` is
+    left out of a `Structure`.
+    """
+    start = time.perf_counter()
+    structure = Structure.of(subject) if isinstance(subject, Design) else subject
+    if sheet is None:
+        if not isinstance(subject, Design):
+            raise ValueError("a structure has no sheet of its own: give one")
+        sheet = subject.slicing.cells.kept()
+    climb = Climb(structure, SmoothSurface.through(structure.surface), depth, budget, progress)
+    dropped: tuple[Dropped, ...] = ()
+    try:
+        sheet, dropped, loads = attached(structure, sheet)
+        climb.up(sheet, loads)
+    except DsfabError as error:
+        climb.stopped = "fail", str(error)
+    return _verdict(climb, sheet, dropped, time.perf_counter() - start)
+
+
+def _verdict(climb: Climb, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: float) -> Verdict:
+    surface, thickness = climb.structure.surface, climb.structure.made.thickness
+    if climb.levels:
+        cases = climb.cases()
+        if climb.stopped:
+            status, why = climb.stopped
+            cases = [
+                case if case.status == "pass" else replace(case, status=status, reason=f"{case.reason}; {why}")
+                for case in cases
+            ]
+    else:
+        status, why = climb.stopped or ("unknown", "nothing was solved")
+        cases = [CaseVerdict(name, np.nan, np.inf, status, why) for name in climb.structure.loads]
+    cases.sort(key=lambda case: (-SEVERITY.index(case.status), -case.value if np.isfinite(case.value) else 0.0))
+    first = cases[0]
+    reason = first.reason if len(cases) == 1 else f"{first.name}: {first.reason}"
+    across = members(sheet) / surface.mean_edge
+    facets = facets_of(climb.smooth, thickness)
+    warnings = tuple(_warnings(across, facets))
+    return Verdict(
+        climb.depth,
+        first.status,
+        reason,
+        tuple(cases),
+        tuple(climb.levels),
+        dropped,
+        across,
+        facets,
+        warnings,
+        seconds,
+    )
+
+
+def members(sheet: Sheet) -> float:
+    """Metres: the mean width of the members, twice the area over the length of all borders; inf without a border."""
+    surface: Surface = sheet.surface
+    ends = surface.V[surface.edges.ends[surface.edges.boundary]]
+    length = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+    return 2 * surface.area / length if length else float("inf")
+
+
+def facets_of(smooth: SmoothSurface, thickness: float) -> float:
+    """L^2 / (R h) of the flat faces: eight times how far the middle of an edge is off its chord, the median."""
+    return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
+
+
+def _warnings(across: float, facets: float) -> list[str]:
+    told = []
+    if across < rules.MEMBER:
+        told.append(
+            f"members are {across:.2g} edges of the uncut mesh wide in the mean (better {rules.MEMBER:g} or more): "
+            "their outline is coarse; make the mesh finer (surface.edge), or the stripes fewer"
+        )
+    if facets > rules.FACETS:
+        told.append(
+            f"flat faces are {facets:.2g} thicknesses off the smooth surface, as L^2 / (R h) (better under "
+            f"{rules.FACETS:g}): what lies between the vertices is a guess; make the mesh finer (surface.edge)"
+        )
+    return told

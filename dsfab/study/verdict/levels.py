@@ -1,0 +1,110 @@
+"""One level of a verdict: the sheet solved on one mesh by two pairs of elements, with what each says of its errors."""
+
+import resource
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.statics import Elements, Equilibrium, SpreadLoad, equilibria, flat_axis, sheet_stiffness, sheet_stress
+from dsfab.study.verdict.structure import Sheeting
+from dsfab.surface import LoadCase, Surface
+
+HHJ, MIDEDGE = Elements("quadratic", "hhj"), Elements("quadratic", "midedge")
+"""The pair that a verdict is made with, and the one that it is compared to: they err to opposite sides mostly."""
+
+BYTES = {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0}
+"""Memory of a solve for each unknown, by bending: measured at 0.3 to 1.3 million with the multifrontal solver."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """One mesh of a verdict.
+
+    triangles  : of the mesh.              unknowns : of quadratic + hhj (without bending in the plane).
+    compliance : J, by quadratic + hhj, for each case.       midedge : J, by quadratic + midedge; empty where not run.
+    zz_membrane, zz_bending : for each case the squared error that the recovered stress shows, as a share of the
+                 compliance [Zienkiewicz and Zhu 1987], of quadratic + hhj.
+    residual   : the largest of all cases and pairs, relative, in the norm of the energy (see `Equilibrium`).
+    seconds    : of both pairs.
+    memory     : bytes, the most that the process has held up to then.
+    """
+
+    triangles: int
+    unknowns: int
+    compliance: Mapping[str, float]
+    midedge: Mapping[str, float]
+    zz_membrane: Mapping[str, float]
+    zz_bending: Mapping[str, float]
+    residual: float
+    seconds: float
+    memory: int
+
+
+def level(
+    surface: Surface,
+    made: Sheeting,
+    loads: Mapping[str, LoadCase],
+    spreads: Mapping[str, SpreadLoad],
+    pairs: tuple[Elements, ...] = (HHJ, MIDEDGE),
+) -> Level:
+    """The sheet on one mesh, under loads on the same supports. Raises StaticsError as `equilibria` does."""
+    start = time.perf_counter()
+    plane = flat_axis(surface, *loads.values()) is not None
+    found = {}
+    # in the plane there is no bending, and the two pairs are one
+    for pair in pairs[:1] if plane else pairs:
+        elements = pair.in_plane if plane else pair
+        K = sheet_stiffness(surface, made.material, made.thickness, made.law, elements)
+        answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
+        found[pair] = dict(zip(loads, answers, strict=True))
+        del K
+    main = pairs[0]
+    elements = main.in_plane if plane else main
+    errors = {name: recovery_errors(surface, made, elements, answer) for name, answer in found[main].items()}
+    energies = {pair: {name: answer.compliance for name, answer in of.items()} for pair, of in found.items()}
+    return Level(
+        surface.m,
+        elements.unknowns(surface),
+        energies[main],
+        energies.get(MIDEDGE, {}) if main != MIDEDGE else {},
+        {name: error[0] for name, error in errors.items()},
+        {name: error[1] for name, error in errors.items()},
+        max(answer.residual for of in found.values() for answer in of.values()),
+        time.perf_counter() - start,
+        most_memory(),
+    )
+
+
+def recovery_errors(surface: Surface, made: Sheeting, elements: Elements, answer: Equilibrium) -> tuple[float, float]:
+    """Squared errors in the norm of the energy over the compliance, of membrane and of bending: how far the stress is
+    from the same averaged around each vertex [Zienkiewicz and Zhu 1987]. 0 for stress that is constant on each face."""
+    if answer.compliance <= 0:
+        return 0.0, 0.0
+    found = sheet_stress(surface, made.material, made.thickness, made.law, elements, answer)
+    C = np.linalg.inv(made.material.membrane(made.law)) * made.thickness
+    D = np.linalg.inv(made.material.bending(made.thickness)) * (made.thickness**2 / 6) ** 2
+    membrane = _squared(surface, found.smooth_membrane - found.membrane, np.asarray(C))
+    bending = _squared(surface, found.smooth_bending - found.bending, np.asarray(D))
+    return membrane / answer.compliance, bending / answer.compliance
+
+
+def _squared(surface: Surface, off: Floats, by: Floats) -> float:
+    """The integral of off . by off, `off` (m, 3 corners, 3) linear on each face."""
+    there = off @ by
+    total = np.einsum("mci,mci->m", off, there) + np.einsum("mi,mi->m", off.sum(axis=1), there.sum(axis=1))
+    return float(total @ surface.areas / 12)
+
+
+def most_memory() -> int:
+    """Bytes, the largest that the process has held."""
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else 1024 * most
+
+
+def memory_needed(unknowns: int, bending: str | None) -> int:
+    """Bytes that a solve of so many unknowns takes, about; what the process holds besides is not counted."""
+    return int(BYTES[bending] * unknowns)
