@@ -36,6 +36,7 @@ from dsfab.export.smooth.text import SmoothText
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import header, planar_faces
 from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import boundary_loops, edge_table
 from dsfab.units import MM_PER_M
 
 GAP = 1 / 20
@@ -49,6 +50,9 @@ VOLUME = 5e-3
 
 LAYOUTS = ((68.0, 1, 0), (55.0, 8, 1), (45.0, 12, 2))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
+
+LOOPS = 40
+"""Outlines in a chart, about: what OCCT does to a face, opening, checking or measuring it, takes their number squared."""
 
 REFITS = 3
 """How often the refused pieces of a layout are built tighter."""
@@ -121,9 +125,10 @@ class _Ladder:
         """The best of the layouts: the first one without a refused piece."""
         best: _Tried | None = None
         reason = ""
+        enough = self._loops() // LOOPS + 1
         for lean, fewest, start in LAYOUTS:
             try:
-                tried = self._tried(np.deg2rad(lean), fewest, start)
+                tried = self._tried(np.deg2rad(lean), max(fewest, enough), start)
             except ExportError as error:
                 reason = reason or str(error)
                 continue
@@ -135,6 +140,11 @@ class _Ladder:
         if best is None or not best.accepted.any():
             raise ExportError(f"{reason}; write step = 'faceted'")
         return self._file(best)
+
+    def _loops(self) -> int:
+        """Outlines of the sheet, all pieces together."""
+        F = self.curved.divided(np.ones((self.surface.n, 1))).F
+        return len(boundary_loops(F, edge_table(F)))
 
     def _tried(self, cone: float, fewest: int, start: int) -> _Tried:
         """A layout, its pieces refitted where refused; which were accepted, and why the others were not."""
