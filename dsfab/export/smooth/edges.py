@@ -15,7 +15,7 @@ TIGHTER = (1.0, 0.2, 0.04)
 FLAT = 1 / 40
 """Tolerance of outlines over their polylines, as a share of the thickness; the mesh's chord error comes on top."""
 
-IN_SPACE = 1 / 200
+IN_SPACE = 1 / 100
 """Tolerance of the curves on the skins, as a share of the thickness."""
 
 ON_SEAM = 1 / 1000
@@ -46,6 +46,12 @@ class Edge:
     flat: dict[int, Spline]
     gap: float
     wall: bool
+
+    @property
+    def spans(self) -> int:
+        """The power of two that makes all knots, which are halves of halves of [0, 1], whole numbers: short to write."""
+        knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
+        return next(2**k for k in range(30) if not (2**k * knots % 1).any())
 
 
 @dataclass(frozen=True, eq=False)

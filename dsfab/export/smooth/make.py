@@ -152,7 +152,7 @@ class _Ladder:
         charts = charts_of(self.surface, self.curved, fields, self.tolerance)
         sheet = sheet_of(self.curved.divided(fields), self.curved.shift)
         builder, levels = Builder(sheet, charts, self.t), [dict[Key, int]() for _ in range(sheet.count)]
-        model = Model(charts, builder.nodes, [builder.piece(k, levels[k]) for k in range(sheet.count)])
+        model = Model(charts, builder.nodes, [builder.piece(k, levels[k]) for k in range(sheet.count)], self.t)
         wanted = self._volumes(sheet)
         measured = np.zeros(sheet.count)
         accepted, reasons = np.zeros(sheet.count, dtype=bool), [""] * sheet.count

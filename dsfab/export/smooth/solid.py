@@ -40,11 +40,12 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """All pieces on their charts, and the points of their nodes (2, 3), millimetres."""
+    """All pieces on their charts, the points of their nodes (2, 3), and the thickness; millimetres."""
 
     charts: list[Chart]
     nodes: Nodes
     pieces: list[Piece]
+    thickness: float
 
 
 class Builder:
