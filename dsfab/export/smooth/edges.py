@@ -24,6 +24,9 @@ ON_SEAM = 1 / 1000
 OF_LOOP = 0.005
 """A loop is followed at least as closely as this share of its length."""
 
+STEEP = 16
+"""Places of an outline where the slope of the skin is asked for."""
+
 OF_EDGE = 0.05
 """And as this share of the mesh's edges."""
 
@@ -49,7 +52,7 @@ class Edge:
 
     @property
     def spans(self) -> int:
-        """The power of two that makes all knots, which are halves of halves of [0, 1], whole numbers: short to write."""
+        """The power of two that makes all knots whole numbers, short to write: they are halves of halves of [0, 1]."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(2**k for k in range(30) if not (2**k * knots % 1).any())
 
@@ -112,7 +115,7 @@ def _spread(line: Floats) -> tuple[Floats, Floats]:
 
 def _tolerance(run: Run, line: Floats, chart: Chart, sheet: Sheet, t: float) -> float:
     """Millimetres over the plane: a share of the thickness on the skin, and what the polyline itself is off a curve."""
-    _, a, b = chart.middle.slopes(line)
+    _, a, b = chart.middle.slopes(line[:: len(line) // STEEP + 1])
     steep = float(np.linalg.norm(np.cross(a, b), axis=1).max())
     points = sheet.V[run.vertices]
     along = np.diff(points, axis=0)

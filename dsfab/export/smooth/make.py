@@ -52,7 +52,7 @@ LAYOUTS = ((68.0, 1, 0), (55.0, 8, 1), (45.0, 12, 2))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
 
 LOOPS = 40
-"""Outlines in a chart, about: what OCCT does to a face, opening, checking or measuring it, takes their number squared."""
+"""Outlines in a chart, about: opening, checking and measuring a face take OCCT their number squared."""
 
 REFITS = 3
 """How often the refused pieces of a layout are built tighter."""
@@ -120,6 +120,7 @@ class _Ladder:
         self.surface = Surface(self.curved.V, self.curved.F)
         self.t = 2 * MM_PER_M * float(np.median(np.linalg.norm(self.curved.D, axis=1)))
         self.tolerance = part.tolerance or FIT * self.t
+        self.asked: tuple[list[int], str] = ([], "")
 
     def made(self) -> Made:
         """The best of the layouts: the first one without a refused piece."""
@@ -208,6 +209,7 @@ class _Ladder:
             return {}
         text = self._text(model, which)
         limit = SECONDS + SECONDS_PER_FACE * sum(model.pieces[k].faces for k in which)
+        self.asked = (which, text)
         with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
             path = Path(folder) / "a.step"
             path.write_text(text, encoding="ascii")
@@ -248,7 +250,8 @@ class _Ladder:
         model, accepted = best.model, best.accepted
         which = np.flatnonzero(accepted).tolist()
         rest = None if accepted.all() else self._rest(best.sheet, accepted)
-        text = self._text(model, which, rest)
+        whole = rest is None and self.asked[0] == which
+        text = self.asked[1] if whole else self._text(model, which, rest)
         return Made(
             text=text,
             pieces=len(accepted),

@@ -24,12 +24,17 @@ class Skin:
 
 @dataclass(eq=False)
 class Piece:
-    """A piece: edges, skins, and its widest gap, millimetres. refused: why it cannot be one closed shell, or ''."""
+    """A piece: edges, skins, and its widest gap, millimetres.
+
+    traced : whether its edges are written with their curves on skins and walls, too.
+    refused : why it cannot be one closed shell, or ''.
+    """
 
     edges: list[Edge] = field(default_factory=list)
     keys: list[Key] = field(default_factory=list)
     skins: list[Skin] = field(default_factory=list)
     gap: float = 0.0
+    traced: bool = False
     refused: str = ""
 
     @property
@@ -58,7 +63,7 @@ class Builder:
 
     def piece(self, number: int, level: dict[Key, int]) -> Piece:
         """One piece; level : how often each of its runs was refused."""
-        made, seams = Piece(), dict[Key, int]()
+        made, seams = Piece(traced=bool(level)), dict[Key, int]()
         for region in self.sheet.regions:
             if region.piece != number:
                 continue
