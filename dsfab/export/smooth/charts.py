@@ -23,6 +23,10 @@ OUTSIDE = 0.2
 normals lean to one side. The tolerance is not asked of either."""
 
 
+DIVISIONS = 2
+"""Coarse meshes are divided so often for the fit, by points on cubics between the vertices: charts then agree at seams.
+Nothing is known between the vertices of a coarse mesh, but two skins must say the same there."""
+
 OF_CHORD = 0.5
 """Share of the mesh's own chord error that counts to the tolerance: between its vertices it says no more."""
 
@@ -54,8 +58,15 @@ class Chart:
 
 def charts_of(surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> list[Chart]:
     """A chart for each field; raises ExportError where no spline surface comes within `tolerance` millimetres."""
+    D = curved.D
+    for _ in range(DIVISIONS):
+        chord, ends = _chord(surface), surface.edges.ends
+        if MM_PER_M * chord <= tolerance:
+            break
+        surface = _finer(surface)
+        D, fields = (np.concatenate([x, x[ends].mean(axis=1)]) for x in (D, fields))
     best = fields.argmax(axis=1)
-    D, V = MM_PER_M * _upright(surface, curved.D), MM_PER_M * curved.V
+    D, V = MM_PER_M * _upright(surface, D), MM_PER_M * surface.V
     middle = V + curved.shift * D
     made = []
     for k in range(fields.shape[1]):
@@ -70,12 +81,49 @@ def charts_of(surface: Surface, curved: Curved, fields: Floats, tolerance: float
     return made
 
 
+def excess(surface: Surface) -> float:
+    """By what share a smooth surface through the vertices is larger than its triangles: their volume is less by that.
+
+    Area goes with the square of the edges, so when each triangle is divided in four a third of the difference is left.
+    """
+    return max(_finer(surface).area / surface.area - 1, 0.0) * 4 / 3
+
+
+def _normals(surface: Surface) -> Floats:
+    """Of the vertices: the means of their faces', weighted with the angles there."""
+    return np.asarray(igl.per_vertex_normals(surface.V, surface.F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
+
+
+def _chord(surface: Surface) -> float:
+    """How far edges lie below the smooth surface, at their middles; nine of ten less."""
+    ends = surface.edges.ends
+    off = _between(surface.V, _normals(surface), ends) - surface.V[ends].mean(axis=1)
+    return float(np.percentile(np.linalg.norm(off, axis=1), 90))
+
+
+def _finer(surface: Surface) -> Surface:
+    """Each triangle in four, with points on cubics half way along the edges after the other points."""
+    V, n, ends = surface.V, surface.n, surface.edges.ends
+    M = np.concatenate([V, _between(V, _normals(surface), ends)])
+    a, b, c = surface.F.T
+    key = ends.min(axis=1) * n + ends.max(axis=1)
+    order = np.argsort(key)
+    ab, bc, ca = (
+        n + order[np.searchsorted(key[order], np.minimum(p, q) * n + np.maximum(p, q))]
+        for p, q in ((a, b), (b, c), (c, a))
+    )
+    four = np.concatenate(
+        [np.stack(corners, axis=1) for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    )
+    return Surface(M, four)
+
+
 def _upright(surface: Surface, D: Floats) -> Floats:
     """Vectors to the same skins along the mean normals of the vertices, weighted with the angles of their faces.
 
     Those that a face sees best lean a little this way and that: on a skin that is its vertices' noise, not its shape.
     """
-    N = igl.per_vertex_normals(surface.V, surface.F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE)
+    N = _normals(surface)
     N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
     return np.asarray(N * np.einsum("ni,ni->n", N, D)[:, None])
 

@@ -28,7 +28,7 @@ from dsfab.export.planar import Polyhedron, polyhedron
 from dsfab.export.plate_text import Entities
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth import check
-from dsfab.export.smooth.charts import charts_of
+from dsfab.export.smooth.charts import charts_of, excess
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.outline import Sheet, sheet_of
 from dsfab.export.smooth.solid import Builder, Key, Model, Piece
@@ -46,7 +46,7 @@ FIT = 1 / 40
 """Tolerance of the skins, as a share of the thickness."""
 
 VOLUME = 5e-3
-"""Largest change of a piece's volume; the whole part is held to a thousandth, as any format is."""
+"""Largest change of a volume, beside what the smooth surface has more than the triangles between its points."""
 
 LAYOUTS = ((68.0, 1, 0), (55.0, 8, 1), (45.0, 12, 2))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
@@ -120,6 +120,7 @@ class _Ladder:
         self.surface = Surface(self.curved.V, self.curved.F)
         self.t = 2 * MM_PER_M * float(np.median(np.linalg.norm(self.curved.D, axis=1)))
         self.tolerance = part.tolerance or FIT * self.t
+        self.rounder = excess(self.surface)
         self.asked: tuple[list[int], str] = ([], "")
 
     def made(self) -> Made:
@@ -164,7 +165,7 @@ class _Ladder:
                 reasons[k] = self._reason(model.pieces[k], found.get(k), wanted[k])
                 accepted[k] = not reasons[k]
                 measured[k] = found[k]["volume"] if k in found else 0.0
-            todo = [k for k in todo if not accepted[k] and k in found]
+            todo = [k for k in todo if not accepted[k] and k in found and (found[k]["bad"] or not self._fine(found[k]))]
             if not todo or turn == REFITS:
                 break
             for k in todo:
@@ -197,11 +198,15 @@ class _Ladder:
             (found["tessellates"], "OCCT makes no triangles of a face"),
             (gap <= GAP * self.t, f"a gap of {gap:.2g} mm is wider than {GAP * self.t:.2g} mm"),
             (
-                abs(found["volume"] - wanted) <= VOLUME * wanted,
+                abs(found["volume"] - wanted) <= (VOLUME + self.rounder) * wanted,
                 f"its volume is off by {found['volume'] / wanted - 1:.1%}",
             ),
         )
         return next((text for good, text in tests if not good), "")
+
+    def _fine(self, found: dict[str, Any]) -> bool:
+        """Whether tighter curves cannot make a refused piece better."""
+        return bool(found["valid"] and found["tessellates"] and found["gap"] <= GAP * self.t)
 
     def _asked(self, model: Model, which: list[int]) -> dict[int, dict[str, Any]]:
         """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
