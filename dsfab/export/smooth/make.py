@@ -48,7 +48,7 @@ FIT = 1 / 40
 VOLUME = 5e-3
 """Largest change of a volume, beside what the smooth surface has more than the triangles between its points."""
 
-LAYOUTS = ((68.0, 1, 0), (55.0, 8, 1), (45.0, 12, 2))
+LAYOUTS = ((58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
 
 LOOPS = 40
