@@ -14,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -112,6 +113,15 @@ def made(part: Part) -> Made:
     return _MADE[part]
 
 
+def drafted(part: Part) -> tuple[int, int]:
+    """Faces and bytes of a part's first smooth file, which nobody has checked; ExportError where none can be made."""
+    ladder = _Ladder(part)
+    lean, fewest, start = LAYOUTS[0]
+    model = ladder.built(np.deg2rad(lean), max(fewest, ladder.enough), start)[2]
+    which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
+    return sum(model.pieces[k].faces for k in which), len(ladder.text(model, which))
+
+
 class _Ladder:
     def __init__(self, part: Part) -> None:
         if part.curved is None:
@@ -127,10 +137,9 @@ class _Ladder:
         """The best of the layouts: the first one without a refused piece."""
         best: _Tried | None = None
         reason = ""
-        enough = self._loops() // LOOPS + 1
         for lean, fewest, start in LAYOUTS:
             try:
-                tried = self._tried(np.deg2rad(lean), max(fewest, enough), start)
+                tried = self._tried(np.deg2rad(lean), max(fewest, self.enough), start)
             except ExportError as error:
                 reason = reason or str(error)
                 continue
@@ -143,18 +152,24 @@ class _Ladder:
             raise ExportError(f"{reason}; write step = 'faceted'")
         return self._file(best)
 
-    def _loops(self) -> int:
-        """Outlines of the sheet, all pieces together."""
+    @cached_property
+    def enough(self) -> int:
+        """Charts for all outlines of the sheet."""
         F = self.curved.divided(np.ones((self.surface.n, 1))).F
-        return len(boundary_loops(F, edge_table(F)))
+        return len(boundary_loops(F, edge_table(F))) // LOOPS + 1
 
-    def _tried(self, cone: float, fewest: int, start: int) -> _Tried:
-        """A layout, its pieces refitted where refused; which were accepted, and why the others were not."""
+    def built(self, cone: float, fewest: int, start: int) -> tuple[Sheet, Builder, Model]:
+        """All pieces in a layout of charts."""
         fields = layout(self.surface, cone, fewest, start)
         charts = charts_of(self.surface, self.curved, fields, self.tolerance)
         sheet = sheet_of(self.curved.divided(fields), self.curved.shift)
-        builder, levels = Builder(sheet, charts, self.t), [dict[Key, int]() for _ in range(sheet.count)]
-        model = Model(charts, builder.nodes, [builder.piece(k, levels[k]) for k in range(sheet.count)], self.t)
+        builder = Builder(sheet, charts, self.t)
+        return sheet, builder, Model(charts, builder.nodes, [builder.piece(k, {}) for k in range(sheet.count)], self.t)
+
+    def _tried(self, cone: float, fewest: int, start: int) -> _Tried:
+        """A layout, its pieces refitted where refused; which were accepted, and why the others were not."""
+        sheet, builder, model = self.built(cone, fewest, start)
+        levels = [dict[Key, int]() for _ in range(sheet.count)]
         wanted = self._volumes(sheet)
         measured = np.zeros(sheet.count)
         accepted, reasons = np.zeros(sheet.count, dtype=bool), [""] * sheet.count
@@ -212,7 +227,7 @@ class _Ladder:
         """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
         if not which:
             return {}
-        text = self._text(model, which)
+        text = self.text(model, which)
         limit = SECONDS + SECONDS_PER_FACE * sum(model.pieces[k].faces for k in which)
         self.asked = (which, text)
         with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
@@ -221,7 +236,7 @@ class _Ladder:
             found = answers(path, limit)
         return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
 
-    def _text(self, model: Model, which: list[int], rest: Ints | None = None) -> str:
+    def text(self, model: Model, which: list[int], rest: Ints | None = None) -> str:
         """The file of some pieces, and of the triangles `rest` (k, 3) of the part as planar faces."""
         new = Entities()
         writer, faces, shells = SmoothText(new, model), list[int](), list[int]()
@@ -256,7 +271,7 @@ class _Ladder:
         which = np.flatnonzero(accepted).tolist()
         rest = None if accepted.all() else self._rest(best.sheet, accepted)
         whole = rest is None and self.asked[0] == which
-        text = self.asked[1] if whole else self._text(model, which, rest)
+        text = self.asked[1] if whole else self.text(model, which, rest)
         return Made(
             text=text,
             pieces=len(accepted),
