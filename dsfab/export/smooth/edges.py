@@ -54,7 +54,7 @@ class Edge:
     def spans(self) -> int:
         """The power of two that makes all knots whole numbers, short to write: they are halves of halves of [0, 1]."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
-        return next(2**k for k in range(30) if not np.any(2**k * knots % 1))
+        return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,11 +49,14 @@ FIT = 1 / 40
 VOLUME = 5e-3
 """Largest change of a volume, beside what the smooth surface has more than the triangles between its points."""
 
-LAYOUTS = ((58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2))
+LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
 
 LOOPS = 40
 """Outlines in a chart, about: opening, checking and measuring a face take OCCT their number squared."""
+
+MOST_INSPECTED = 6000
+"""After so many faces were read back, a minute or two, no further layout is tried."""
 
 REFITS = 3
 """How often the refused pieces of a layout are built tighter."""
@@ -116,7 +119,7 @@ def made(part: Part) -> Made:
 def drafted(part: Part) -> tuple[int, int]:
     """Faces and bytes of a part's first smooth file, which nobody has checked; ExportError where none can be made."""
     ladder = _Ladder(part)
-    lean, fewest, start = LAYOUTS[0]
+    lean, fewest, start = ladder.layouts[0]
     model = ladder.built(np.deg2rad(lean), max(fewest, ladder.enough), start)[2]
     which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
     return sum(model.pieces[k].faces for k in which), len(ladder.text(model, which))
@@ -130,6 +133,7 @@ class _Ladder:
         self.surface = Surface(self.curved.V, self.curved.F)
         self.t = 2 * MM_PER_M * float(np.median(np.linalg.norm(self.curved.D, axis=1)))
         self.tolerance = part.tolerance or FIT * self.t
+        self.inspected = 0
         self.rounder = excess(self.surface)
         self.asked: tuple[list[int], str] = ([], "")
 
@@ -137,7 +141,7 @@ class _Ladder:
         """The best of the layouts: the first one without a refused piece."""
         best: _Tried | None = None
         reason = ""
-        for lean, fewest, start in LAYOUTS:
+        for lean, fewest, start in self.layouts:
             try:
                 tried = self._tried(np.deg2rad(lean), max(fewest, self.enough), start)
             except ExportError as error:
@@ -146,11 +150,16 @@ class _Ladder:
             reason = tried.reason or reason
             if best is None or tried.accepted.sum() > best.accepted.sum():
                 best = tried
-            if best.accepted.all():
+            if best.accepted.all() or self.inspected > MOST_INSPECTED:
                 break
         if best is None or not best.accepted.any():
             raise ExportError(f"{reason}; write step = 'faceted'")
         return self._file(best)
+
+    @property
+    def layouts(self) -> tuple[tuple[float, int, int], ...]:
+        """The first one is for open sheets only: on a closed surface its charts become too flat, and fits fail."""
+        return LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
 
     @cached_property
     def enough(self) -> int:
@@ -181,7 +190,7 @@ class _Ladder:
                 accepted[k] = not reasons[k]
                 measured[k] = found[k]["volume"] if k in found else 0.0
             todo = [k for k in todo if not accepted[k] and k in found and (found[k]["bad"] or not self._fine(found[k]))]
-            if not todo or turn == REFITS:
+            if not todo or turn == REFITS or self.inspected > MOST_INSPECTED:
                 break
             for k in todo:
                 _tighten(model, k, levels[k], np.array(found[k]["bad"]).reshape(-1, 3))
@@ -230,6 +239,7 @@ class _Ladder:
         text = self.text(model, which)
         limit = SECONDS + SECONDS_PER_FACE * sum(model.pieces[k].faces for k in which)
         self.asked = (which, text)
+        self.inspected += sum(model.pieces[k].faces for k in which)
         with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
             path = Path(folder) / "a.step"
             path.write_text(text, encoding="ascii")
