@@ -8,6 +8,7 @@ import pytest
 from dsfab.errors import ExportError
 from dsfab.export import write
 from dsfab.export.smooth import check, make
+from dsfab.export.smooth.charts import excess
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.splines import Patch, basis, patch_through, spline_through
 from dsfab.slicing import Sheet, cut
@@ -125,6 +126,12 @@ def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
     exact = (4 * np.pi - caps) * (THICKNESS + THICKNESS**3 / 12)
     assert here[0]["volume"] == pytest.approx(exact * 1e9, rel=4e-3)  # holes cut from a mesh are polygons
     assert here[0]["volume"] > solid.volume * 1e9  # the mesh lies inside the sphere
+
+
+@pytest.mark.parametrize("level", [3, 4])
+def test_a_sphere_is_known_to_be_larger_than_its_triangles(level):
+    surface = sphere(level)
+    assert excess(surface) == pytest.approx(4 * np.pi / surface.area - 1, rel=0.05)
 
 
 @pytest.mark.slow
