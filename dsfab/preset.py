@@ -256,10 +256,11 @@ class Export(Section):
     """See `dsfab export --help`: solids, lines, drawings, fields."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
-    step: Literal["auto", "planar", "faceted", "tessellated"] = "auto"
-    """STEP: planar (flat sheets: lines, splines), faceted, tessellated (for viewers); auto: planar where it can."""
+    step: Literal["auto", "planar", "smooth", "faceted", "tessellated"] = "auto"
+    """STEP: planar (flat sheets) or smooth (curved ones), of lines and splines, faceted, or tessellated (for viewers);
+    auto: the first of planar, smooth and faceted that it can."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Metres that planar or simplified STEP may be off the mesh; 0: a share of the thickness, a faceted file exact."""
+    """Metres that planar, smooth or simplified STEP may be off the mesh; 0: a share of the thickness, faceted: none."""
     step_mb: Annotated[float, Ge(0)] = 0.0
     """Largest size of a STEP file in MB; 0 is no limit."""
 

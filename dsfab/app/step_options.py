@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Step = Annotated[
     str | None,
-    Parameter(help="How STEP is made: auto, planar (flat sheets, as curves), faceted or tessellated (for viewers)."),
+    Parameter(help="How STEP is made: auto, planar (flat sheets), smooth (curved), faceted, tessellated (viewers)."),
 ]
 MaxFaces = Annotated[int | None, Parameter(help="Largest number of faces of a STEP file [export.step_faces].")]
 MaxMb = Annotated[float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")]

@@ -18,6 +18,7 @@ from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
+from dsfab.export.smooth.make import drafted
 from dsfab.export.step_text import DIGITS, faceted_bytes
 
 START = 3.0
@@ -33,14 +34,19 @@ class Cost:
     memory: float
 
 
-COSTS = {"planar": Cost(3e-3, 1e-3, 30e3), "faceted": Cost(1e-3, 5e-4, 9e3), "tessellated": Cost(2e-5, 1e-5, 1e3)}
+COSTS = {
+    "planar": Cost(3e-3, 1e-3, 30e3),
+    "smooth": Cost(8e-3, 4e-3, 30e3),
+    "faceted": Cost(1e-3, 5e-4, 9e3),
+    "tessellated": Cost(2e-5, 1e-5, 1e3),
+}
 
 
 @dataclass(frozen=True)
 class Estimate:
     """One way to write the file.
 
-    way           : planar, faceted, simplified (faceted after it), tessellated ...
+    way           : planar, smooth, faceted, simplified (faceted after it), tessellated ...
     faces         : of the file; triangles for tessellated. 0 where the way cannot be taken.
     size, memory  : bytes.
     write_seconds : until it is written and read back.
@@ -66,10 +72,10 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
 
     Nothing is written, and nothing is checked by OCCT: a way that is chosen here may still be refused for its result.
     """
-    found = [_estimate(part, way, shape) for way, shape in WAYS.items()]
-    allowed = {"planar", "faceted", "simplified"} if part.step == "auto" else {part.step}
+    found = [_estimate(part, way, shape) for way, shape in WAYS.items() if way != "smooth" or part.curved is not None]
+    allowed = {"planar", "smooth", "faceted", "simplified"} if part.step == "auto" else {part.step}
     allowed |= {"simplified"} if part.step == "faceted" and part.tolerance else set()
-    order = ["planar", "simplified", "faceted"] if part.tolerance else list(WAYS)
+    order = ["planar", "smooth", "simplified", "faceted"] if part.tolerance else list(WAYS)
     best = next((way for way in order for e in found if e.way == way and way in allowed and not e.refused), None)
     return tuple(replace(one, chosen=one.way == best) for one in found)
 
@@ -101,6 +107,12 @@ def _planar(part: Part) -> tuple[int, float, str]:
     return shape.faces, size, f"its outline within {shape.deviation:.2g} mm of the mesh"
 
 
+def _smooth(part: Part) -> tuple[int, float, str]:
+    if default := step.default_tolerance(part):
+        raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
+    return (*drafted(part), "not checked yet: pieces that are refused will be faceted")
+
+
 def _faceted(part: Part) -> tuple[int, float, str]:
     shape = polyhedron(part.V, part.F, solids_of(part)[0])
     return len(shape.normals), faceted_bytes(shape), "no deviation"
@@ -120,6 +132,7 @@ def _tessellated(part: Part) -> tuple[int, float, str]:
 
 WAYS: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "planar": _planar,
+    "smooth": _smooth,
     "faceted": _faceted,
     "simplified": _simplified,
     "tessellated": _tessellated,

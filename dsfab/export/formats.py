@@ -32,6 +32,7 @@ from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate, estimates
 from dsfab.export.part import Details, Part, part_of
+from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
@@ -40,7 +41,7 @@ STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
 
-Route = Literal["auto", "planar", "faceted", "tessellated"]
+Route = Literal["auto", "planar", "smooth", "faceted", "tessellated"]
 """How a STEP file is made."""
 
 
@@ -109,6 +110,7 @@ def write(
     step_mb: float = 0.0,
     corners: Floats | None = None,
     details: Details | None = None,
+    curved: Callable[[], Curved] | None = None,
     note: Callable[[str], None] | None = None,
 ) -> Path:
     """Write a solid, or a sheet, in the format that the suffix of `path` names, and read it back; returns the path.
@@ -116,14 +118,15 @@ def write(
     thing      : metres. Files are in millimetres (.glb in metres, its standard says so) and tell the unit if they can.
     step_faces : largest number of planar faces of a STEP file, counted after coplanar triangles were joined.
     name       : what the part is called inside the file; the file's own name without suffix if not given.
-    step       : STEP of a flat solid: planar, lines and splines through its outline; faceted, planar faces only; auto
-                 takes planar where the solid is flat and the file stands the check, else faceted. tessellated: its
-                 triangles, for viewers; auto never takes it.
+    step       : planar, for flat solids: lines and splines through the outline; smooth, for curved sheets: spline
+                 skins and ruled walls; faceted: planar faces only; auto takes the first that the solid allows and
+                 that stands the check. tessellated: its triangles, for viewers; auto never takes it.
     step_tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted
                  solid may be simplified by, which it is not if 0 unless nothing else is accepted.
     step_mb    : largest size of a STEP file in 1e6 bytes; 0 is no limit.
     corners    : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
     details    : lines, fields and facts, for the formats that hold them.
+    curved     : makes what smooth STEP needs of the sheet, see `dsfab.export.smooth.source`.
     note       : called with a line that says how the STEP file was made, and why not otherwise.
 
     The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
@@ -143,7 +146,7 @@ def write(
             f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
-    part = form.prepare(_with_options(part, step, step_tolerance, step_mb, corners, details))
+    part = form.prepare(replace(_with_options(part, step, step_tolerance, step_mb, corners, details), curved=curved))
     with replacing(path) as temporary:
         taken, refused = _put(form, part, temporary)
     if note and (how := form.told(taken, refused)):
@@ -160,13 +163,15 @@ def step_estimates(
     step_tolerance: float = 0.0,
     step_mb: float = 0.0,
     corners: Floats | None = None,
+    details: Details | None = None,
+    curved: Callable[[], Curved] | None = None,
 ) -> tuple[Estimate, ...]:
     """What each way of writing a solid as STEP would cost; the keywords are those of `write`. Nothing is written."""
     part = part_of(thing, name, step_faces)
     if not part.is_solid:
         raise ExportError(f"STEP holds closed solids and {name!r} is an open sheet; thicken it first")
-    part = _with_options(part, step, step_tolerance, step_mb, corners, None)
-    return estimates(step_format.prepare(part))
+    part = _with_options(part, step, step_tolerance, step_mb, corners, details)
+    return estimates(step_format.prepare(replace(part, curved=curved)))
 
 
 def _with_options(

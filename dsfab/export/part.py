@@ -1,6 +1,6 @@
 """`Part`: what goes into a file, in millimetres, and how it survives the rounding of a file format."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from dsfab.arrays import Floats, Ints, first, lock
 from dsfab.errors import ExportError
+from dsfab.export.smooth.source import Curved
 from dsfab.surface.lines import Line
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
@@ -49,12 +50,13 @@ class Part:
     name       : what a format with names calls it.
     is_solid   : closed, with a volume; otherwise a sheet.
     step_faces : largest number of faces of a STEP file.
-    step       : how a STEP file is made: `auto`, `planar` or `faceted` (see `dsfab.export.step`).
+    step       : how a STEP file is made: `auto`, `planar`, `smooth` or `faceted` (see `dsfab.export.step`).
     tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
     details    : lines, fields and facts; its lengths in millimetres too.
     step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
     note       : what was done to the mesh on its way here.
+    curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
     """
 
     V: Floats
@@ -68,6 +70,7 @@ class Part:
     details: Details = field(default_factory=Details)
     step_mb: float = 0.0
     note: str = ""
+    curved: Callable[[], Curved] | None = None
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))

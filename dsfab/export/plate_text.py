@@ -43,10 +43,10 @@ class Entities:
         return self._known[body]
 
     def point(self, p: Floats) -> int:
-        return self.once(f"CARTESIAN_POINT('',{_listed(p, DIGITS)})")
+        return self.once(f"CARTESIAN_POINT('',{listed(p, DIGITS)})")
 
     def direction(self, d: Floats) -> int:
-        return self.once(f"DIRECTION('',{_listed(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
+        return self.once(f"DIRECTION('',{listed(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
 
     def line(self, p: Floats, along: Floats) -> int:
         vector = self.once(f"VECTOR('',#{self.direction(along)},1.)")
@@ -59,11 +59,12 @@ class Entities:
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
         """A bound of edges, each with whether it is run through forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if way else 'F'}.)") for edge, way in steps]
-        loop = self.add(f"EDGE_LOOP('',{_references(oriented)})")
+        loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
 
-    def face(self, bounds: list[int], surface: int) -> int:
-        return self.add(f"ADVANCED_FACE('',{_references(bounds)},#{surface},.T.)")
+    def face(self, bounds: list[int], surface: int, same: bool = True) -> int:
+        """A face; same : whether it looks where its surface's normal points."""
+        return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same else 'F'}.)")
 
 
 def plate_entities(plate: Plate, name: str) -> Iterator[str]:
@@ -117,15 +118,15 @@ def _lifted(points: Floats, axes: Floats, height: float) -> Floats:
 def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
     """A line (bounded: a polyline of two points), or a spline: each knot once, with how often it counts."""
     if curve.straight and bounded:
-        return new.add(f"POLYLINE('{title}',{_references([new.point(p) for p in poles])})")
+        return new.add(f"POLYLINE('{title}',{references([new.point(p) for p in poles])})")
     if curve.straight:
         return new.line(poles[0], poles[-1] - poles[0])
     knots, times = np.unique(curve.knots, return_counts=True)
-    listed = _references([new.point(p) for p in poles])
+    through = references([new.point(p) for p in poles])
     counts = ",".join(str(k) for k in times.tolist())
     return new.add(
-        f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{curve.degree},{listed},.UNSPECIFIED.,.F.,.F.,({counts}),"
-        f"{_listed(knots, DIGITS)},.UNSPECIFIED.)"
+        f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{curve.degree},{through},.UNSPECIFIED.,.F.,.F.,({counts}),"
+        f"{listed(knots, DIGITS)},.UNSPECIFIED.)"
     )
 
 
@@ -137,11 +138,12 @@ def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats)
     return new.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{vector})")
 
 
-def _listed(values: Floats, digits: int) -> str:
+def listed(values: Floats, digits: int) -> str:
     """'(1.5,0.,-2.)': without the zeros at the end of each."""
     text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
     return TRAILING_ZEROS.sub(r"\1", f"({text})")
 
 
-def _references(numbers: list[int]) -> str:
+def references(numbers: list[int]) -> str:
+    """'(#7,#8,#9)'."""
     return "(" + ",".join(f"#{k}" for k in numbers) + ")"

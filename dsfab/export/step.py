@@ -2,10 +2,12 @@
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`).
+smooth  : a curved sheet likewise: spline skins trimmed by the pattern's edges, and ruled walls (`dsfab.export.smooth`).
 faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
 tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
-`auto` takes planar where the solid is flat and the file stands the check, else faceted. The text is written directly
+`auto` takes planar where the solid is flat, else smooth where the sheet is known, and either only where the file stands
+the check; else faceted. The text is written directly
 and read back through build123d. Building the same topology in OCCT first gives larger files (with a curve on the
 surface for each edge) and is 30 to 300 times slower to write. Reading back, in a process of its own, is nearly all of
 the time; measured for `faceted` with OCCT 8 on a busy machine of two cores:
@@ -39,6 +41,7 @@ from dsfab.export.plate_text import plate_entities
 from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
+from dsfab.export.smooth.make import made
 from dsfab.export.step_text import DIGITS, entities
 from dsfab.surface.topology import edge_table
 
@@ -47,7 +50,7 @@ CHECK_SECONDS_PER_FACE = 0.02
 """Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
 
 
-ROUTES = ("auto", "planar", "faceted", "tessellated")
+ROUTES = ("auto", "planar", "smooth", "faceted", "tessellated")
 
 SHARE_OF_THICKNESS = 1 / 40
 """Tolerance of planar outlines unless asked otherwise, as a share of the thickness."""
@@ -69,15 +72,18 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part]:
-    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted, simplified.
+    """The part with its ways, the best first: planar, planar with a smaller tolerance, smooth, faceted, simplified.
 
     A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
     """
     if part.step in ("auto", "planar"):
         planar = replace(part, step="planar", tolerance=part.tolerance or default_tolerance(part))
-        yield planar
+        if planar.tolerance or part.step == "planar" or part.curved is None:
+            yield planar
         if planar.tolerance:
             yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+    if part.step == "smooth" or (part.step == "auto" and part.curved is not None):
+        yield replace(part, step="smooth")
     if part.step == "tessellated":
         yield part
     if part.step in ("auto", "faceted"):
@@ -111,6 +117,8 @@ def told(part: Part, refused: str) -> str:
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused})" if refused else ""
         return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
+    if part.step == "smooth":
+        return f"STEP is smooth, {made(part).told}"
     if part.step == "tessellated":
         return f"STEP is tessellated: {tessellated.WARNING}"
     note = f", {part.note}" if part.note else ""
@@ -124,6 +132,9 @@ def encode(part: Part) -> Iterator[bytes]:
         shape = plate(outlines_of(part), part.corners, part.tolerance)
         _within_budget(part, shape.faces)
         texts = plate_entities(shape, part.name)
+    elif part.step == "smooth":
+        _within_budget(part, made(part).faces)
+        texts = iter([made(part).text])
     elif part.step == "tessellated":
         texts = tessellated.entities(part)
     else:
@@ -165,7 +176,15 @@ def too_much(part: Part, what: str, key: str) -> ExportError:
 
 
 def check(part: Part, path: Path) -> None:
-    """Read back with build123d: as many solids and faces, all valid, with the part's volume."""
+    """Read back with build123d: as many solids and faces, all valid, with the part's volume.
+
+    Smooth pieces were read back before, one by one; if all are smooth, what is on the disk must be that file.
+    """
+    if part.step == "smooth":
+        if path.read_bytes() != made(part).text.encode("ascii"):
+            raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
+        if made(part).smooth == made(part).pieces:
+            return
     found = inspection(part, path)
     if part.step == "tessellated":
         tessellated.check(part, found)
@@ -184,7 +203,8 @@ def check(part: Part, path: Path) -> None:
         raise ExportError(
             f"build123d makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
         )
-    check_measure(part, found["volume"])
+    if part.step != "smooth":  # its pieces were measured one by one
+        check_measure(part, found["volume"])
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:

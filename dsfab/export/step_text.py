@@ -5,7 +5,7 @@ ADVANCED_FACE -> FACE_OUTER_BOUND -> EDGE_LOOP -> ORIENTED_EDGE -> EDGE_CURVE ->
 """
 
 from collections.abc import Iterator
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -60,30 +60,39 @@ FIRST = 19
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
     """The text of the file. solids: the shells of each, the outer one first, then its voids (which face outwards)."""
     yield header(name, "solid with planar faces", len(solids))
+    texts, faces, free = planar_faces(shape, FIRST)
+    yield from texts
+    yield from closing(shape.shell, solids, faces, free, name)
+
+
+def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, int]:
+    """The text of the faces in numbers from `start` on, the number of each, and the first free number."""
     along = shape.points[shape.edges[:, 1]] - shape.points[shape.edges[:, 0]]
     directions, direction = _distinct(along / np.linalg.norm(along, axis=1, keepdims=True))
     normals, normal = _distinct(shape.normals)
     v, d, e, f = (len(x) for x in (shape.points, directions, shape.edges, shape.normals))
     s, o, n = len(shape.steps), len(shape.loops) - 1, len(normals)
-    points, vertices, dirs, vectors, lines, edges, *rest = _blocks([v, v, d, d, e, e, s, o, o, n, f, f, f])
+    points, vertices, dirs, vectors, lines, edges, *rest = _blocks([v, v, d, d, e, e, s, o, o, n, f, f, f], start)
     steps, loops, bounds, axes, placements, planes, faces, free = rest
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
     way, kind = np.where(shape.forward, "T", "F"), np.where(outer, "FACE_OUTER_BOUND", "FACE_BOUND")
-    yield from _table(points, _POINT, *shape.points.T)
-    yield from _table(vertices, "VERTEX_POINT('',#%d)", points)
-    yield from _table(dirs, _DIRECTION, *directions.T)
-    yield from _table(vectors, "VECTOR('',#%d,1.)", dirs)
-    yield from _table(lines, "LINE('',#%d,#%d)", points[p], vectors[direction])
-    yield from _table(edges, "EDGE_CURVE('',#%d,#%d,#%d,.T.)", vertices[p], vertices[q], lines)
-    yield from _table(steps, "ORIENTED_EDGE('',*,*,#%d,.%s.)", edges[shape.steps], way)
-    yield from _table(loops, "EDGE_LOOP('',(%s))", _lists(steps, shape.loops))
-    yield from _table(bounds, "%s('',#%d,.T.)", kind, loops)
-    yield from _table(axes, _DIRECTION, *normals.T)
-    yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", points[shape.origin], axes[normal])
-    yield from _table(planes, "PLANE('',#%d)", placements)
-    yield from _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _lists(bounds, shape.faces), planes)
-    yield from closing(shape.shell, solids, faces, int(free[0]), name)
+    texts = chain(
+        _table(points, _POINT, *shape.points.T),
+        _table(vertices, "VERTEX_POINT('',#%d)", points),
+        _table(dirs, _DIRECTION, *directions.T),
+        _table(vectors, "VECTOR('',#%d,1.)", dirs),
+        _table(lines, "LINE('',#%d,#%d)", points[p], vectors[direction]),
+        _table(edges, "EDGE_CURVE('',#%d,#%d,#%d,.T.)", vertices[p], vertices[q], lines),
+        _table(steps, "ORIENTED_EDGE('',*,*,#%d,.%s.)", edges[shape.steps], way),
+        _table(loops, "EDGE_LOOP('',(%s))", _lists(steps, shape.loops)),
+        _table(bounds, "%s('',#%d,.T.)", kind, loops),
+        _table(axes, _DIRECTION, *normals.T),
+        _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", points[shape.origin], axes[normal]),
+        _table(planes, "PLANE('',#%d)", placements),
+        _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _lists(bounds, shape.faces), planes),
+    )
+    return texts, faces, int(free[0])
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
@@ -113,9 +122,9 @@ def header(name: str, description: str, pieces: int = 1) -> str:
     )
 
 
-def _blocks(counts: list[int]) -> list[Ints]:
+def _blocks(counts: list[int], begin: int) -> list[Ints]:
     """Entity numbers for tables of so many rows, one after the other, and at the end the first free number."""
-    start = list(accumulate(counts, initial=FIRST))
+    start = list(accumulate(counts, initial=begin))
     return [np.arange(a, b) for a, b in pairwise([*start, start[-1] + 1])]
 
 

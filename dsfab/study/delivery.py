@@ -1,5 +1,6 @@
 """What of a design goes into a file of which format: the solid, the sheet with its lines, or the fields."""
 
+from functools import partial
 from typing import Any
 
 from dsfab.design import Design
@@ -7,6 +8,7 @@ from dsfab.export import Details
 from dsfab.export.formats import FORMATS
 from dsfab.preset import Export
 from dsfab.slicing.corners import outline_corners
+from dsfab.study.curved import curved_design
 from dsfab.study.fields import design_fields
 from dsfab.study.lines import design_lines
 from dsfab.surface import Surface
@@ -27,7 +29,9 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
         return design.surface, {"details": Details(values=design_fields(design))}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
-        return design.solid, {**step_options(ask), "corners": corners, "details": Details(measures=_measures(design))}
+        details = Details(measures=_measures(design))
+        how = {**step_options(ask), "corners": corners, "details": details, "curved": partial(curved_design, design)}
+        return design.solid, how
     tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
     details = Details(design_lines(design, tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}

@@ -1,0 +1,140 @@
+"""The outlines of a sheet in each chart: closed chains of runs, each along one wall or one seam between two charts.
+
+           wall (family 0)                A run ends where its family or the chart beyond it changes, at a sharp turn,
+     o-----------------------o            and where a seam passes a wall or a third chart. Both charts of a seam end
+     |   chart 0             |            its runs at the same vertices.
+seam |........ 0 | 1 ........| seam
+     |   chart 1             |
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.export.smooth.source import Divided
+from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
+from dsfab.units import MM_PER_M
+
+SHARP = np.deg2rad(35.0)
+"""A wall that turns by more than this at a vertex has a corner there."""
+
+WALL = -1
+"""What is beyond a wall, where a seam has a chart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """vertices (k,) in order, the material on their left; beyond: the chart there, or `WALL`; around: the length of
+    the loop it is in, millimetres."""
+
+    vertices: Ints
+    beyond: int
+    around: float
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A connected part of the sheet in one chart: its loops of runs, in any order."""
+
+    chart: int
+    piece: int
+    loops: tuple[tuple[Run, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """The divided sheet in millimetres, with its regions.
+
+    V, D    : (n, 3) vertices of the middle surface, half-thickness vectors.
+    F       : (m, 3) faces; chart and piece (m,) of each.
+    charts  : (v, 2) all pairs of a vertex and a chart around it, in order.
+    """
+
+    V: Floats
+    D: Floats
+    F: Ints
+    chart: Ints
+    piece: Ints
+    charts: Ints
+    regions: tuple[Region, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return int(self.piece.max()) + 1
+
+
+@dataclass(frozen=True, eq=False)
+class _Beyond:
+    """Half-edges by their ends, sorted keys start * n + end; the chart beyond each, and what it is an edge of."""
+
+    n: int
+    key: Ints
+    chart: Ints
+    family: Ints
+
+    def at(self, loop: Ints) -> tuple[Ints, Ints]:
+        k = np.searchsorted(self.key, loop * self.n + np.roll(loop, -1))
+        return self.chart[k], self.family[k]
+
+
+def sheet_of(given: Divided, shift: int) -> Sheet:
+    """The regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
+    D = MM_PER_M * given.D
+    V, F = MM_PER_M * given.V + shift * D, given.F
+    table = edge_table(F)
+    _, piece = pieces(F, table)
+    corners = np.stack([F.ravel(), np.repeat(given.chart, 3)], axis=1)
+    charts = np.unique(corners, axis=0)
+    special = np.bincount(charts[:, 0], minlength=len(V)) > 2
+    special[table.ends[table.boundary]] = True
+    beyond = _beyond(given, len(V))
+    regions = []
+    for k in np.unique(given.chart):
+        mine = np.flatnonzero(given.chart == k)
+        count, part = pieces(F[mine], edge_table(F[mine]))
+        for i in range(count):
+            faces = mine[part == i]
+            loops = boundary_loops(F[faces], edge_table(F[faces]))
+            runs = tuple(_runs(V, loop, special, beyond) for loop in loops)
+            regions.append(Region(int(k), int(piece[faces[0]]), runs))
+    return Sheet(V, D, F, given.chart, piece, charts, tuple(regions))
+
+
+def _beyond(given: Divided, n: int) -> _Beyond:
+    a, b = half_edges(given.F)
+    h0, h1 = edge_table(given.F).pairs.T
+    chart, family = np.full(len(a), WALL), np.full(len(a), WALL)
+    chart[h0], chart[h1] = given.chart[h1 // 3], given.chart[h0 // 3]
+    family[given.half_edge] = given.family
+    key = a * n + b
+    order = np.argsort(key)
+    return _Beyond(n, key[order], chart[order], family[order])
+
+
+def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[Run, ...]:
+    chart, family = beyond.at(loop)
+    seam = chart != WALL
+    kind = np.where(seam, chart, -2 - family)
+    along = V[np.roll(loop, -1)] - V[loop]
+    length = np.linalg.norm(along, axis=1)
+    along = along / np.maximum(length, 1e-300)[:, None]
+    ahead = np.einsum("ki,ki->k", along, np.roll(along, 1, axis=0))
+    sharp = ~seam & ~np.roll(seam, 1) & (ahead < np.cos(SHARP))
+    ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop])
+    at = _two_at_least(V, loop, np.flatnonzero(ends))
+    around = float(length.sum())
+    stops = [*at.tolist(), int(at[0]) + len(loop)]
+    return tuple(Run(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), around) for i, j in pairwise(stops))
+
+
+def _two_at_least(V: Floats, loop: Ints, at: Ints) -> Ints:
+    """Positions of a loop where runs begin: at least two, found alike from both sides of a seam."""
+    if len(at) > 1:
+        return at
+    first = int(at[0]) if len(at) else int(np.argmin(loop))
+    away = np.round(np.linalg.norm(V[loop] - V[loop[first]], axis=1), 6)
+    second = int(np.lexsort((loop, -away))[0])
+    return np.sort(np.array([first, second]))

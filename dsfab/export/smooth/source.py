@@ -1,0 +1,50 @@
+"""What smooth STEP takes: a solid's mesh does not know which of its edges are the pattern's, the cut sheet does."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints, lock
+
+
+class Divided(NamedTuple):
+    """A sheet divided into charts.
+
+    V, F      : (n', 3) and (m', 3), metres; pieces keep to themselves, no vertex is a pinch.
+    D         : (n', 3) half-thickness vectors, metres.
+    chart     : (m',) the chart of each face.
+    half_edge : (k,) the boundary's half-edges, 3 face + corner.
+    family    : (k,) what each of them is an edge of; -1 for the boundary of the uncut surface.
+    """
+
+    V: Floats
+    F: Ints
+    D: Floats
+    chart: Ints
+    half_edge: Ints
+    family: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Curved:
+    """A sheet cut from a surface.
+
+    V, F  : (n, 3) and (m, 3) of the uncut, oriented surface, metres.
+    D     : (n, 3) half-thickness vectors on it, metres.
+    shift : by how many D the middle of the sheet lies off the surface: 0, 1 or -1.
+    divided : the sheet, divided along the upper envelope of fields (n, c) on the uncut surface: chart k is where
+              field k is largest.
+    """
+
+    V: Floats
+    F: Ints
+    D: Floats
+    shift: int
+    divided: Callable[[Floats], Divided]
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+        lock(self, "D", np.float64, (None, 3))

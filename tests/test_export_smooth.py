@@ -1,0 +1,186 @@
+"""Smooth STEP: curved sheets as spline skins and ruled walls, closed by construction, or faceted with a reason."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from dsfab.errors import ExportError
+from dsfab.export import write
+from dsfab.export.smooth import check, make
+from dsfab.export.smooth.charts import excess
+from dsfab.export.smooth.layout import layout
+from dsfab.export.smooth.splines import Patch, basis, patch_through, spline_through
+from dsfab.slicing import Sheet, cut
+from dsfab.study.curved import curved_sheet
+from dsfab.surface import Surface
+from dsfab.surface.shapes.roofs import barrel_vault
+from dsfab.surface.shapes.turned import dome
+from dsfab.thickening import Solid, offsets, thicken
+from tests.zoo import grid, sphere
+
+THICKNESS = 0.04
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Ask OCCT in this process; gives the last findings."""
+    found: list = []
+
+    def answers(path, limit):
+        found[:] = check.inspected(str(path))
+        return found
+
+    monkeypatch.setattr(make, "answers", answers)
+    return found
+
+
+def thickened(surface: Surface, sheet: Sheet) -> Solid:
+    D = sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F)
+    return thicken(sheet.surface, D)
+
+
+def holed(surface: Surface, centres: list[list[float]], radius: float) -> Sheet:
+    """The surface with round holes; the edge is linear over each face."""
+    away = np.linalg.norm(surface.V[:, None] - np.array(centres), axis=2).min(axis=1)
+    return cut(surface, [away - radius], [np.array([0.0])]).kept()
+
+
+def written(surface, sheet, path, step="smooth"):
+    """The solid, the file read back by build123d, and what was said."""
+    from build123d import import_step
+
+    said: list[str] = []
+    solid = thickened(surface, sheet)
+    write(solid, path, step=step, curved=partial(curved_sheet, surface, sheet, THICKNESS), note=said.append)
+    return solid, import_step(path), said
+
+
+def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
+    knots = np.r_[[0.0] * 4, 0.2, 0.5, 0.55, [1.0] * 4]
+    x = np.linspace(0, 1, 41)
+    first, values = basis(x, knots)
+    assert values.sum(axis=1) == pytest.approx(1)
+    greville = np.array([knots[i + 1 : i + 4].mean() for i in range(7)])
+    assert np.einsum("ki,ki->k", values, greville[first[:, None] + np.arange(4)]) == pytest.approx(x)
+    _, slopes = basis(x, knots, 1)
+    assert np.einsum("ki,ki->k", slopes, greville[first[:, None] + np.arange(4)]) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_a_curve_keeps_its_tolerance_between_its_samples(tolerance):
+    x = np.linspace(0, 1, 400)
+    circle = lambda x: np.stack([np.cos(3 * x), np.sin(3 * x)], axis=1)  # noqa: E731
+    curve, off = spline_through(x, circle(x), tolerance)
+    fine = np.linspace(0, 1, 1777)
+    assert 0.01 * tolerance < off <= tolerance
+    assert np.linalg.norm(curve(fine) - circle(fine), axis=1).max() <= 1.2 * tolerance
+    assert len(curve.poles) < 12
+
+
+def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
+    uv = np.random.default_rng(0).uniform(-1, 1, (600, 2))
+    height = lambda p: 0.3 * p[:, 0] ** 3 - 0.2 * p[:, 0] * p[:, 1] ** 2 + 0.1 * p[:, 1]  # noqa: E731
+    patch = patch_through(uv, np.c_[uv, height(uv)], np.ones(600), (7, 9), 1e-12)
+    at = np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))
+    assert patch(at) == pytest.approx(np.c_[at, height(at)], abs=1e-6)
+    point, a, b = patch.slopes(at)
+    normal = np.cross(a, b) / np.linalg.norm(np.cross(a, b), axis=1, keepdims=True)
+    assert patch.nearest(point + 0.05 * normal, at + 0.03) == pytest.approx(at, abs=1e-6)
+    assert isinstance(patch.only(0, 1), Patch)
+
+
+@pytest.mark.parametrize(
+    ("make_surface", "centres", "radius"),
+    [
+        (partial(barrel_vault, 2.0, 1.6, 0.5, 0.09), [[0.5, 0, 0.5], [-0.4, 0.3, 0.45]], 0.25),
+        (partial(dome, 2.0, 0.6, edge=0.09), [[0, 0, 0.6], [0.6, 0, 0.4]], 0.2),
+    ],
+    ids=["vault", "cap"],
+)
+def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, make_surface, centres, radius):
+    surface = make_surface()
+    sheet = holed(surface, centres, radius)
+    solid, shape, said = written(surface, sheet, tmp_path / "a.step")
+    assert len(shape.solids()) == 1
+    assert shape.is_valid
+    assert [face["valid"] and face["closed"] and face["tessellates"] for face in here] == [True]
+    assert said[0].startswith("STEP is smooth")
+    skins = [face for face in shape.faces() if face.area > 1e6]
+    assert len(skins) == 2
+    assert all(len(face.inner_wires()) == 2 for face in skins)
+    assert here[0]["volume"] == pytest.approx(solid.volume * 1e9, rel=2e-3)
+    assert here[0]["gap"] <= 1000 * THICKNESS / 20
+    assert (tmp_path / "a.step").stat().st_size < 75 * len(solid.F)  # one face per triangle takes 750 bytes each
+
+
+def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
+    surface = sphere(4)
+    centres = [[1, 0, 0], [-1, 0, 0], [0, np.sqrt(0.5), np.sqrt(0.5)]]
+    sheet = holed(surface, centres, 0.5)
+    solid, shape, _ = written(surface, sheet, tmp_path / "a.step")
+    assert len(shape.solids()) == 1
+    assert shape.is_valid
+    assert here[0]["closed"]
+    caps = 2 * np.pi * (1 - np.cos(2 * np.arcsin(0.25))) * 3
+    exact = (4 * np.pi - caps) * (THICKNESS + THICKNESS**3 / 12)
+    assert here[0]["volume"] == pytest.approx(exact * 1e9, rel=4e-3)  # holes cut from a mesh are polygons
+    assert here[0]["volume"] > solid.volume * 1e9  # the mesh lies inside the sphere
+
+
+@pytest.mark.parametrize("level", [3, 4])
+def test_a_sphere_is_known_to_be_larger_than_its_triangles(level):
+    surface = sphere(level)
+    assert excess(surface) == pytest.approx(4 * np.pi / surface.area - 1, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypatch):
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
+    x = surface.V[:, 0]
+    sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).kept()
+    honest = make._Ladder._reason
+
+    def harsh(self, piece, found, wanted):
+        middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
+        return "it is disliked" if middle > 0 else honest(self, piece, found, wanted)
+
+    monkeypatch.setattr(make._Ladder, "_reason", harsh)
+    solid, shape, said = written(surface, sheet, tmp_path / "a.step", "auto")
+    assert said == [said[0]]
+    assert "1 of 2 pieces" in said[0]
+    assert "it is disliked" in said[0]
+    assert [one.is_valid for one in shape.solids()] == [True, True]
+    few, many = sorted(len(one.faces()) for one in shape.solids())
+    assert few == 6
+    assert many > 40
+    assert shape.volume == pytest.approx(solid.volume * 1e9, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_a_folded_sheet_is_faceted_and_says_why(tmp_path, here):
+    flat = grid(16, 8, 2.0, 1.0)
+    surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1)], flat.F)
+    sheet = holed(surface, [[0.5, 0.5, 0.5]], 0.2)
+    solid, shape, said = written(surface, sheet, tmp_path / "a.step", "auto")
+    assert said[0].startswith("STEP is faceted: no spline surface follows chart")
+    assert shape.volume == pytest.approx(solid.volume * 1e9, rel=1e-3)
+    with pytest.raises(ExportError, match="step = 'faceted'"):
+        written(surface, sheet, tmp_path / "b.step")
+
+
+def test_smooth_without_its_sheet_is_refused(tmp_path):
+    surface = dome(2.0, 0.6, edge=0.3)
+    with pytest.raises(ExportError, match="only its solid is known"):
+        write(thicken(surface, 0.02 * surface.vertex_normals), tmp_path / "a.step", step="smooth")
+
+
+def test_charts_lean_within_their_cone():
+    surface = sphere(4)
+    fields = layout(surface, np.deg2rad(55), 8)
+    chart = fields[surface.F].sum(axis=1).argmax(axis=1)
+    for k in range(fields.shape[1]):
+        normals = surface.normals[chart == k]
+        mean = normals.mean(axis=0)
+        assert (normals @ (mean / np.linalg.norm(mean))).min() > np.cos(np.deg2rad(75))
+    assert 8 <= fields.shape[1] <= 16
