@@ -15,11 +15,13 @@ _HOME = {
     "Design": "dsfab.design",
     "DsfabError": "dsfab.errors",
     "LoadCase": "dsfab.surface",
+    "Previewer": "dsfab.app.previewer",
     "Preset": "dsfab.preset",
     "Sheet": "dsfab.slicing",
     "Solid": "dsfab.thickening",
     "Surface": "dsfab.surface",
     "compare": "dsfab.study",
+    "inline_picture": "dsfab.app.inline",
     "load_preset": "dsfab.preset_file",
     "read_surface": "dsfab.surface",
     "revise": "dsfab.pipeline",
@@ -32,6 +34,8 @@ _HOME = {
 __all__ = sorted(_HOME)
 
 if TYPE_CHECKING:
+    from dsfab.app.inline import inline_picture as inline_picture
+    from dsfab.app.previewer import Previewer as Previewer
     from dsfab.design import Design as Design
     from dsfab.errors import DsfabError as DsfabError
     from dsfab.export import write as write

@@ -140,8 +140,19 @@ class Note(NamedTuple):
     text: str
 
 
+class Shown:
+    """What a notebook shows as a picture. Drawing lives above this part, so the facade, which knows where each public
+    name lives, is asked for it by name."""
+
+    def _repr_png_(self) -> bytes | None:
+        """PNG, or None where nothing can be drawn."""
+        import dsfab
+
+        return dsfab.inline_picture(self)  # type: ignore[arg-type]
+
+
 @dataclass(frozen=True, eq=False)
-class Draft:
+class Draft(Shown):
     """A preset and what was made of it before anything is cut: enough to draw it (see `dsfab.pipeline.draft`)."""
 
     preset: Preset
@@ -159,7 +170,7 @@ class Draft:
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Design(Shown):
     """A preset and everything that was made of it. Frozen; `revise` makes the next one."""
 
     preset: Preset

@@ -37,6 +37,9 @@ class PresetError(DsfabError):
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """'; did you mean dome?' for the nearest known word, or nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {close[0]}?" if close else ""
+    """'; did you mean dome?' for the nearest known word, the first of equally near ones, or nothing."""
+    names = list(known)
+    close = difflib.get_close_matches(word, names)
+    like = [difflib.SequenceMatcher(None, name, word).ratio() for name in close]
+    nearest = min((name for name, x in zip(close, like, strict=True) if x == max(like)), key=names.index, default="")
+    return f"; did you mean {nearest}?" if nearest else ""

@@ -237,7 +237,8 @@ class Fabrication(Section):
 
 
 FormatName = Literal[
-    "stl", "3mf", "step", "brep", "obj", "ply", "off", "glb", "3dm", "dxf", "svg", "csv", "json", "vtu"
+    "stl", "3mf", "step", "stpz", "brep", "ifc", "obj", "ply", "off", "glb", "3dm", "dxf", "svg",
+    "lines.step", "csv", "json", "vtu",
 ]  # fmt: skip
 
 
@@ -245,13 +246,15 @@ class Export(Section):
     """[export]: the files."""
 
     formats: tuple[FormatName, ...] = ("stl", "3mf", "step")
-    """stl, 3mf, step, brep, obj, ply, off, glb: the solid. 3dm: with lines. dxf, svg, csv, json: lines. vtu: fields."""
+    """See `dsfab export --help`: solids, lines, drawings, fields."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
-    step: Literal["auto", "planar", "faceted"] = "auto"
-    """STEP of flat sheets: planar (lines and splines) or faceted; auto takes planar where it can."""
+    step: Literal["auto", "planar", "faceted", "tessellated"] = "auto"
+    """STEP: planar (flat sheets: lines, splines), faceted, tessellated (for viewers); auto: planar where it can."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Metres that the curves of planar STEP may be off the mesh; 0: a fortieth of the thickness."""
+    """Metres that planar or simplified STEP may be off the mesh; 0: a share of the thickness, a faceted file exact."""
+    step_mb: Annotated[float, Ge(0)] = 0.0
+    """Largest size of a STEP file in MB; 0 is no limit."""
 
 
 class Preset(Section):

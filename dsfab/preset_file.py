@@ -65,10 +65,12 @@ def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
 
 def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
     """`preset` with other values at dotted keys; raises PresetError as `load_preset` does."""
-    values = preset.model_dump(mode="json", exclude_none=True)
+    touched = {key.partition(".")[0] for key in changes}  # the other sections were checked when they were read
+    values = preset.model_dump(mode="json", exclude_none=True, include=touched)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key may reach into this value
-    return preset_from(values, f"preset {preset.name}")
+    kept = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
+    return preset_from({**kept, **values}, f"preset {preset.name}")
 
 
 def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:

@@ -125,8 +125,8 @@ class Tab:
 
 
 @contextmanager
-def opened(folder: Path, size: tuple[int, int] = (1440, 1500)) -> Iterator[Tab]:
-    """A tab of a browser that knows nothing of earlier ones; `folder` is for its own files."""
+def opened(folder: Path, size: tuple[int, int] = (1440, 1500), more: tuple[str, ...] = ()) -> Iterator[Tab]:
+    """A tab of a browser that knows nothing of earlier ones; `folder` is for its own files, `more` are options."""
     program = browser()
     assert program is not None
     (read_here, write_there), (read_there, write_here) = os.pipe(), os.pipe()
@@ -134,6 +134,7 @@ def opened(folder: Path, size: tuple[int, int] = (1440, 1500)) -> Iterator[Tab]:
         *("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-pipe"),
         *("--no-first-run", "--disable-dev-shm-usage", f"--window-size={size[0]},{size[1]}"),
         *("--disable-background-networking", f"--user-data-dir={folder}"),
+        *more,
     ]
     process = subprocess.Popen(
         [sys.executable, "-c", START, str(read_there), str(write_there), program, *options],

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import time
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -10,14 +11,15 @@ import pytest
 from PIL import Image
 
 from dsfab import pipeline
-from dsfab.app import explore as explore_module
+from dsfab.app import variants as variants_module
 from dsfab.app.cli import main
 from dsfab.app.contact import Tile, columns, contact_sheet, page
-from dsfab.app.explore import picture_size
+from dsfab.app.options import picture_size
 from dsfab.app.palette import PAPER
+from dsfab.app.panels import shows
 from dsfab.app.variations import best_order, combinations, expected_seconds, short_names, spelled, varied
 from dsfab.errors import DsfabError
-from dsfab.preset_file import load_preset, parse_override
+from dsfab.preset_file import load_preset, parse_override, preset_toml
 
 COARSE = ["--set", "surface.edge=0.9", "--size", "160x120"]
 
@@ -161,7 +163,7 @@ def test_many_variants_are_asked_about_and_nothing_is_written(
 def test_more_than_the_limit_are_drawn_after_yes(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(explore_module, "ASKS", 1)
+    monkeypatch.setattr(variants_module, "ASKS", 1)
     vary = ["--vary", "pattern.major.frequency=4,8", "-o", str(tmp_path)]
     assert "add --yes" in refused(capsys, "explore", "dome", *COARSE, *vary)
     assert run(capsys, "explore", "dome", *COARSE, *vary, "--yes", "-q") == (0, "", "")
@@ -297,3 +299,124 @@ def test_text_on_a_page_cannot_become_markup() -> None:
     assert "<i>" not in text
     assert Page(text).open == []
     assert contact_sheet([tile], "<dome>", "a < b", 1, 300, 4 / 3, PAPER).size[0] >= 300
+
+
+def test_a_film_runs_forth_and_back_over_one_key(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    vary = ["--vary", "pattern.major.frequency=4,8,12", "--fps", "10", "-o", str(tmp_path)]
+    for kind in ("gif", "webp"):
+        assert run(capsys, "explore", "dome", *COARSE, *vary, "--animate", kind, "-q")[0] == 0
+        with Image.open(tmp_path / f"dome.{kind}") as film:
+            assert film.n_frames == 4
+            frames, long = [], []
+            for place in range(4):
+                film.seek(place)
+                frames.append(np.asarray(film.convert("RGB")).astype(int))
+                long.append(film.info["duration"])
+        assert frames[0].shape[1] == 160
+        assert frames[0].shape[0] > 120  # with a line below
+        same = np.abs(frames[1] - frames[3]).mean()
+        assert 2 * same < np.abs(frames[0][:120] - frames[1][:120]).mean()
+        assert np.abs(frames[0][:120] - opened(tmp_path / "001.png")).mean() < 6
+        assert long == [400, 100, 400, 100]
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        (["--vary", "pattern.major.frequency=4,8", "--vary", "diffusion.r=1,10"], "along one key with several values"),
+        (["--vary", "pattern.major.frequency=4"], "here there are 0"),
+        (["--vary", "pattern.major.frequency=4,8", "--fps", "0"], "--fps 0 is not between"),
+    ],
+)
+def test_a_film_that_makes_no_sense_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, more: list[str], told: str
+) -> None:
+    assert told in refused(capsys, "explore", "dome", *more, "--animate", "gif", "-o", str(tmp_path / "no"))
+
+
+def test_several_pictures_share_a_page(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    one, page = tmp_path / "one.png", tmp_path / "page.png"
+    assert run(capsys, "preview", "dome", *COARSE, "--show", "major_mode", "-o", str(one), "-q") == (0, "", "")
+    shown = ["--show", "modes,structure,utilisation"]
+    code, _, err = run(capsys, "preview", "dome", *COARSE, *shown, "-o", str(page))
+    assert code == 0
+    assert "left out: utilisation: utilisation needs a strength" in err
+    assert opened(page).shape == (120, 3 * 160, 3)
+    assert np.array_equal(opened(page)[:, :160], opened(one))
+    assert "nothing can be shown" in refused(
+        capsys, "preview", "dome", *COARSE, "--show", "directions,utilisation", "--set", "diffusion.r=1", "-o", str(one)
+    )
+
+
+def test_all_shows_what_the_preset_asks_for() -> None:
+    plain, strong = load_preset("dome"), load_preset("dome", {"statics.strength": 3e6})
+    assert {"structure", "families", "loads", "stress", "displacement"} <= set(shows("all", plain))
+    assert set(shows("all", strong)) - set(shows("all", plain)) == {"utilisation"}
+    assert shows("deflection,displacement", plain) == ("displacement",)
+    with pytest.raises(DsfabError, match="'beauty' is not known"):
+        shows("structure,beauty", plain)
+
+
+def test_transparent_ground_keeps_the_shadows(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "clear.png"
+    assert run(capsys, "preview", "dome", *COARSE, "--ground", "transparent", "-o", str(path), "-q")[0] == 0
+    clear = opened(path).astype(int)
+    assert clear.shape == (120, 160, 4)
+    assert (clear[0, :, 3] == 0).all()
+    shadow = (clear[:, :, 3] > 10) & (clear[:, :, 3] < 200)
+    assert 0.02 < shadow.mean() < 0.6
+    assert run(capsys, "preview", "dome", *COARSE, "--ground", "white", "-o", str(path), "-q")[0] == 0
+    white = opened(path).astype(int)
+    assert (white[0] == 255).all()
+    over = clear[:, :, :3] * (clear[:, :, 3:] / 255) + 255 - clear[:, :, 3:]
+    assert np.abs(over - white).mean() < 1.5  # laid on white it is the white one
+    assert "ground 'lawn' is not known" in refused(capsys, "preview", "dome", *COARSE, "--ground", "lawn")
+
+
+def test_reactions_are_a_layer(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    shown = {}
+    for layers in ("none", "reactions", "all"):
+        path = tmp_path / f"{layers}.png"
+        code, _, err = run(capsys, "preview", "dome", *COARSE, "--layers", layers, "-o", str(path), "-q")
+        assert code == 0, err
+        picture = opened(path).astype(int)
+        red, green, blue = (picture[:, :, k] for k in range(3))
+        shown[layers] = int(((red - green > 30) & (blue - green > 30)).sum())  # purple
+    assert shown["none"] == 0
+    assert min(shown["reactions"], shown["all"]) > 20
+    assert "--layers 'birds' is not known" in refused(capsys, "preview", "dome", "--layers", "loads,birds")
+
+
+def test_a_watched_file_is_drawn_when_it_is_saved_and_mistakes_are_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, path = tmp_path / "mine.toml", tmp_path / "mine.png"
+    good = preset_toml(load_preset("dome", {"surface.edge": 0.9}))
+    steps = iter(
+        [
+            lambda: file.write_text(good.replace("frequency = ", "frequenzy = ", 1)),
+            lambda: None,  # nothing new: nothing is drawn
+            file.unlink,
+            lambda: file.write_text(good.replace("keep = 0.35", "keep = 0.9")),
+        ]
+    )
+    sizes: list[bytes] = []
+
+    def wait(_: float) -> None:
+        sizes.append(path.read_bytes())
+        step = next(steps, None)
+        if step is None:
+            raise KeyboardInterrupt
+        step()
+
+    monkeypatch.setattr(time, "sleep", wait)
+    file.write_text(good)
+    code, out, err = run(capsys, "preview", str(file), "--watch", "--size", "160x120", "-o", str(path))
+    assert code == 0
+    assert out.count("mine.png") == 2
+    assert err.count("did you mean frequency?") == 1
+    assert "Traceback" not in err
+    assert sizes[0] == sizes[1] == sizes[2] == sizes[3]
+    assert ("keep = 0.35" in good) == (sizes[4] != sizes[0])
+    monkeypatch.undo()
+    assert "--watch needs a file" in refused(capsys, "preview", "dome", "--watch")

@@ -33,7 +33,7 @@ def test_the_most_stressed_faces_are_darkest(dome, show):
     assert (np.diff(light) <= 2).all()  # but for rounding to bytes
     assert light[0] > light[-1] + 300
     assert shown.bar.names[1] == "and more"
-    assert shown.bar.limit == pytest.approx(np.percentile(value, 98))
+    assert np.percentile(value, 98) <= shown.bar.limit * (1 + 1e-9) < 1.26 * np.percentile(value, 98)
     assert shown.V is None
     assert "constant+midedge" in shown.words
 

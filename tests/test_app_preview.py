@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_erosion
 
 from dsfab.app import gl, light, marks, preview
+from dsfab.app.edges import edges
 from dsfab.app.lettering import length_label, round_length
 from dsfab.app.palette import PAPER
+from dsfab.app.person import person
 from dsfab.app.preview import picture, write_picture
 from dsfab.app.scene import Body, Scene
 from dsfab.app.view import ANGLE, best_side, framed, up_axis
@@ -137,7 +139,7 @@ def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.3)
     load = weighed(surface, low(surface))
     free = ~load.held
-    pulls = marks._gathered(surface, load, free, marks.SPREAD_LOAD, 1.0, surface.size)
+    pulls = marks._gathered(surface.V, load.force, free, marks.SPREAD_LOAD, 1.0, surface.size)
     assert free.sum() > 1000
     assert 8 < len(pulls.at) <= marks.SPREAD_LOAD.most
     np.testing.assert_allclose(pulls.pull.sum(axis=0), load.force[free].sum(axis=0), rtol=1e-9, atol=1e-6)
@@ -171,7 +173,7 @@ def test_supports_point_away_from_the_structure() -> None:
 
 
 def test_a_person_is_1_75_metres_tall() -> None:
-    V, F = marks.person(np.array([3.0, 2.0, 1.0]), np.array([1.0, 0, 0]), Z)
+    V, F = person(np.array([3.0, 2.0, 1.0]), np.array([1.0, 0, 0]), Z)
     assert np.ptp(V[:, 2]) == pytest.approx(1.75)
     assert V[:, 2].min() == pytest.approx(1.0)
     assert 0.4 < np.ptp(V[:, 0]) < 0.7
@@ -263,14 +265,14 @@ def test_edges_are_drawn_where_faces_meet_and_not_along_a_slope() -> None:
     up, side = np.array([127, 127, 255], dtype=np.uint8), np.array([255, 127, 127], dtype=np.uint8)
     slope = np.tile(np.linspace(2, 3, 20, dtype=np.float32), (20, 1))
     level = np.broadcast_to(up, (20, 20, 3))
-    assert light.edges(Pixels(slope, level, level), 0.01).max() == 0
+    assert edges(Pixels(slope, level, level), 0.01).max() == 0
     stepped = slope + np.where(np.arange(20) < 10, 0, 1).astype(np.float32)
-    lines = light.edges(Pixels(stepped, level, level), 0.01)
+    lines = edges(Pixels(stepped, level, level), 0.01)
     assert (lines[:, 9] == 1).all()
     assert lines[:, [*range(9), *range(10, 20)]].max() == 0
-    assert (light.edges(Pixels(stepped[:, ::-1], level, level), 0.01) == lines[:, ::-1]).all()
+    assert (edges(Pixels(stepped[:, ::-1], level, level), 0.01) == lines[:, ::-1]).all()
     folded = np.where((np.arange(20) < 10)[None, :, None], up, side) * np.ones((20, 1, 1), dtype=np.uint8)
-    assert (light.edges(Pixels(slope, folded, folded), 0.01).max(axis=1) == 1).all()
+    assert (edges(Pixels(slope, folded, folded), 0.01).max(axis=1) == 1).all()
 
 
 @pytest.mark.parametrize(("longest", "length"), [(0.99, 0.5), (1.0, 1.0), (4.9, 2.0), (37.0, 20.0), (0.0034, 0.002)])
@@ -376,6 +378,7 @@ def test_a_machine_that_cannot_draw_is_told_what_to_install(asked_anew: pytest.M
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:
         preview.picture(*SHAPES["slab"](), size=SIZE)
     assert str(caught.value).count(".") == 0  # one sentence
+    assert all(name in str(caught.value) for name in ("Debian, Ubuntu", "Fedora", "macOS", "Windows", "--no-preview"))
     assert "libosmesa6" in str(caught.value)
 
 

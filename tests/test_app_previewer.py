@@ -5,13 +5,14 @@ import threading
 import numpy as np
 import pytest
 
+from dsfab.app import bench_preview, shader
 from dsfab.app import scene as scene_module
-from dsfab.app import shader
-from dsfab.app.colouring import diverging, stress_label
+from dsfab.app.colouring import banded, diverging, stress_label
 from dsfab.app.light import QUICK
-from dsfab.app.preview import on_page
+from dsfab.app.marks import reaction_arrows
 from dsfab.app.previewer import TRIAL, Previewer
 from dsfab.app.scene import Body, Scene
+from dsfab.app.staging import on_page
 from dsfab.app.view import named_side
 from dsfab.design import Draft
 from dsfab.errors import DsfabError, PatternError, PresetError
@@ -289,3 +290,93 @@ def test_corners_that_are_split_take_their_values_along() -> None:
         assert mesh.n_points == 24
         assert np.allclose(mesh.point_data["stripes"][:, :3], mesh.points)
         assert np.allclose(mesh.point_data["kept"], mesh.points[:, 1:])
+
+
+def test_walls_are_seen_beside_members_and_nowhere_else(dome: Draft) -> None:
+    """What is added to an infinitely thin sheet lies within half the thickness of it, and none for lamps and masks."""
+    made = draft(overridden(dome.preset, {"statics.thickness": 0.4}), old=dome)
+    with Previewer(made, marks=False) as previewer:
+        view, scene, shader_ = previewer._view(SIZE, True), previewer._scene, previewer._shader
+        thin = scene.mask(view, *SIZE)
+        seen = np.isfinite(scene.pixels(view, *SIZE).depth)
+        again = scene.mask(view, *SIZE)
+        assert np.array_equal(thin, again)
+        assert 1.1 * thin.sum() < seen.sum() < 2.5 * thin.sum()
+        shader_.set(shader.WHOLE)
+        whole = scene.mask(view, *SIZE)
+        assert np.array_equal(np.isfinite(scene.pixels(view, *SIZE).depth), whole)  # no wall without an opening
+        assert not (seen & ~whole).any()
+        shader_.set(shader.NOTHING)
+        assert not np.isfinite(scene.pixels(view, *SIZE).depth).any()
+
+
+def test_families_have_their_colours_and_a_legend(dome: Draft) -> None:
+    with Previewer(dome, show="families", marks=False, view="top") as previewer:
+        view = previewer._view(SIZE, True)
+        colour = previewer._scene.pixels(view, *SIZE).colour.astype(int)
+        assert [name for name, _ in previewer._swatches] == ["major", "minor", "kept"]
+        masks = [np.abs(colour - np.array(tint)).max(axis=2) <= 2 for tint in previewer._palette.tints]
+    with Previewer(dome, show="major", marks=False, view="top") as previewer:
+        major = previewer.mask(SIZE)
+    assert all(mask.sum() > 200 for mask in masks[:2])
+    assert (masks[0] & ~major).sum() < 0.1 * masks[0].sum()  # faces lie half the thickness above the middle
+    assert not (masks[1] & masks[0]).any()
+
+
+def test_an_unknown_layer_and_ground_are_refused(dome: Draft) -> None:
+    with pytest.raises(DsfabError, match="layer 'birds' is not known"):
+        Previewer(dome, marks=["loads", "birds"])
+    with pytest.raises(DsfabError, match="ground 'lawn' is not known"):
+        Previewer(dome, ground="lawn")
+
+
+def test_a_notebook_shows_designs_and_drafts_and_warns_where_nothing_can_be_drawn(
+    dome: Draft, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert dome._repr_png_().startswith(b"\x89PNG")
+
+    def cannot(*_: object, **__: object) -> None:
+        raise DsfabError("pictures cannot be drawn on this machine")
+
+    monkeypatch.setattr("dsfab.app.inline.Previewer", cannot)
+    with pytest.warns(UserWarning, match="cannot be drawn"):
+        assert dome._repr_png_() is None
+
+
+@pytest.mark.parametrize(("limit", "end", "bands"), [(1.0, 1.0, 5), (97.0, 100.0, 5), (4.1, 5.0, 5), (0.0, 1.0, 4)])
+def test_bands_are_round(limit: float, end: float, bands: int) -> None:
+    assert banded(limit) == (pytest.approx(end), bands)
+
+
+def test_banded_colours_are_steps_from_end_to_end() -> None:
+    smooth, steps = (diverging(np.linspace(-1, 1, 400), bands) for bands in (0, 8))
+    assert len(np.unique(steps, axis=0)) == 8
+    assert len(np.unique(smooth, axis=0)) > 100
+    assert (steps[[0, -1]] == smooth[[0, -1]]).all()
+    assert not (steps[199] == steps[200]).all()  # tension and compression do not share a band
+
+
+def test_reactions_push_where_they_push(dome: Draft) -> None:
+    surface, load = dome.surface, dome.load
+    reaction = dome.statics.equilibrium.reaction
+    V, F = reaction_arrows(surface, load, reaction, 10.0)
+    low = V[:, 2].min()
+    assert len(F) > 0
+    assert low < surface.V[:, 2].min() - 0.2  # they come from below
+    down, _ = reaction_arrows(surface, load, -reaction, 10.0)
+    assert down[:, 2].min() < surface.V[:, 2].min()
+    assert len(reaction_arrows(surface, load, 0 * reaction, 10.0)[1]) == 0
+
+
+def test_frame_rates_name_what_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench_preview, "SECONDS", 0.0)
+    monkeypatch.setattr(bench_preview, "PIXELS", (160, 120))
+    row = bench_preview.measure(2_000)
+    assert abs(row["triangles"] - 2_000) < 200
+    assert row["renderer"] != "unknown"
+    assert min(row[kind] for kind in ("plain", "shader", "walls", "change_ms")) > 0
+    text = bench_preview.rates_table([row, {**row, "renderer": "NVIDIA H100"}])
+    assert "hardware: NVIDIA H100" in text
+    V, F, fields = bench_preview.wavy_torus(2_000)
+    assert fields.shape == (len(V), 6)
+    assert len(V) - len(F) // 2 == 0  # Euler: V - E + F = 0 on a torus, 2 E = 3 F

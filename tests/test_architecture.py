@@ -26,7 +26,9 @@ PACKAGE = ROOT / "dsfab"
 GROUND = {"errors", "units", "arrays", "sparse", "__init__"}
 STAGES = {"statics", "diffusion", "pattern", "slicing", "thickening"}
 ALLOWED: dict[str, set[str]] = {
-    "__init__": {"design", "errors", "export", "pipeline", "preset", "preset_file"} | {"study", "surface"} | STAGES,
+    "__init__": {"app", "design", "errors", "export", "pipeline", "preset", "preset_file"}
+    | {"study", "surface"}
+    | STAGES,
     "errors": set(),
     "units": {"errors"},
     "arrays": {"errors"},
@@ -53,6 +55,7 @@ HOME = {
     "lib3mf": {"export", "surface"},
     "ezdxf": {"export"},
     "rhino3dm": {"export"},
+    "ifcopenshell": {"export"},
     "pyvista": {"app"},
     "vtk": {"app"},
     "trimesh": {"surface", "export"},
@@ -64,7 +67,19 @@ HOME = {
 }
 """Libraries that may be imported in these parts only."""
 
-LAZY = {"build123d", "OCP", "lib3mf", "ezdxf", "rhino3dm", "pyvista", "vtk", "trimesh", "PIL", "matplotlib"}
+LAZY = {
+    "build123d",
+    "OCP",
+    "lib3mf",
+    "ezdxf",
+    "rhino3dm",
+    "ifcopenshell",
+    "pyvista",
+    "vtk",
+    "trimesh",
+    "PIL",
+    "matplotlib",
+}
 """Slow to import: never at the top of a module."""
 
 

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from dsfab.errors import ExportError
-from dsfab.export import FORMATS, Details, write
+from dsfab.export import FORMATS, Details, step_check, step_lines, write
 from dsfab.export.layout import MARGIN, PAPER, arranged
 from dsfab.export.part import part_of
 from dsfab.export.svg import TITLE, scale_name
@@ -39,6 +39,14 @@ def striped(surface: Surface, along=(1.0, 0.0, 0.0), frequency: float = 2.0) -> 
 
 
 FLAT, ARCHED = striped(grid(16, 8, 2.0, 1.0)), striped(lifted(lambda x, y: 0.5 * x * (1 - x)), frequency=4.0)
+
+
+@pytest.fixture(autouse=True)
+def _here(monkeypatch):
+    """Inspect STEP curves in this process: a new one takes seconds to import build123d, each time."""
+    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_check.inspected(path))
+
+
 both = pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])
 
 

@@ -14,7 +14,7 @@ from dsfab.export.coplanar import FLATNESS
 from dsfab.export.part import part_of
 from dsfab.export.planar import Polyhedron, _corners, _outline, polyhedron
 from dsfab.export.shells import solids_of, winding
-from dsfab.export.step_text import quoted
+from dsfab.export.step_pieces import quoted
 from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, pieces
 from dsfab.thickening import Solid, thicken

@@ -128,10 +128,19 @@ BASES = (
 )
 
 
-def fuzzed(seed: int) -> Solid | None:
+TINY = (
+    lambda: jittered(grid(4, 3, 1.0, 1.0)),
+    lambda: sphere(1),
+    lambda: lifted(lambda x, y: (x - 0.5) * (y - 0.5) * 1.5, cells=4),
+    lambda: moebius(14, 2, 0.8),
+    lambda: lifted(lambda x, y: 4 * x * (1 - x) * y * (1 - y), cells=4),
+)
+
+
+def fuzzed(seed: int, bases: tuple[Callable[[], Surface], ...] = BASES) -> Solid | None:
     """A coarse sheet cut by fields that hit levels exactly, nearly, or are noise; None where nothing is left."""
     random = np.random.default_rng(seed)
-    surface = BASES[seed % len(BASES)]()
+    surface = bases[seed % len(bases)]()
     t = surface.size / 2 * random.choice([0.01, 0.02, 0.04])
     denominator = random.choice([2, 4, 8])
     fields = [random.integers(-6, 7, surface.n) / denominator for _ in range(2)]
@@ -164,3 +173,13 @@ def test_a_hundred_coarse_random_patterns(batch):
         if solid is not None:
             judge(solid)
     assert sum(solid is not None for solid in built) > 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batch", range(5))
+def test_five_hundred_tiny_random_patterns(batch):
+    built = [fuzzed(seed, TINY) for seed in range(1000 + 100 * batch, 1100 + 100 * batch)]
+    for solid in built:
+        if solid is not None:
+            judge(solid)
+    assert sum(solid is not None for solid in built) > 90

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -48,6 +49,9 @@ def bench(
     stages: Annotated[
         Literal["all", "statics"], Parameter(help="Time every stage, or the parts of the statics alone.")
     ] = "all",
+    preview: Annotated[
+        bool, Parameter(negative=(), help="Time the previewer instead: pictures a second, plain and with stripes.")
+    ] = False,
     step: Annotated[bool, Parameter(negative=(), help="Include STEP in the export column.")] = False,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
 ) -> int:
@@ -55,6 +59,8 @@ def bench(
 
     Export writes and reads back the preset's formats, without STEP unless asked for.
     """
+    if preview:
+        return _previewed(presets, json_)
     wanted = _wanted(scaling, vertices, stages)
     reporter = Reporter(quiet=json_)
     results = []
@@ -72,6 +78,23 @@ def bench(
         out(json.dumps(results, indent=2))
     else:
         out(_table(results))
+    return 0
+
+
+def _previewed(presets: Sequence[str], as_json: bool) -> int:
+    """`--preview`: needs no preset, since only the number of triangles counts."""
+    from dsfab.app.bench_preview import PIXELS, SIZES, frame_rates, rates_table
+
+    if presets:
+        raise DsfabError(f"bench --preview draws a surface of its own, leave {presets[0]!r} away")
+    reporter = Reporter(quiet=as_json)
+    reporter("bench", f"drawing {', '.join(f'{n:,}' for n in SIZES)} triangles at {PIXELS[0]} x {PIXELS[1]}")
+    try:
+        rows = frame_rates()
+    finally:
+        reporter.stop()
+    reporter.done()
+    out(json.dumps(rows, indent=2) if as_json else rates_table(rows))
     return 0
 
 

@@ -17,6 +17,7 @@ from dsfab.app.choice import choice_facts, choice_lines
 from dsfab.app.fabrication import fabrication_facts, fabrication_lines
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
+from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
 from dsfab.errors import DsfabError, ExportError
 
 if TYPE_CHECKING:
@@ -54,13 +55,14 @@ def build(
     format_: Annotated[
         str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
     ] = None,
-    step: Annotated[
-        str | None, Parameter(help="How STEP is made: auto, planar (flat sheets, as curves) or faceted.")
-    ] = None,
+    step: Step = None,
+    max_faces: MaxFaces = None,
+    max_mb: MaxMb = None,
+    estimate: EstimateOnly = False,
     fix: Annotated[
         bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
     ] = False,
-    picture: Annotated[bool, Parameter(help="Also make preview.png.")] = True,
+    picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True,
     quiet: Quiet = False,
 ) -> int:
     """Build a preset: solid, sheet, picture and numbers, in one folder.
@@ -76,11 +78,11 @@ def build(
     if format_ is not None:
         formats = [word.strip().lower() for word in format_.split(",") if word.strip()]
         set_ = (*set_, f"export.formats={json.dumps(formats)}")
-    if step is not None:
-        set_ = (*set_, f"export.step={json.dumps(step)}")
-    given = read_preset(preset, set_, mesh, unit)
+    given = read_preset(preset, (*set_, *overrides(step, max_faces, max_mb)), mesh, unit)
     _require(given.export.formats)
     reporter = Reporter(quiet)
+    if estimate:
+        return estimated(given, reporter)
     picture = picture and _can_draw(reporter)
     folder = output if output is not None else Path("outputs") / given.name
     try:
@@ -90,7 +92,7 @@ def build(
         with whole_or_nothing(folder) as partial:
             reporter("fabrication", "measuring members, gaps and walls")
             made = fabrication_facts(fabrication(design))
-            refused = _write_all(design, partial, reporter, picture, made)
+            refused = write_all(design, partial, reporter, picture, made)
         reporter.done()
     finally:
         reporter.stop()
@@ -134,7 +136,7 @@ def _can_draw(reporter: Reporter) -> bool:
     return True
 
 
-def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool, made: dict[str, Any]) -> str:
+def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool, made: dict[str, Any]) -> str:
     """Write every file of a design, and what was measured on it; returns why a format was refused, or ''."""
     import time
 
@@ -151,7 +153,7 @@ def _write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool
             thing, how = delivered(design, f".{suffix}")
             files.append(write(thing, folder / f"{preset.name}.{suffix}", note=told.append, **how))
         except ExportError as error:
-            if suffix not in ("step", "brep"):
+            if suffix not in ("step", "stpz", "brep"):
                 raise
             refused.append(str(error))
     for text in told:

@@ -25,8 +25,9 @@ app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
 app.command("dsfab.app.export:export", name="export", help="Write one file: solid, lines, drawing, fields or model.")
-app.command("dsfab.app.explore:preview", name="preview", help="Draw a design without building it.")
+app.command("dsfab.app.previewing:preview", name="preview", help="Draw a design without building it.")
 app.command("dsfab.app.explore:explore", name="explore", help="Draw many variants of a design on one contact sheet.")
+app.command("dsfab.app.editor.command:edit", name="edit", help="Change a design in your browser and watch it.")
 app.command("dsfab.app.sweep:sweep", name="sweep", help="Make many designs of a preset; stop and go on at any time.")
 app.command("dsfab.app.compare:compare", name="compare", help="Compare a design with others of the same mass.")
 app.command("dsfab.app.listing:presets", name="presets", help="List the presets that come with dsfab.")

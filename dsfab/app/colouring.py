@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from dsfab.app.lettering import round_length
 from dsfab.app.palette import Palette
 from dsfab.app.scene import Bytes
 from dsfab.arrays import Floats
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 Show = Literal[
     "structure",
     "stress",
+    "families",
     "major",
     "minor",
     "loads",
@@ -71,13 +73,14 @@ class Bar:
 
     limit   : where its colours end; both ways if there is a middle.
     labels  : below its left end, middle and right end.        names : above its left and right end.
-    colours : (k, 3) from left to right.
+    colours : (k, 3) from left to right.                       bands: how many steps they make; 0 for none.
     """
 
     limit: float
     labels: tuple[str, str, str]
     names: tuple[str, str]
     colours: Floats = field(default_factory=lambda: _RISING)
+    bands: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,16 +116,20 @@ def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring
     if show == "stress":
         principal = design.diffusion.tensors.principal
         value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
-        limit = float(np.percentile(np.abs(value), STEEPEST)) or 1.0
+        limit, bands = banded(float(np.percentile(np.abs(value), STEEPEST)))
         label = stress_label(limit)
-        bar = Bar(limit, (f"-{label}", "0", label), ("compression", "tension"), _DIVERGING)
-        return Colouring(diverging(value / limit), bar)
+        bar = Bar(limit, (f"-{label}", "0", label), ("compression", "tension"), _DIVERGING, 2 * bands)
+        return Colouring(diverging(value / limit, 2 * bands), bar)
     if show in MODES:
         return _mode(design, show)
     plain = palette.plain
     colour = {"major": palette.families[0], "minor": palette.families[2], "loads": plain, "directions": plain}
     one = np.array(colour.get(show, palette.members), dtype=np.uint8)
     face = np.broadcast_to(one, (design.surface.m, 3))
+    if show == "loads":
+        return Colouring(
+            face, words=f"loads, {force_label(float(np.linalg.norm(design.load.force.sum(axis=0))))} in all"
+        )
     if show == "directions":
         signs = Bar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
         return Colouring(face, signs)
@@ -142,18 +149,35 @@ def _mode(design: "Design | Draft", show: str) -> Colouring:
     return Colouring(face, bar, None, f"{name} mode {number}, eigenvalue {eigenvalue:.4g} / area, uncut sheet")
 
 
-def diverging(share: Floats) -> Bytes:
+def banded(limit: float) -> tuple[float, int]:
+    """Where colours end so that 4 to 10 bands of a round width (1, 2, 5 times a power of ten) reach `limit`, and how
+    many they are."""
+    if not limit > 0:
+        return 1.0, 4
+    step = round_length(limit / 4)
+    count = int(np.ceil(limit / step - 1e-9))
+    return count * step, count
+
+
+def diverging(share: Floats, bands: int = 0) -> Bytes:
     """(k, 3) colours for shares from -1 (compression) to 1 (tension)."""
-    return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING)
+    return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
-def rising(share: Floats) -> Bytes:
+def rising(share: Floats, bands: int = 0) -> Bytes:
     """(k, 3) colours for shares from 0 to 1."""
-    return ramp(np.clip(share, 0, 1), _RISING)
+    return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
-def ramp(share: Floats, colours: Floats) -> Bytes:
-    """(k, 3) colours for shares from 0 to 1 of the way along `colours`."""
+def signed(share: Floats) -> Bytes:
+    """(k, 3) colours for shares from -1 to 1 of what is no stress."""
+    return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
+
+
+def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
+    """(k, 3) colours for shares from 0 to 1 of the way along `colours`, in steps of equal width if there are bands."""
+    if bands:
+        share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, known = share * (len(colours) - 1), np.arange(len(colours))
     return np.stack([np.interp(place, known, channel) for channel in colours.T], axis=1).astype(np.uint8)
 
@@ -165,6 +189,12 @@ def stress_label(pascals: float) -> str:
     return f"{pascals / factor:.3g} {unit}"
 
 
+def force_label(newtons: float) -> str:
+    """'1.2 kN', '350 N', with three digits."""
+    factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
+    return f"{newtons / factor:.3g} {unit}"
+
+
 def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
     """The picture with the scale of colours above its caption, on the left."""
     from PIL import Image, ImageDraw, ImageFont
@@ -172,7 +202,9 @@ def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
     width, height = image.size
     letter = max(height / 46, 9.0)
     left, base, long = 0.035 * width, height - 6.6 * letter, round(0.22 * width)
-    strip = np.broadcast_to(ramp(np.linspace(0, 1, long), bar.colours), (max(round(0.55 * letter), 4), long, 3))
+    strip = np.broadcast_to(
+        ramp(np.linspace(0, 1, long), bar.colours, bar.bands), (max(round(0.55 * letter), 4), long, 3)
+    )
     image.paste(Image.fromarray(np.ascontiguousarray(strip)), (round(left), round(base)))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=0.9 * letter)
     top, below = base - 0.5 * letter, base + 1.55 * letter

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
 from dsfab.app.report import Reporter, length, out, size
+from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
 from dsfab.errors import ExportError
 
 if TYPE_CHECKING:
@@ -21,9 +22,9 @@ CALCULIX = "calculix"
 SUFFIX = ".inp"
 
 TO = (
-    "The solid: stl, 3mf, step, brep, obj, ply, off, glb; 3dm with edges and centre lines. Lines by family: dxf (with "
-    "plan and elevations), svg (a drawing to scale), csv, json. Fields on the uncut surface: vtu. A check: calculix. "
-    "[as the suffix of -o]"
+    "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
+    "edges and centre lines. Lines by family: dxf (with plan and elevations), svg (a drawing to scale), lines.step "
+    "(curves), csv, json. Fields on the uncut surface: vtu. A check: calculix. [as the suffix of -o]"
 )
 
 Which = Literal["uncut", "cut"]
@@ -51,6 +52,10 @@ def export(
     set_: Set = (),
     mesh: Mesh = None,
     unit: Unit = None,
+    step: Step = None,
+    max_faces: MaxFaces = None,
+    max_mb: MaxMb = None,
+    estimate: EstimateOnly = False,
     quiet: Quiet = False,
 ) -> int:
     """Write one file: the solid, a sheet, lines, a drawing, fields, or a finite element model to check the statics.
@@ -60,9 +65,11 @@ def export(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
-    given, folder = _source(preset, set_, mesh, unit)
-    ask = _asked(to, output, folder, given.name, sheet)
+    given, folder = _source(preset, (*set_, *overrides(step, max_faces, max_mb)), mesh, unit)
     reporter = Reporter(quiet)
+    if estimate:
+        return estimated(given, reporter)
+    ask = _asked(to, output, folder, given.name, sheet)
     try:
         told = (_model if ask.suffix == SUFFIX else _mesh)(given, ask, reporter)
         reporter.done()
@@ -90,19 +97,19 @@ def _source(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
 
 def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> Ask:
     """Check what was asked for before any work begins."""
-    from dsfab.export.formats import FORMATS
+    from dsfab.export.formats import FORMATS, suffix_of
 
     known = {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
     if to is None and output is None:
         raise ExportError(f"nothing says what to write; add --to {', '.join(known)}")
-    word = (to if to is not None else output.suffix if output else "").lower().removeprefix(".")
+    word = (to if to is not None else suffix_of(output) if output else "").lower().removeprefix(".")
     suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
     if suffix is None:
         near = difflib.get_close_matches(word, known, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(known)}")
     path = output if output is not None else folder / f"{name}{suffix}"
-    if path.suffix.lower() != suffix:
+    if suffix_of(path) != suffix:
         raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")
     if sheet is not None and suffix != SUFFIX and not FORMATS[suffix].sheets:
         holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets and form.takes == "mesh")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.app.colouring import STEEPEST, Bar, Colouring, rising, stress_label
+from dsfab.app.colouring import STEEPEST, Bar, Colouring, banded, rising, stress_label
 from dsfab.app.lettering import round_length
 from dsfab.app.report import length
 from dsfab.arrays import Floats
@@ -66,9 +66,9 @@ def energy_label(joules: float) -> str:
 
 def _scaled(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
     """Colours from nothing to the percentile where the colours of stress end too."""
-    limit = float(np.percentile(value, STEEPEST)) or 1.0
-    bar = Bar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""))
-    return Colouring(rising(value / limit), bar, None, words)
+    limit, bands = banded(float(np.percentile(value, STEEPEST)))
+    bar = Bar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
+    return Colouring(rising(value / limit, bands), bar, None, words)
 
 
 def _displaced(design: "Design | Draft") -> Colouring:
@@ -77,8 +77,9 @@ def _displaced(design: "Design | Draft") -> Colouring:
     largest = float(size.max())
     factor = round_length(MOVES * design.surface.size / largest) if largest > 0 else 1.0
     words = f"moves by {length(largest)} at most, drawn {_times(factor)} x, uncut sheet, {_by(design)}"
-    bar = Bar(largest or 1.0, ("0", "", length(largest)), ("", ""))
-    face = rising(size[design.surface.F].mean(axis=1) / bar.limit)
+    limit, bands = banded(largest)
+    bar = Bar(limit, ("0", "", length(limit)), ("", ""), bands=bands)
+    face = rising(size[design.surface.F].mean(axis=1) / limit, bands)
     return Colouring(face, bar, design.surface.V + factor * u, words)
 
 

@@ -70,11 +70,19 @@ def _command() -> list[str]:
     return [sys.executable, "-P", "-c", PROBE]
 
 
+_ADVICE = {
+    "linux": "install libegl1 and libgl1-mesa-dri (Debian, Ubuntu; or libosmesa6), or mesa-libEGL and mesa-dri-drivers "
+    "(Fedora)",
+    "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
+    "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
+}
+"""What draws on each system, the name of the system as `sys.platform` gives it; the one at hand is told first."""
+
+
 def _missing(chosen: str) -> str:
-    if sys.platform.startswith("linux"):
-        advice = "install the Debian packages libegl1 and libgl1-mesa-dri (or libosmesa6)"
-    else:
-        advice = "check the graphics driver"
+    here = "linux" if sys.platform.startswith("linux") else sys.platform
+    others = [text for name, text in _ADVICE.items() if name != here]
+    advice = "; ".join([_ADVICE.get(here, ""), *others]).strip("; ")
     asked = f" with {WINDOW}={chosen}" if chosen else ""
     unset = f", unset {WINDOW}" if chosen else ""
-    return f"pictures cannot be drawn on this machine{asked}: {advice}{unset}, or build without a picture"
+    return f"pictures cannot be drawn on this machine{asked}: {advice}{unset}; `build --no-preview` needs no picture"

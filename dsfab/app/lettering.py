@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dsfab.app.palette import MarkName, Palette
+from dsfab.app.scene import Colour
 from dsfab.units import MM_PER_M
 
 if TYPE_CHECKING:
@@ -15,11 +16,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Legend:
-    """caption: one line.  names: of the marks, 'load' and 'support'.  pixels_per_metre: for the scale bar."""
+    """caption: one line.  names: of the marks, such as 'load' and 'support'.  pixels_per_metre: for the scale bar.
+
+    swatches: names and colours of what the colours tell apart.
+    """
 
     caption: str
     names: list[MarkName]
     pixels_per_metre: float
+    swatches: tuple[tuple[str, Colour], ...] = ()
 
 
 def round_length(longest: float) -> float:
@@ -50,7 +55,23 @@ def lettered(image: "Image", legend: Legend, palette: Palette) -> "Image":
         draw.text((x, base), words, fill=palette.text, font=font, anchor="ls")
     for name in legend.names:
         x = _named(draw, name, palette, (x, base - 1.9 * letter), letter) + 1.4 * letter
+    for text, colour in legend.swatches:
+        x = _swatch(draw, text, colour, palette, (x, base - 1.9 * letter), letter) + 1.4 * letter
     return image
+
+
+def _swatch(
+    draw: "ImageDraw", text: str, colour: Colour, palette: Palette, at: tuple[float, float], letter: float
+) -> float:
+    """A small square of a colour and what it stands for; returns where it ends."""
+    from PIL import ImageFont
+
+    x, base = at
+    side = 0.72 * letter
+    draw.rectangle((x, base - side, x + side, base), fill=colour)
+    font, start = ImageFont.load_default(size=0.9 * letter), x + side + 0.4 * letter
+    draw.text((start, base), text, fill=palette.text, font=font, anchor="ls")
+    return start + draw.textlength(text, font=font)
 
 
 def _shortened(words: str, room: float, draw: "ImageDraw", letter: float) -> str:
@@ -94,7 +115,12 @@ def _named(draw: "ImageDraw", name: MarkName, palette: Palette, at: tuple[float,
     colour = tuple(int(value) for value in palette.of(name))
     top, half = base - 0.85 * letter, 0.3 * letter
     middle = x + half
-    if name == "load":
+    if name == "reaction":
+        shaft = max(letter / 20, 0.75)
+        draw.rectangle((middle - shaft, top + 0.45 * letter, middle + shaft, base), fill=colour)
+        low = top + 0.45 * letter
+        tip = [(middle - 0.6 * half, low), (middle + 0.6 * half, low), (middle, top)]
+    elif name == "load":
         shaft = max(letter / 20, 0.75)
         draw.rectangle((middle - shaft, top, middle + shaft, base - 0.4 * letter), fill=colour)
         tip = [(middle - 0.6 * half, base - 0.45 * letter), (middle + 0.6 * half, base - 0.45 * letter), (middle, base)]

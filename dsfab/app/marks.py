@@ -14,9 +14,6 @@ Mesh = tuple[Floats, Ints]
 SIDES = 16
 """Corners of a drawn circle."""
 
-PERSON = 1.75
-"""Height of the person, metres."""
-
 
 @dataclass(frozen=True)
 class Spacing:
@@ -74,8 +71,8 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     eye  : (3,) unit vector towards the eye: arrows along the surface are drawn on the side that is seen.
     """
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
-    points = _gathered(surface, load, acts & load.loaded, POINT_LOAD, LONGEST_POINT * size, size)
-    spread = _gathered(surface, load, acts & ~load.loaded, SPREAD_LOAD, LONGEST_SPREAD * size, size)
+    points = _gathered(surface.V, load.force, acts & load.loaded, POINT_LOAD, LONGEST_POINT * size, size)
+    spread = _gathered(surface.V, load.force, acts & ~load.loaded, SPREAD_LOAD, LONGEST_SPREAD * size, size)
     at = np.concatenate([points.at, spread.at])
     pull, long = np.concatenate([points.pull, spread.pull]), np.concatenate([points.long, spread.long])
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
@@ -90,15 +87,15 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     return _placed(_arrow(), surface.V[at] + away * gap[:, None] + start, along, long)
 
 
-def _gathered(surface: Surface, load: LoadCase, acts: Bools, spacing: Spacing, longest: float, size: float) -> Pulls:
+def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float) -> Pulls:
     """The forces on the marked vertices, gathered at a few of them in the middle of their patches (Lloyd 1982)."""
     at = np.flatnonzero(acts)
     if not len(at):
         return Pulls(at, np.zeros((0, 3)), np.zeros(0))
-    where = surface.V[at]
+    where = V[at]
     taken = thinned(where, size, spacing)
     owner = _nearest(where, where[taken])
-    pull = _sums(owner, load.force[at], len(taken))
+    pull = _sums(owner, force[at], len(taken))
     amount = np.linalg.norm(pull, axis=1)
     kept = amount > 1e-6 * amount.max()  # forces that cancel within a patch have no arrow
     long = longest * (0.35 + 0.65 * np.sqrt(amount[kept] / amount.max()))
@@ -122,6 +119,23 @@ def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lif
     return _placed(_cone(), tips + (0.3 * lift + long[:, None]) * away, towards, long)
 
 
+def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> Mesh:
+    """Arrows for the forces (n, 3), N, of the supports on the structure, gathered as the cones are.
+
+    They end at the support, or begin there where it pulls the structure down.
+    """
+    acts = load.held & (np.linalg.norm(reaction, axis=1) > 0)
+    if not acts.any():
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    found = _gathered(surface.V, reaction, acts, SUPPORTS, LONGEST_POINT * size, size)
+    along = found.pull / np.linalg.norm(found.pull, axis=1, keepdims=True)
+    inwards = surface.V.mean(axis=0) - surface.V[found.at]
+    pushes = np.einsum("ki,ki->k", along, inwards) > 0
+    gap = 1.15 * CONE * size  # beyond the cone
+    start = np.where(pushes[:, None], -along * (gap + found.long)[:, None], along * gap)
+    return _placed(_arrow(), surface.V[found.at] + start, along, found.long)
+
+
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
     """Unit vector along an axis, from the structure to its supports; down when they lie all around it."""
     middle = surface.areas @ surface.centroids / surface.area
@@ -130,38 +144,6 @@ def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> F
         return -up
     axis = int(np.argmax(np.abs(offset)))
     return np.asarray(np.eye(3)[axis] * np.sign(offset[axis]))
-
-
-def person(foot: Floats, right: Floats, up: Floats) -> Mesh:
-    """A flat figure of 1.75 m, standing at `foot` and facing along `right` x `up`."""
-    strips = [[(0.0, half, y) for half, y in _BODY]]
-    strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
-    vertices, faces, count = [], [], 0
-    for strip in strips:
-        x, half, y = np.array(strip).T
-        vertices += [np.stack([x - half, y], axis=1), np.stack([x + half, y], axis=1)]
-        low = count + np.arange(len(strip) - 1)
-        high = low + len(strip)
-        faces += [np.stack([low, low + 1, high + 1], axis=1), np.stack([low, high + 1, high], axis=1)]
-        count += 2 * len(strip)
-    flat = np.concatenate(vertices)
-    return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
-
-
-# half width and height, metres, down the middle of a standing figure; then middle, half width and height of its limbs
-_BODY = [
-    (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
-    (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
-    (0.163, 1.150), (0.153, 1.050), (0.161, 0.960), (0.172, 0.880), (0.174, 0.820), (0.120, 0.790), (0.002, 0.780),
-]  # fmt: skip
-_ARM = [
-    (0.180, 0.012, 1.425), (0.196, 0.034, 1.405), (0.205, 0.042, 1.360), (0.214, 0.040, 1.250), (0.229, 0.036, 1.100),
-    (0.243, 0.031, 0.950), (0.252, 0.025, 0.850), (0.257, 0.030, 0.790), (0.258, 0.027, 0.730), (0.256, 0.010, 0.690),
-]  # fmt: skip
-_LEG = [
-    (0.088, 0.086, 0.860), (0.092, 0.077, 0.700), (0.093, 0.057, 0.500), (0.095, 0.056, 0.400), (0.097, 0.053, 0.300),
-    (0.098, 0.035, 0.140), (0.099, 0.034, 0.060), (0.106, 0.046, 0.020), (0.108, 0.048, 0.0),
-]  # fmt: skip
 
 
 def _nearest(points: Floats, centres: Floats) -> Ints:

@@ -1,8 +1,7 @@
 """`Previewer`: a design's uncut surface, drawn as if it were cut; parameters change, the geometry stays."""
 
-import io
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -12,24 +11,30 @@ import numpy as np
 from dsfab.app import light
 from dsfab.app.colouring import ANSWERS, DEFORMED, MODES, WHOLE_SHEET, Bar, check_show, coloured, with_bar
 from dsfab.app.crosses import crosses
+from dsfab.app.drawing import Ground, check_ground, rendered
+from dsfab.app.files import png, write_png
 from dsfab.app.gl import require_rendering
 from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
-from dsfab.app.preview import legend, on_page, rendered, staged
 from dsfab.app.scene import Body, Bytes, Scene
-from dsfab.app.shader import BY_VERTEX, NO_REACH, NOTHING, WHOLE, Settings, StripeShader
+from dsfab.app.shader import NOTHING, WHOLE, StripeShader
+from dsfab.app.staging import EVERY_LAYER, LAYERS, legend, on_page, staged
+from dsfab.app.striping import fields, numbers, only_numbers
 from dsfab.app.view import View, named_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design, Draft
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pipeline import draft
-from dsfab.preset import AUTO, STAGES, Preset
+from dsfab.preset import Preset
 from dsfab.preset_file import overridden
 from dsfab.surface import Surface
 
 NOMINAL = (1600, 1200)
 """Pixels of a picture when nothing else is asked for."""
+
+FAMILIES = ("major", "minor", "kept")
+"""Names of what the colours of families tell apart."""
 
 TRIAL = (96, 72)
 """Pixels of the pictures that try the shader."""
@@ -40,11 +45,13 @@ class Previewer:
 
     design  : a Design, or a Draft (see `dsfab.pipeline.draft`): nothing needs to be cut or thickened.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.app.view.named_side`).
-    show    : structure; stress (the structure, coloured); major or minor (one family, and what is kept); or, on the
+    show    : structure; stress (the structure, coloured); families (each in its colour);
+              major or minor (one family, and what is kept); or, on the
               whole uncut sheet: loads, directions (principal, as crosses), major_mode or minor_mode, or an answer of
               the statics: vonmises, utilisation, energy, displacement, buckling or frequency (the last three
               exaggerated).
-    marks   : whether loads, supports and a person for scale are drawn.
+    marks   : whether loads, supports and a person for scale are drawn; or which of `EVERY_LAYER`.
+    ground  : paper, white or transparent: the picture then has a fourth channel, with the shadows in it.
 
     What is seen is the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
     pieces that reach no support; the solid's thickness is not drawn.
@@ -57,10 +64,12 @@ class Previewer:
         *,
         view: str = "iso",
         show: str = "structure",
-        marks: bool = True,
+        marks: bool | Collection[str] = True,
+        ground: Ground = "paper",
         palette: Palette = PAPER,
     ) -> None:
         check_show(show)
+        check_ground(ground)
         surface, load = design.surface, design.load
         up = up_axis(surface.V, surface, load)
         self._side = named_side(surface.V, up, view)
@@ -71,17 +80,22 @@ class Previewer:
         self._show = show
         self._distance: dict[str, Floats] = {}
         self._views: dict[tuple[tuple[int, int], bool], View] = {}
-        self._shader = StripeShader(_fields(design, self._distances(design)))
+        tints = palette.tints if show == "families" else None
+        self._shader = StripeShader(fields(design, self._distances(design)), tints)
+        palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
+        self._clear = ground == "transparent"
         colouring = coloured(design, show, palette)
         self._bar, self._words = colouring.bar, colouring.words
         shape = surface if colouring.V is None else Surface(colouring.V, surface.F)
-        body = Body(shape.V, shape.F, colouring.face, casts=True, shader=self._shader)
         half = design.preset.statics.thickness / 2
-        person = marks and view != "top"
+        body = Body(shape.V, shape.F, colouring.face, casts=True, shader=self._shader, half=half)
+        layers = _layers(marks) - ({"person"} if view == "top" else set())
+        reaction = design.statics.equilibrium.reaction
         blue = show in ("stress", "directions")  # is compression there
         drawn = replace(palette, load=palette.text) if blue else palette
         self._palette = drawn
-        self._stage = staged(body, self._side, up, half, shape, load, drawn, NOMINAL, marks, person)
+        self._swatches = tuple(zip(FAMILIES, tints, strict=True)) if tints else ()
+        self._stage = staged(body, self._side, up, half, shape, load, drawn, NOMINAL, layers, reaction)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
         if self._side.towards @ up < 0:  # from below one looks through the ground
@@ -143,14 +157,14 @@ class Previewer:
         if not self.can_display(preset):
             why = "has other directions" if self._show == "directions" else f"has another shape of {self._show}"
             raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
-        if not self._only_numbers(preset):
+        if not only_numbers(self._made.preset, preset):
             made = draft(preset, old=self._made)
             stressed = self._show in ("stress", *ANSWERS) and made.statics is not self._made.statics
             if stressed or self._show in MODES:
                 colouring = coloured(made, self._show, self._palette)
                 self._shader.recolour(colouring.face)
                 self._bar, self._words = colouring.bar, colouring.words
-            self._shader.replace_fields(_fields(made, self._distances(made)))
+            self._shader.replace_fields(fields(made, self._distances(made)))
             self._made = made
         self._preset = preset
         self._settle()
@@ -162,7 +176,9 @@ class Previewer:
         quality: light.Quality = light.FINE,
         words: bool = True,
     ) -> Bytes:
-        """(height, width, 3) bytes of what is set now; size: (width, height) in pixels; words: caption and legend.
+        """What is set now, (height, width, 3) bytes, on transparent ground (height, width, 4).
+
+        size: (width, height) in pixels; words: caption and legend.
 
         Raises PatternError when the pattern leaves no material.
         """
@@ -170,12 +186,13 @@ class Previewer:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         view = self._view(size, words)
         stage = replace(self._stage, view=view)
-        if not self._scene.mask(view, *TRIAL).any() and not self.mask(size, words).any():
+        image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
+        alone = len(stage.bodies) == 1  # then nothing is seen if there is no material, and that costs no frame
+        if self._scene.empty if alone else not self.mask(size, words).any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        image = rendered(self._scene, stage, self._palette, size, quality)
         if words:
             line = self._caption() if caption is None else caption
-            image = lettered(image, legend(stage, line, self._palette, size), self._palette)
+            image = lettered(image, legend(stage, line, self._palette, size, self._swatches), self._palette)
             image = with_bar(image, self._bar, self._palette) if self._bar else image
         return np.asarray(image)
 
@@ -191,56 +208,19 @@ class Previewer:
 
     def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:
         """Write `picture` as a PNG file, whole or not at all; raises ExportError for a file that cannot be written."""
-        from PIL import Image
-
-        from dsfab.export.atomic import replacing
-
-        pixels, target = self.picture(size, caption), Path(path)
-        with replacing(target) as temporary:
-            Image.fromarray(pixels).save(temporary, format="PNG")
-        return target
+        return write_png(self.picture(size, caption), Path(path))
 
     def _repr_png_(self) -> bytes:
         """The picture in a notebook."""
-        from PIL import Image
-
-        file = io.BytesIO()
-        Image.fromarray(self.picture((800, 600))).save(file, format="PNG")
-        return file.getvalue()
+        return png(self.picture((800, 600)))
 
     def _caption(self) -> str:
         return f"{self._preset.name} - {self._words or f'{self._show}, preview before cutting'}"
 
-    def _only_numbers(self, preset: Preset) -> bool:
-        """Whether a preset differs from what was made in numbers of the shader only."""
-        old, new = self._made.preset.pattern, preset.pattern
-        first = preset.first_difference(self._made.preset)
-        if first is None or STAGES.index(first) > STAGES.index("pattern"):
-            return True
-        if first != "pattern" or old.width != new.width or new.width.solid_fraction or new.width.widths(1.0).vary:
-            return False
-        if new.auto:  # what fits best depends on every number
-            return False
-        if new.major.spacing or new.minor.spacing:  # frequencies are solved for
-            return False
-        return (old.major.mode, old.minor.mode) == (new.major.mode, new.minor.mode)
-
     def _settle(self) -> None:
         """Hand the numbers of the preset to the shader."""
-        ask = self._preset.pattern
-        pair, width = (ask.major, ask.minor), ask.width
-        by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary
-        solved, chosen = self._made.pattern.frequency, self._made.pattern.phase
-        phase = [chosen[k] if family.phase == AUTO else family.shift for k, family in enumerate(pair)]
-        drawn = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}.get(self._show, (1.0, 1.0))
-        settings = Settings(
-            (pair[0].frequency or solved[0], pair[1].frequency or solved[1]),
-            (phase[0] % 1, phase[1] % 1),
-            (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
-            (ask.keep or NO_REACH, ask.rim or NO_REACH),
-            drawn,
-        )
-        self._shader.set(WHOLE if self._show in WHOLE_SHEET else settings)
+        whole = self._show in WHOLE_SHEET
+        self._shader.set(WHOLE if whole else numbers(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
         """A driver that ignores or refuses the shader says nothing: it draws the full mesh, or none."""
@@ -265,9 +245,9 @@ class Previewer:
         return self._distance["keep"], self._distance["rim"]
 
 
-def _fields(design: Design | Draft, distances: tuple[Floats, Floats]) -> Floats:
-    """(n, 6) modes, half-widths and distances (see `StripeShader`)."""
-    mode, modes = design.pattern.mode, design.diffusion
-    half = dict(zip(design.pattern.names, design.pattern.half_widths, strict=True))
-    x = modes.major.mode(mode[0]), modes.minor.mode(mode[1])
-    return np.stack([*x, half["major"], half["minor"], *distances], axis=1)
+def _layers(marks: bool | Collection[str]) -> set[str]:
+    """Names of the layers; raises DsfabError for those that there are not."""
+    layers = set(LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
+    if unknown := sorted(layers - set(EVERY_LAYER)):
+        raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}")
+    return layers

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
+Colour = tuple[int, int, int]
 
 SPLIT = 35.0
 """Edges sharper than this, degrees, are shaded as sharp; flatter ones as curved."""
@@ -29,6 +30,7 @@ class Body:
     """A mesh to draw: V (n, 3) m, F (m, 3), colour (3,) or (m, 3) in 0..255; casts: whether it throws shadows.
 
     shader : leaves away what a pattern does not cover.
+    half   : half the thickness of what the shader draws, metres: its walls are shown.
     """
 
     V: Floats
@@ -36,6 +38,7 @@ class Body:
     colour: Bytes
     casts: bool = False
     shader: "StripeShader | None" = None
+    half: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +63,7 @@ class Scene:
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         import pyvista as pv
+        from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
         self.centre, self.radius = centre, radius
         plotter: Any = pv.Plotter  # its decorated constructor is typed as a method
@@ -69,6 +73,9 @@ class Scene:
             self.window: Any = self.plotter.render_window
             self.window.SetMultiSamples(0)  # mixed normals and depths at edges would be neither
             self.actors = [self._add(body) for body in bodies]
+            self.bodies = bodies
+            self.empty = True
+            self._pixel = vtkUnsignedCharArray()
             self.casts = [body.casts for body in bodies]
         except BaseException:
             self.plotter.close()
@@ -84,12 +91,32 @@ class Scene:
         """What the eye sees."""
         near, far = self._look(view)
         self.window.SetSize(width, height)
-        self._colour_by("normal")
-        z, normal = self._depth(), self._colours()
-        self._colour_by("colour")
-        self.window.Render()
+        with self._walls(view):
+            self._colour_by("normal")
+            z, normal = self._depth(), self._colours()
+            self._colour_by("colour")
+            self.window.Render()
+        self.empty = not (z < 1).any()
         depth = np.where(z < 1, near * far / (far - z * (far - near)), np.inf).astype(np.float32)
         return Pixels(depth, normal, self._colours())
+
+    @contextmanager
+    def _walls(self, view: View) -> Iterator[None]:
+        """Inside, the walls of cut sheets are seen; for lamps and masks they are infinitely thin."""
+        eye = (view.eye - self.centre) / self.radius
+        shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
+        for shader, half in shaded:
+            shader.look(eye, half / self.radius)
+        yield
+        for shader, _ in shaded:
+            shader.look(None, 0.0)
+
+    def frame(self, view: View, width: int, height: int) -> None:
+        """Draw, wait until it is drawn, and read nothing back but the middle pixel."""
+        self._look(view)
+        self.window.SetSize(width, height)
+        self.window.Render()
+        self.window.GetPixelData(width // 2, height // 2, width // 2, height // 2, 1, self._pixel, 0)
 
     def mask(self, view: View, width: int, height: int) -> Bools:
         """(h, w) where the eye sees something that casts shadows, were it alone."""
@@ -157,7 +184,9 @@ class Scene:
         return np.array(pv.convert_array(values)).reshape(height, width, 3)[::-1]
 
     def _colour_by(self, name: str) -> None:
-        for actor in self.actors:
+        for actor, body in zip(self.actors, self.bodies, strict=True):
+            if body.shader:
+                body.shader.colour_by(name)
             mapper = actor.GetMapper()
             if name == "normal":
                 mapper.SetScalarModeToUsePointFieldData()

@@ -193,8 +193,8 @@ def _conducted(found: "SweepFolder", fleet: "Fleet", teller: Any) -> bool:
 
 def _drawer(plan: "Plan") -> "Drawer | None":
     """Draws the runs' pictures; raises DsfabError where nothing can be drawn, before the work begins."""
-    from dsfab.app.explore import picture_size
     from dsfab.app.gl import require_rendering
+    from dsfab.app.options import picture_size
     from dsfab.app.sweep_picture import SheetDrawer, require_view
 
     if "picture" not in plan.keep:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.app import light
+from dsfab.app.drawing import rendered
 from dsfab.app.gl import require_rendering
 from dsfab.app.palette import PAPER
-from dsfab.app.preview import Stage, on_page, rendered, staged
 from dsfab.app.scene import Body, Scene
+from dsfab.app.staging import Stage, on_page, staged
 from dsfab.app.view import named_side, up_axis
 from dsfab.study.sweeps.making import Making
 
@@ -59,7 +60,7 @@ class SheetDrawer:
             side = named_side(surface.V, up, self.view)
             whole = Body(surface.V, surface.F, MEMBERS, casts=True)
             half = made.preset.statics.thickness / 2
-            stage = staged(whole, side, up, half, surface, load, PAPER, self.size, marked=False, person=False)
+            stage = staged(whole, side, up, half, surface, load, PAPER, self.size, layers=())
             stage = replace(stage, view=on_page([whole], side, self.size, words=False))
             if side.towards @ up < 0:  # from below one looks through the ground
                 stage = replace(stage, level=None)

@@ -20,7 +20,7 @@ def prepare(part: Part) -> Part:
     return step.prepare(part)
 
 
-def attempts(part: Part) -> tuple[Part, ...]:
+def attempts(part: Part) -> Iterator[Part]:
     """As for STEP."""
     return step.attempts(part)
 

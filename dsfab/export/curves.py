@@ -30,10 +30,10 @@ KNOT_DIGITS = 4
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A clamped B-spline in the plane, from its first pole to its last; a line has degree 1 and two poles.
+    """A clamped B-spline, from its first pole to its last; a line has degree 1 and two poles.
 
     knots     : (p + degree + 1,) ascending, millimetres.
-    poles     : (p, 2) millimetres.
+    poles     : (p, 2) in the plane or (p, 3) in space, millimetres.
     degree    : 1 or 3.
     deviation : largest distance between points of the curve and of the polyline at the same share of the length.
     """
@@ -45,7 +45,7 @@ class Curve:
 
     def __post_init__(self) -> None:
         lock(self, "knots", np.float64, (None,))
-        lock(self, "poles", np.float64, (None, 2))
+        lock(self, "poles", np.float64, (None, None))
 
     @property
     def straight(self) -> bool:
@@ -152,7 +152,7 @@ def _least_squares(x: Floats, points: Floats, knots: Floats, smooth: bool) -> Fl
     count = len(knots) - 4
     basis = csr_array(BSpline.design_matrix(x, knots, 3))
     ends: Ints = np.array([0, count - 1])
-    poles = np.zeros((count, 2))
+    poles = np.zeros((count, points.shape[1]))
     poles[ends] = points[[0, -1]]
     inner = basis[:, 1:-1]
     if smooth:

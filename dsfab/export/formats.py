@@ -1,7 +1,7 @@
 """The formats, one line each, and `write`: the one way a solid or a sheet becomes a file."""
 
 import difflib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -10,9 +10,27 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import brep, dxf, gltf, obj, off, ply, records, rhino, stl, svg, tables, threemf, vtu
+from dsfab.export import (
+    brep,
+    dxf,
+    gltf,
+    ifc,
+    obj,
+    off,
+    ply,
+    records,
+    rhino,
+    step_lines,
+    stl,
+    stpz,
+    svg,
+    tables,
+    threemf,
+    vtu,
+)
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
+from dsfab.export.estimate import Estimate, estimates
 from dsfab.export.part import Details, Part, part_of
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
@@ -22,7 +40,7 @@ STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
 
-Route = Literal["auto", "planar", "faceted"]
+Route = Literal["auto", "planar", "faceted", "tessellated"]
 """How a STEP file is made."""
 
 
@@ -38,7 +56,7 @@ class Format:
     check: Callable[[Part, Path], None]
     sheets: bool
     """Whether the format can hold an open sheet."""
-    attempts: Callable[[Part], tuple[Part, ...]] = lambda part: (part,)
+    attempts: Callable[[Part], Iterable[Part]] = lambda part: (part,)
     """The part in the ways to write it, the best first: the next is tried when one is refused."""
     told: Callable[[Part, str], str] = lambda part, refused: ""
     """A line about the way taken, given why the one before it was refused ("" if it was not)."""
@@ -62,7 +80,10 @@ FORMATS: dict[str, Format] = {
     ".3mf": Format(threemf.prepare, threemf.encode, threemf.check, sheets=False),
     ".step": _STEP,
     ".stp": _STEP,
+    ".stpz": replace(_STEP, encode=stpz.encode, check=stpz.check),
+    ".lines.step": Format(step_lines.prepare, step_lines.encode, step_lines.check, sheets=True, takes="lines"),
     ".brep": Format(brep.prepare, brep.encode, brep.check, sheets=False, attempts=brep.attempts, told=brep.told),
+    ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.ready),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
     ".off": Format(off.prepare, off.encode, off.check, sheets=True),
@@ -85,6 +106,7 @@ def write(
     name: str | None = None,
     step: Route = "auto",
     step_tolerance: float = 0.0,
+    step_mb: float = 0.0,
     corners: Floats | None = None,
     details: Details | None = None,
     note: Callable[[str], None] | None = None,
@@ -95,8 +117,11 @@ def write(
     step_faces : largest number of planar faces of a STEP file, counted after coplanar triangles were joined.
     name       : what the part is called inside the file; the file's own name without suffix if not given.
     step       : STEP of a flat solid: planar, lines and splines through its outline; faceted, planar faces only; auto
-                 takes planar where the solid is flat and the file stands the check, else faceted.
-    step_tolerance : metres that curves may be off the outline; a fortieth of the thickness if 0.
+                 takes planar where the solid is flat and the file stands the check, else faceted. tessellated: its
+                 triangles, for viewers; auto never takes it.
+    step_tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted
+                 solid may be simplified by, which it is not if 0 unless nothing else is accepted.
+    step_mb    : largest size of a STEP file in 1e6 bytes; 0 is no limit.
     corners    : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
     details    : lines, fields and facts, for the formats that hold them.
     note       : called with a line that says how the STEP file was made, and why not otherwise.
@@ -111,19 +136,14 @@ def write(
     path = Path(path)
     form = format_of(path)
     form.ready()
-    part = part_of(thing, path.stem if name is None else name, step_faces)
+    part = part_of(thing, path.name[: -len(suffix_of(path))] if name is None else name, step_faces)
     if not (part.is_solid or form.sheets):
         open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if f.sheets)
         raise ExportError(
             f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
-    marked = np.zeros((0, 3)) if corners is None else np.asarray(corners, dtype=np.float64)
-    if step not in step_format.ROUTES:
-        raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(step_format.ROUTES)}")
-    about = (details or Details()).scaled(MM_PER_M)
-    part = replace(part, details=about, step=step, tolerance=step_tolerance * MM_PER_M, corners=marked * MM_PER_M)
-    part = form.prepare(part)
+    part = form.prepare(_with_options(part, step, step_tolerance, step_mb, corners, details))
     with replacing(path) as temporary:
         taken, refused = _put(form, part, temporary)
     if note and (how := form.told(taken, refused)):
@@ -131,20 +151,49 @@ def write(
     return path
 
 
+def step_estimates(
+    thing: Solid | Surface,
+    *,
+    step_faces: int = STEP_FACES,
+    name: str = "part",
+    step: Route = "auto",
+    step_tolerance: float = 0.0,
+    step_mb: float = 0.0,
+    corners: Floats | None = None,
+) -> tuple[Estimate, ...]:
+    """What each way of writing a solid as STEP would cost; the keywords are those of `write`. Nothing is written."""
+    part = part_of(thing, name, step_faces)
+    if not part.is_solid:
+        raise ExportError(f"STEP holds closed solids and {name!r} is an open sheet; thicken it first")
+    part = _with_options(part, step, step_tolerance, step_mb, corners, None)
+    return estimates(step_format.prepare(part))
+
+
+def _with_options(
+    part: Part, step: str, tolerance: float, megabytes: float, corners: Floats | None, details: Details | None
+) -> Part:
+    """The part with what was asked for; lengths become millimetres."""
+    if step not in step_format.ROUTES:
+        raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(step_format.ROUTES)}")
+    marked = np.zeros((0, 3)) if corners is None else np.asarray(corners, dtype=np.float64)
+    about = (details or Details()).scaled(MM_PER_M)
+    tolerance, marked = tolerance * MM_PER_M, marked * MM_PER_M
+    return replace(part, details=about, step=step, step_mb=megabytes, tolerance=tolerance, corners=marked)
+
+
 def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, str]:
     """Write the first way that reads back as it should; returns it, and why the ways before it were refused."""
-    *earlier, last = form.attempts(part)
-    refused = ""
-    for attempt in earlier:
+    refused = ExportError(f"there is no way to write {part.name!r}")
+    why = ""
+    for attempt in form.attempts(part):
         try:
             _written(form, attempt, temporary)
         except ExportError as error:
-            refused = str(error)
+            refused, why = error, str(error)
             temporary.unlink(missing_ok=True)
         else:
-            return attempt, refused
-    _written(form, last, temporary)
-    return last, refused
+            return attempt, why
+    raise refused
 
 
 def _written(form: Format, part: Part, temporary: Path) -> None:
@@ -152,12 +201,18 @@ def _written(form: Format, part: Part, temporary: Path) -> None:
     form.check(part, temporary)
 
 
+def suffix_of(path: Path) -> str:
+    """The suffix in small letters, of two words where that names a format: `.lines.step`."""
+    double = "".join(path.suffixes[-2:]).lower()
+    return double if double in FORMATS else path.suffix.lower()
+
+
 def format_of(path: Path) -> Format:
     """The format that a suffix names, in capitals or not; raises ExportError with the nearest one that exists."""
-    suffix = path.suffix.lower()
+    suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]
     near = difflib.get_close_matches(suffix, FORMATS, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]}? " if near else ""
-    said = f"the suffix {path.suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
+    said = f"the suffix {suffix!r} of {path.name} names no format" if suffix else f"{str(path)!r} has no suffix"
     raise ExportError(f"{said}; {hint}use one of {', '.join(FORMATS)}")

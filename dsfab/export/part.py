@@ -25,12 +25,14 @@ class Details:
     tolerance : metres that `lines` may be off the true ones.
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block.
+    measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
     """
 
     lines: tuple[Line, ...] = ()
     tolerance: float = 0.0
     values: Mapping[str, Floats] = field(default_factory=dict)
     facts: tuple[str, ...] = ()
+    measures: Mapping[str, float] = field(default_factory=dict)
 
     def scaled(self, factor: float) -> "Details":
         """The same with `lines` and `tolerance` in another unit of length."""
@@ -51,6 +53,8 @@ class Part:
     tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
     details    : lines, fields and facts; its lengths in millimetres too.
+    step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
+    note       : what was done to the mesh on its way here.
     """
 
     V: Floats
@@ -62,6 +66,8 @@ class Part:
     tolerance: float = 0.0
     corners: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     details: Details = field(default_factory=Details)
+    step_mb: float = 0.0
+    note: str = ""
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))
@@ -141,20 +147,27 @@ def in_single_precision(part: Part) -> Part:
 def open_edges(F: Ints) -> int:
     """Number of edges that are not run through equally often in both directions; 0 for a closed, oriented mesh."""
     a, b = half_edges(F)
-    keys, edge = np.unique(np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b), return_inverse=True)
+    keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
+    there, back = (np.sort(keys[way]) for way in (a < b, a > b))
+    if np.array_equal(there, back) and len(there) + len(back) == len(keys):
+        return 0  # the usual answer, in a tenth of the time
+    keys, edge = np.unique(keys, return_inverse=True)
     balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))
     return int(np.count_nonzero(balance))
 
 
 def box(V: Floats, F: Ints) -> Floats:
     """(2, 3) lowest and highest corner of the vertices that faces use."""
-    used = V[F.ravel()]
-    return np.stack([used.min(axis=0), used.max(axis=0)])
+    used = np.zeros(len(V), dtype=bool)
+    used[F.ravel()] = True
+    points = V if used.all() else V[used]
+    return np.array([[f(column) for column in points.T] for f in (np.min, np.max)])
 
 
 def volume(V: Floats, F: Ints) -> float:
     """Enclosed volume: signed tetrahedra from the middle of the box, so that no digits are lost far from the origin."""
-    a, b, c = (V[F[:, i]] - box(V, F).mean(axis=0) for i in range(3))
+    middle = box(V, F).mean(axis=0)
+    a, b, c = (V[F[:, i]] - middle for i in range(3))
     return float(np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
 
 

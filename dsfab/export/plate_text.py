@@ -15,10 +15,12 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.curves import Curve
 from dsfab.export.plate import Plate
-from dsfab.export.step_text import DIGITS, DIRECTION_DIGITS, FIRST, TRAILING_ZEROS, closing, header
+from dsfab.export.step_pieces import closing
+from dsfab.export.step_text import DIGITS, DIRECTION_DIGITS, FIRST, header
+from dsfab.export.text import TRAILING_ZEROS
 
 
-class _Entities:
+class Entities:
     """The numbered entities; points and directions are written once."""
 
     def __init__(self) -> None:
@@ -66,17 +68,17 @@ class _Entities:
 
 def plate_entities(plate: Plate, name: str) -> Iterator[str]:
     """The text of the file: a solid for each piece."""
-    yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh")
-    new, shells, faces = _Entities(), list[int](), list[int]()
+    yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh", len(plate.pieces))
+    new, shells, faces = Entities(), list[int](), list[int]()
     for i, loops in enumerate(plate.pieces):
         made = _piece(new, plate, loops)
         faces += made
         shells += [i] * len(made)
     yield "".join(new.text)
-    yield from closing(np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), new.free)
+    yield from closing(np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), new.free, name)
 
 
-def _piece(new: _Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
+def _piece(new: Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
     """The faces of one piece: its walls, and the two skins."""
     axes, heights = plate.outlines.axes, plate.outlines.height
     walls, skins = list[int](), ([], [])  # type: tuple[list[int], tuple[list[int], list[int]]]
@@ -92,7 +94,7 @@ def _piece(new: _Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -
         for k, curve in enumerate(loop):
             after = (k + 1) % len(loop)
             poles = [_lifted(curve.poles, axes, h) for h in heights]
-            lines = [_curve(new, curve, p) for p in poles]
+            lines = [curve_entity(new, curve, p) for p in poles]
             low, high = (
                 new.add(f"EDGE_CURVE('',#{row[k]},#{row[after]},#{line},.T.)")
                 for row, line in zip(vertices, lines, strict=True)
@@ -112,20 +114,22 @@ def _lifted(points: Floats, axes: Floats, height: float) -> Floats:
     return np.asarray(points @ axes[:2] + height * axes[2])
 
 
-def _curve(new: _Entities, curve: Curve, poles: Floats) -> int:
-    """A line, or a spline: each knot once, with how often it counts."""
+def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
+    """A line (bounded: a polyline of two points), or a spline: each knot once, with how often it counts."""
+    if curve.straight and bounded:
+        return new.add(f"POLYLINE('{title}',{_references([new.point(p) for p in poles])})")
     if curve.straight:
         return new.line(poles[0], poles[-1] - poles[0])
     knots, times = np.unique(curve.knots, return_counts=True)
     listed = _references([new.point(p) for p in poles])
     counts = ",".join(str(k) for k in times.tolist())
     return new.add(
-        f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{listed},.UNSPECIFIED.,.F.,.F.,({counts}),"
+        f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{curve.degree},{listed},.UNSPECIFIED.,.F.,.F.,({counts}),"
         f"{_listed(knots, DIGITS)},.UNSPECIFIED.)"
     )
 
 
-def _wall(new: _Entities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
+def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
     """The surface above a curve, whose normal points to the right of it: outwards."""
     if curve.straight:
         return new.plane(poles[0], np.cross(poles[-1] - poles[0], across))

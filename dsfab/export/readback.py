@@ -13,6 +13,9 @@ from dsfab.surface.lines import polyline_length
 TOLERANCE = 1e-3
 """Largest accepted change of volume, area or, as a share of the size, of the bounding box."""
 
+_ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
+"""Odd numbers without a pattern, one per coordinate: products keep what differs."""
+
 
 def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
     """Vertices (n, 3) and faces (m, 3) as they are in the file, nothing merged or dropped."""
@@ -26,7 +29,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> None:
     """Raise ExportError unless mesh V, F (millimetres) has the part's triangles, box and volume, and is closed."""
     if len(F) != len(part.F):
         raise differs(part, "triangles", len(part.F), len(F))
-    used, kept = len(np.unique(F)), len(np.unique(part.F))
+    used, kept = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
     if used != kept:
         raise differs(part, "vertices", kept, used)
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
@@ -76,6 +79,16 @@ def differs(part: Part, what: str, expected: int, found: int) -> ExportError:
 
 
 def merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """The mesh with vertices at exactly equal positions made one."""
-    points, of = np.unique(V, axis=0, return_inverse=True)
+    """The mesh with vertices at exactly equal positions made one.
+
+    Positions are told apart by a number made of their bits, a sixth of the time of comparing rows. Two that get the
+    same number by chance would show, and are then compared as rows.
+    """
+    V = V + 0.0  # no -0
+    bits = np.ascontiguousarray(V).view(np.uint64)
+    mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
+    _, first, of = np.unique(mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2], return_index=True, return_inverse=True)
+    points = V[first]
+    if not (points[of] == V).all():
+        points, of = np.unique(V, axis=0, return_inverse=True)
     return points, of.reshape(-1)[F]

@@ -1,8 +1,9 @@
-"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of two ways.
+"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of three ways.
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`).
-faceted : any solid, as planar faces that coplanar triangles were joined to.
+faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
+tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
 `auto` takes planar where the solid is flat and the file stands the check, else faceted. The text is written directly
 and read back through build123d. Building the same topology in OCCT first gives larger files (with a curve on the
@@ -30,13 +31,14 @@ from typing import Any
 import numpy as np
 
 from dsfab.errors import ExportError
-from dsfab.export import step_check
+from dsfab.export import step_check, tessellated
 from dsfab.export.part import Part, settled
 from dsfab.export.planar import polyhedron
 from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
+from dsfab.export.simplify import simplified, usual_tolerance
 from dsfab.export.step_text import DIGITS, entities
 from dsfab.surface.topology import edge_table
 
@@ -45,7 +47,7 @@ CHECK_SECONDS_PER_FACE = 0.02
 """Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
 
 
-ROUTES = ("auto", "planar", "faceted")
+ROUTES = ("auto", "planar", "faceted", "tessellated")
 
 SHARE_OF_THICKNESS = 1 / 40
 """Tolerance of planar outlines unless asked otherwise, as a share of the thickness."""
@@ -66,16 +68,37 @@ def prepare(part: Part) -> Part:
     return part
 
 
-def attempts(part: Part) -> tuple[Part, ...]:
-    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted."""
-    if part.step == "faceted":
-        return (part,)
-    planar = replace(part, step="planar", tolerance=part.tolerance or _default_tolerance(part))
-    ways = [planar, replace(planar, tolerance=TIGHTER * planar.tolerance)] if planar.tolerance else [planar]
-    return tuple(ways if part.step == "planar" else [*ways, replace(part, step="faceted")])
+def attempts(part: Part) -> Iterator[Part]:
+    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted, simplified.
+
+    A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
+    """
+    if part.step in ("auto", "planar"):
+        planar = replace(part, step="planar", tolerance=part.tolerance or default_tolerance(part))
+        yield planar
+        if planar.tolerance:
+            yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+    if part.step == "tessellated":
+        yield part
+    if part.step in ("auto", "faceted"):
+        faceted = replace(part, step="faceted")
+        if part.tolerance:
+            yield _simpler(faceted, part.tolerance)
+        else:
+            yield faceted
+            if part.step == "auto" and (simple := _simpler(faceted, usual_tolerance(part))).F is not faceted.F:
+                yield simple
 
 
-def _default_tolerance(part: Part) -> float:
+def _simpler(part: Part, tolerance: float) -> Part:
+    """The part simplified within `tolerance`, or as it is if that does not help."""
+    try:
+        return prepare(simplified(part, tolerance))
+    except ExportError as error:
+        return replace(part, note=f"not simplified, since {error}")
+
+
+def default_tolerance(part: Part) -> float:
     """Millimetres; 0 for a solid that is not flat, which will be told why when it is encoded."""
     try:
         return SHARE_OF_THICKNESS * outlines_of(part).thickness
@@ -88,7 +111,10 @@ def told(part: Part, refused: str) -> str:
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused})" if refused else ""
         return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
-    return "STEP is faceted" + (f": {refused}" if refused else "")
+    if part.step == "tessellated":
+        return f"STEP is tessellated: {tessellated.WARNING}"
+    note = f", {part.note}" if part.note else ""
+    return f"STEP is faceted{note}" + (f": {refused}" if refused else "")
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -98,9 +124,11 @@ def encode(part: Part) -> Iterator[bytes]:
         shape = plate(outlines_of(part), part.corners, part.tolerance)
         _within_budget(part, shape.faces)
         texts = plate_entities(shape, part.name)
+    elif part.step == "tessellated":
+        texts = tessellated.entities(part)
     else:
         texts = _faceted(part)
-    return (text.encode("ascii") for text in texts)
+    return _within_size(part, (text.encode("ascii") for text in texts))
 
 
 def _faceted(part: Part) -> Iterator[str]:
@@ -115,15 +143,33 @@ def _faceted(part: Part) -> Iterator[str]:
 
 def _within_budget(part: Part, count: int) -> None:
     if count > part.step_faces:
-        raise ExportError(
-            f"the STEP file of {part.name!r} would have {count} planar faces, more than "
-            f"step_faces = {part.step_faces}; write STL or 3MF instead, coarsen the mesh, or raise step_faces"
-        )
+        raise too_much(part, f"{count} planar faces, more than step_faces = {part.step_faces}", "step_faces")
+
+
+def _within_size(part: Part, chunks: Iterator[bytes]) -> Iterator[bytes]:
+    """The file, as long as it is not larger than allowed."""
+    size = 0
+    for chunk in chunks:
+        size += len(chunk)
+        if part.step_mb and size > 1e6 * part.step_mb:
+            raise too_much(part, f"over step_mb = {part.step_mb:g} MB", "step_mb")
+        yield chunk
+
+
+def too_much(part: Part, what: str, key: str) -> ExportError:
+    """The refusal of a file above the budget, with the ways out."""
+    return ExportError(
+        f"the STEP file of {part.name!r} would have {what}; write STL or 3MF instead, coarsen the mesh, "
+        f"simplify with step_tolerance, or raise {key}"
+    )
 
 
 def check(part: Part, path: Path) -> None:
     """Read back with build123d: as many solids and faces, all valid, with the part's volume."""
     found = inspection(part, path)
+    if part.step == "tessellated":
+        tessellated.check(part, found)
+        return
     solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
     if found["solids"] != solids:
         raise differs(part, "solids", solids, found["solids"])

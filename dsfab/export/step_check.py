@@ -3,7 +3,8 @@
     python -P step_check.py FILE
 
 prints one line of JSON, {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}, the volume in
-cubic millimetres.
+cubic millimetres; of a file of tessellated geometry, {"triangles": 12, "volume": 1000.0}, and of
+lines only, {"lines": 3, "length": 12.0}.
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
 
@@ -19,6 +20,10 @@ def inspected(path: Path) -> dict[str, Any]:
     from OCP.Message import Message
 
     Message.DefaultMessenger_s().ChangePrinters().Clear()
+    if path.suffix != ".brep" and b"TESSELLATED_SHAPE_REPRESENTATION" in path.read_bytes():
+        return _triangles(path)
+    if path.suffix != ".brep" and b"WIREFRAME_SHAPE_REPRESENTATION" in path.read_bytes():
+        return _lines(path)
     shape = import_brep(path) if path.suffix == ".brep" else import_step(path)
     solids = shape.solids()
     return {
@@ -28,6 +33,41 @@ def inspected(path: Path) -> dict[str, Any]:
         "tessellates": _tessellates(shape),
         "volume": sum(_volume(solid.wrapped) for solid in solids),
     }
+
+
+def _lines(path: Path) -> dict[str, Any]:
+    """Number of curves in a file of lines, a composite one counted once, and their length together."""
+    from build123d import Compound, import_step
+
+    found = import_step(path)
+    curves = list(Compound.cast(found.wrapped))
+    while len(curves) == 1 and isinstance(curves[0], Compound):
+        curves = list(curves[0])
+    return {"lines": len(curves), "length": sum(edge.length for edge in found.edges())}
+
+
+def _triangles(path: Path) -> dict[str, Any]:
+    """Number of triangles in a file of tessellated geometry, and the volume inside them."""
+    from OCP.BRep import BRep_Tool
+    from OCP.STEPControl import STEPControl_Reader
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopExp import TopExp_Explorer
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS
+
+    reader = STEPControl_Reader()
+    reader.ReadFile(str(path))
+    reader.TransferRoots()
+    count, volume = 0, 0.0
+    faces = TopExp_Explorer(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_FACE)
+    while faces.More():
+        mesh = BRep_Tool.Triangulation_s(TopoDS.Face(faces.Current()), TopLoc_Location())
+        for i in range(1, mesh.NbTriangles() + 1):
+            a, b, c = (mesh.Node(k).XYZ() for k in mesh.Triangle(i).Get())
+            volume += a.Dot(b.Crossed(c)) / 6
+        count += mesh.NbTriangles()
+        faces.Next()
+    return {"triangles": count, "volume": volume}
 
 
 def _tessellates(shape: Any) -> bool:

@@ -4,7 +4,6 @@ ADVANCED_FACE -> FACE_OUTER_BOUND -> EDGE_LOOP -> ORIENTED_EDGE -> EDGE_CURVE ->
               -> PLANE -> AXIS2_PLACEMENT_3D
 """
 
-import re
 from collections.abc import Iterator
 from itertools import accumulate, pairwise
 from typing import Any
@@ -15,7 +14,8 @@ from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.export.coplanar import FLATNESS
 from dsfab.export.planar import Polyhedron
-from dsfab.export.text import one_line, rows
+from dsfab.export.step_pieces import closing, piece_name, quoted
+from dsfab.export.text import TRAILING_ZEROS, one_line, rows
 
 DIGITS = 6
 """Decimals of coordinates: 1e-6 mm."""
@@ -26,19 +26,17 @@ DIRECTION_DIGITS = 11
 _POINT = f"CARTESIAN_POINT('',(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f))"
 _DIRECTION = f"DIRECTION('',(%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f))"
 
-TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
-
 _HEADER = """ISO-10303-21;
 HEADER;
 FILE_DESCRIPTION(('{description}, unit: millimetre'),'2;1');
-FILE_NAME('{name}','1970-01-01T00:00:00',(''),(''),'dsfab {version}','dsfab {version}','');
+FILE_NAME('{name}','1970-01-01T00:00:00',('dsfab'),(''),'dsfab {version}','dsfab {version}','');
 FILE_SCHEMA(('AUTOMOTIVE_DESIGN {{ 1 0 10303 214 1 1 1 1 }}'));
 ENDSEC;
 DATA;
 #1=APPLICATION_CONTEXT('core data for automotive mechanical design processes');
 #2=APPLICATION_PROTOCOL_DEFINITION('international standard','automotive_design',2000,#1);
 #3=PRODUCT_CONTEXT('',#1,'mechanical');
-#4=PRODUCT('{name}','{name}','',(#3));
+#4=PRODUCT('{product}','{product}','',(#3));
 #5=PRODUCT_DEFINITION_FORMATION('','',#4);
 #6=PRODUCT_DEFINITION_CONTEXT('part definition',#1,'design');
 #7=PRODUCT_DEFINITION('design','',#5,#6);
@@ -61,7 +59,7 @@ FIRST = 19
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
     """The text of the file. solids: the shells of each, the outer one first, then its voids (which face outwards)."""
-    yield header(name, "solid with planar faces")
+    yield header(name, "solid with planar faces", len(solids))
     along = shape.points[shape.edges[:, 1]] - shape.points[shape.edges[:, 0]]
     directions, direction = _distinct(along / np.linalg.norm(along, axis=1, keepdims=True))
     normals, normal = _distinct(shape.normals)
@@ -85,16 +83,34 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
     yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", points[shape.origin], axes[normal])
     yield from _table(planes, "PLANE('',#%d)", placements)
     yield from _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _lists(bounds, shape.faces), planes)
-    yield from closing(shape.shell, solids, faces, int(free[0]))
+    yield from closing(shape.shell, solids, faces, int(free[0]), name)
 
 
-def header(name: str, description: str) -> str:
-    """The beginning of the file: entities 1 to 18.
+def faceted_bytes(shape: Polyhedron) -> float:
+    """How long the text of `entities` will be, from its numbers of rows; to a tenth, less if directions repeat."""
+    v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
+    steps, bounds = len(shape.steps), len(shape.loops) - 1
+    reference = np.log10(FIRST + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # digits of a number, and its #
+    digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + DIGITS + 1.5
+    unit = DIRECTION_DIGITS + 2.0
+    point, direction = 25 + reference + 3 * digits, 20 + reference + 3 * unit
+    vertex = 22 + 2 * reference
+    edge = direction + (15 + 2 * reference) + (13 + 3 * reference) + (25 + 4 * reference)
+    step, bound = 32 + 3 * reference, 45 + 4 * reference
+    face = direction + (31 + 3 * reference) + (14 + 2 * reference) + (27 + 4 * reference)
+    return float(1500 + v * (point + vertex) + e * edge + steps * step + bounds * bound + f * face)
+
+
+def header(name: str, description: str, pieces: int = 1) -> str:
+    """The beginning of the file: entities 1 to 18, among them the product of the first of the pieces.
 
     Its time is fixed, since the same solid gives the same file; ISO 10303-21 does not allow to leave it out.
     """
     title = quoted(one_line(name))
-    return _HEADER.format(name=title, version=__version__, tolerance=f"{FLATNESS:.1E}", description=description)
+    product = quoted(piece_name(name, 0, pieces))
+    return _HEADER.format(
+        name=title, product=product, version=__version__, tolerance=f"{FLATNESS:.1E}", description=description
+    )
 
 
 def _blocks(counts: list[int]) -> list[Ints]:
@@ -108,30 +124,6 @@ def _table(numbers: Ints, template: str, *columns: Any) -> Iterator[str]:
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
-def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int) -> Iterator[str]:
-    """Shells, solids and the end of the file, in numbers from `free` on."""
-    items = []
-    for outer, *voids in solids:
-        shells = []
-        for i in [outer, *voids]:
-            listed = ",".join(f"#{k}" for k in faces[shell == i].tolist())
-            yield f"#{free}=CLOSED_SHELL('',({listed}));\n"
-            shells.append(free)
-            free += 1
-        for i in range(1, len(shells)):
-            yield f"#{free}=ORIENTED_CLOSED_SHELL('',*,#{shells[i]},.F.);\n"
-            shells[i] = free
-            free += 1
-        inner = ",".join(f"#{k}" for k in shells[1:])
-        brep = f"BREP_WITH_VOIDS('',#{shells[0]},({inner}))" if inner else f"MANIFOLD_SOLID_BREP('',#{shells[0]})"
-        yield f"#{free}={brep};\n"
-        items.append(free)
-        free += 1
-    listed = ",".join(f"#{k}" for k in [18, *items])
-    yield f"#{free}=ADVANCED_BREP_SHAPE_REPRESENTATION('',({listed}),#14);\n"
-    yield f"#{free + 1}=SHAPE_DEFINITION_REPRESENTATION(#8,#{free});\nENDSEC;\nEND-ISO-10303-21;\n"
-
-
 def _distinct(directions: Floats) -> tuple[Floats, Ints]:
     """The different ones among unit vectors (k, 3), to the digits of the file, and the one of each."""
     units, which = np.unique(np.round(directions, DIRECTION_DIGITS) + 0.0, axis=0, return_inverse=True)
@@ -142,9 +134,3 @@ def _lists(numbers: Ints, start: Ints) -> list[str]:
     """'#7,#8,#9' for each run numbers[start[i] : start[i + 1]]."""
     named = [f"#{k}" for k in numbers.tolist()]
     return [",".join(named[a:b]) for a, b in pairwise(start.tolist())]
-
-
-def quoted(name: str) -> str:
-    """The inside of a STEP string: quotes doubled, and what is not ASCII in hexadecimal (ISO 10303-21, 6.4.3)."""
-    name = name.replace("\\", "\\\\").replace("'", "''")
-    return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)

@@ -95,6 +95,6 @@ def _model(part: Part) -> Iterator[str]:
 
 def _arrays(mesh: object) -> tuple[Floats, Ints]:
     """Vertices and faces of a lib3mf mesh object."""
-    V = np.array([tuple(p.Coordinates) for p in mesh.GetVertices()], dtype=np.float64)  # type: ignore[attr-defined]
-    F = np.array([tuple(t.Indices) for t in mesh.GetTriangleIndices()], dtype=np.int64)  # type: ignore[attr-defined]
-    return V, F
+    points, corners = b"".join(mesh.GetVertices()), b"".join(mesh.GetTriangleIndices())  # type: ignore[attr-defined]
+    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # as lib3mf lays them out
+    return V.reshape(-1, 3).astype(np.float64), F.reshape(-1, 3).astype(np.int64)

@@ -39,8 +39,8 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
     return _make(preset, Log(progress), None, "surface")
 
 
-def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """The design of `preset`, with every stage of `design` before the first section that differs.
+def revise(design: Design | Draft, preset: Preset, progress: Progress | None = None) -> Design:
+    """The design of `preset`, with every stage of `design` (or of a draft) before the first section that differs.
 
     A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, since statics are linear.
     """
@@ -84,12 +84,13 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
     return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
 
 
-def _make(preset: Preset, log: Log, old: Design | None, start: str) -> Design:
+def _make(preset: Preset, log: Log, old: Draft | Design | None, start: str) -> Design:
     made = _drafted(preset, log, old, start)
+    cut = old if isinstance(old, Design) else None
     surface, statics, pattern = made.surface, made.statics, made.pattern
-    was = _reused("slicing", log, old, start)
+    was = _reused("slicing", log, cut, start)
     slicing = was.slicing if was else slicing_step(preset, surface, statics, pattern, log)
-    was = _reused("thickening", log, old, start)
+    was = _reused("thickening", log, cut, start)
     solid = was.solid if was else thickening_step(preset, surface, slicing, log)
     seconds = MappingProxyType(log.seconds)
     return Design(preset, surface, statics, made.diffusion, pattern, slicing, solid, seconds, tuple(log.notes))

@@ -11,10 +11,10 @@ from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.slicing.features import filled_openings
+from dsfab.slicing.features import filled_openings, kept_cells
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
-from dsfab.thickening import Base, Solid, offsets, thicken, with_extras
+from dsfab.thickening import Base, Layer, Solid, apart, offsets, thicken, with_extras
 
 SPRINGS_LOST = 0.005
 """The user is told when a larger share of the stiffness of spring supports lies on removed material."""
@@ -104,7 +104,10 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
                 "surface, or lower thickening.thinnest"
             )
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
-        solid = thicken(slicing.sheet.surface, D, ask.side)
+        cells = slicing.cells
+        layer = Layer(surface, offset.D, cells.surface, cells.carry(offset.D), cells.parent, ask.side)
+        proven = apart(layer)[kept_cells(cells, slicing.sheet)]
+        solid = thicken(slicing.sheet.surface, D, ask.side, proven)
         solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))
         solid = with_extras(solid, ask.extra, Base(surface, slicing.sheet.surface, slicing.sheet.between))
     if ask.strict and solid.repairs.pairs:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, grouped, sorted_order
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +51,12 @@ class Cells:
         """First and last vertex of every side of the active polygons."""
         on = active[self.owner]
         return self.corner[on], self.corner[self.following[on]]
+
+    def some(self, which: Ints) -> "Cells":
+        """The polygons (k,) of this list alone."""
+        sizes = self.sizes[which]
+        start = np.concatenate([[0], np.cumsum(sizes)])
+        return Cells(start, self.corner[np.repeat(self.start[which] - start[:-1], sizes) + np.arange(start[-1])])
 
     def areas(self, X: Floats) -> tuple[Floats, Floats]:
         """(c,) areas of the polygons, and (c,) the squared distance of the farthest corner from the first."""
@@ -140,16 +146,17 @@ _UNKNOWN = -2
 
 def _crossings(cells: Cells, x: Floats, levels: Floats, active: Bools) -> Crossings:
     a, b = cells.corner, cells.corner[cells.following]
-    key = np.minimum(a, b) * len(x) + np.maximum(a, b)
-    edges = np.unique(key[active[cells.owner]])
-    edge = np.minimum(np.searchsorted(edges, key), len(edges) - 1)
-    edge[edges[edge] != key] = -1
-    p, q = edges // len(x), edges % len(x)
+    first, last = np.minimum(a, b), np.maximum(a, b)
+    order, begins, of = grouped(first * len(x) + last)
+    live = np.logical_or.reduceat(active[cells.owner][order], begins)
+    edge = np.where(live, np.cumsum(live) - 1, -1)[of]
+    one = order[begins[live]]
+    p, q = first[one], last[one]
     falling = x[p] > x[q]
     low, high = np.where(falling, q, p), np.where(falling, p, q)
     base = np.searchsorted(levels, x[low], side="right")
-    last = np.searchsorted(levels, x[high], side="left")
-    return Crossings(edge, a == low[edge], low, high, base, np.maximum(last - base, 0), last < base)
+    top = np.searchsorted(levels, x[high], side="left")
+    return Crossings(edge, a == low[edge], low, high, base, np.maximum(top - base, 0), top < base)
 
 
 def _subdivided_sides(cells: Cells, crossings: Crossings, first: Ints) -> tuple[Cells, Ints]:
@@ -190,7 +197,7 @@ def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, 
     d /   strip 0
     """
     key = sides.owner * (level_count + 2) + strip + 1
-    order = np.argsort(key, kind="stable")
+    order = sorted_order(key)
     leaves = (strip[sides.following] != strip)[order]
     at = np.cumsum(1 + leaves) - (1 + leaves)
     corner = np.empty(len(order) + int(leaves.sum()), dtype=np.int64)

@@ -198,7 +198,10 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 def _collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
     """Vertices of the cells that a split made without area; polygons that it left whole do not count."""
-    parts = np.bincount(split.source)[split.source]
-    area, squared_reach = split.cells.areas(X)
-    bad = (parts > 1) & (area <= np.maximum(CELL_AREA * size**2, FLATNESS * squared_reach))
-    return np.unique(split.cells.corner[bad[split.cells.owner]])
+    divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
+    if not len(divided):
+        return divided
+    cells = split.cells.some(divided)
+    area, squared_reach = cells.areas(X)
+    bad = area <= np.maximum(CELL_AREA * size**2, FLATNESS * squared_reach)
+    return np.unique(cells.corner[bad[cells.owner]])

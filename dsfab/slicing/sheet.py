@@ -93,8 +93,9 @@ class Sheet:
                 "lower the threshold or raise the frequency"
             )
         F = self.surface.F[mask]
-        used = np.unique(F)
-        surface = Surface(self.surface.V[used], np.searchsorted(used, F))
+        used = np.zeros(self.surface.n, dtype=bool)
+        used[F] = True
+        surface = Surface(self.surface.V[used], (np.cumsum(used) - 1)[F])
         return replace(
             self, surface=surface, parent=self.parent[mask], family=self.family[mask], weights=self.weights[used]
         )

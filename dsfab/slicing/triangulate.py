@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, sorted_order
 from dsfab.slicing.cells import Cells
 
 LARGEST = 9
@@ -32,7 +32,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
             triangles.append(T)
             owners.append(owner[row])
     T, owner = np.concatenate(triangles), np.concatenate(owners)
-    order = np.argsort(owner, kind="stable")
+    order = sorted_order(owner)
     return T[order], owner[order]
 
 
@@ -52,6 +52,8 @@ def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     i---j
     """
     g, size = polygons.shape
+    if size == 3:
+        return polygons, np.arange(g)
     P = X[polygons]
     best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
     apex = np.zeros((size, size, g), dtype=np.int64)

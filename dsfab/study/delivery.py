@@ -5,6 +5,7 @@ from typing import Any
 from dsfab.design import Design
 from dsfab.export import Details
 from dsfab.export.formats import FORMATS
+from dsfab.preset import Export
 from dsfab.slicing.corners import outline_corners
 from dsfab.study.fields import design_fields
 from dsfab.study.lines import design_lines
@@ -26,11 +27,21 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
         return design.surface, {"details": Details(values=design_fields(design))}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
-        how = {"step_faces": ask.step_faces, "step": ask.step, "step_tolerance": ask.step_tolerance}
-        return design.solid, {**how, "corners": corners}
+        return design.solid, {**step_options(ask), "corners": corners, "details": Details(measures=_measures(design))}
     tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
     details = Details(design_lines(design, tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
+
+
+def step_options(ask: Export) -> dict[str, Any]:
+    """The keywords of `dsfab.export.write` about STEP, as the preset has them."""
+    return {key: getattr(ask, key) for key in ("step_faces", "step", "step_tolerance", "step_mb")}
+
+
+def _measures(design: Design) -> dict[str, float]:
+    """Thickness and material, SI."""
+    statics = design.preset.statics
+    return {key: getattr(statics, key) for key in ("thickness", "density", "young", "poisson")}
 
 
 def _facts(design: Design) -> tuple[str, ...]:

@@ -43,8 +43,8 @@ class Surface:
             )
 
     def _check_faces(self) -> None:
-        bad = np.flatnonzero((self.F.min(axis=1) < 0) | (self.F.max(axis=1) >= self.n))
-        if len(bad):
+        if self.F.min() < 0 or self.F.max() >= self.n:
+            bad = np.flatnonzero((self.F.min(axis=1) < 0) | (self.F.max(axis=1) >= self.n))
             raise SurfaceError(
                 f"{len(bad)} faces name vertices outside 0..{self.n - 1} (first faces: {first(bad)}); repair the mesh"
             )

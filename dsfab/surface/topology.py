@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.arrays import Bools, Ints, first
+from dsfab.arrays import Bools, Ints, first, grouped
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +60,11 @@ def edge_table(F: Ints) -> EdgeTable:
     """The edges of faces F (m, 3), in ascending order of their vertices."""
     a, b = half_edges(F)
     n = int(F.max()) + 1
-    keys, of = np.unique(np.minimum(a, b) * n + np.maximum(a, b), return_inverse=True)
-    order = np.argsort(of, kind="stable")
-    start = np.searchsorted(of[order], np.arange(len(keys) + 1))
-    return EdgeTable(np.stack([keys // n, keys % n], axis=1), of.reshape(-1, 3), order, start)
+    low, high = np.minimum(a, b), np.maximum(a, b)
+    order, begins, of = grouped(low * n + high)
+    one = order[begins]
+    ends = np.stack([low[one], high[one]], axis=1)
+    return EdgeTable(ends, of.reshape(-1, 3), order, np.append(begins, len(order)))
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
@@ -168,7 +169,7 @@ def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
 
 def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
     """Vertices - edges + faces, counting the vertices that have a face."""
-    return len(np.unique(F)) - len(edges.ends) + len(F)
+    return int(np.count_nonzero(np.bincount(F.ravel()))) - len(edges.ends) + len(F)
 
 
 def duplicate_faces(F: Ints) -> Ints:

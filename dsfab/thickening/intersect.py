@@ -8,7 +8,7 @@ tube without any, 41 of 71 overlooked on meshes of 1e-6 m; CGAL and this module 
 import igl.predicates
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, sorted_order
 
 CLEAR = 1e-12
 """Unit vectors whose product with a separating direction is larger are on their side whatever rounding did."""
@@ -17,12 +17,18 @@ FOLDED = -0.9
 """Neighbours over an edge whose normals have a larger cosine cannot lie on each other."""
 
 
-def intersecting_pairs(V: Floats, F: Ints) -> Ints:
+def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     """(k, 2) pairs of faces, in ascending order, that meet elsewhere than in what their corners share.
 
     V : (n, 3) any unit, F : (m, 3) an oriented manifold. Touching counts as meeting: so do, here and not
     in CGAL, points at one place under two indices, and the neighbours of a face without area.
+    among : (m,) look at pairs of these faces only, because the others are known to meet none (see `apart`).
     """
+    if among is not None and not among.all():
+        which = np.flatnonzero(among)
+        used, corner = np.unique(F[which], return_inverse=True)
+        found = intersecting_pairs(V[used], corner.reshape(-1, 3)) if len(which) else np.empty((0, 2), dtype=np.int64)
+        return np.asarray(which[found])
     V, F = np.array(V, dtype=np.float64), np.array(F, dtype=np.int64)
     _, found, _ = igl.predicates.find_self_intersections(V, F)
     apart = np.asarray(found, dtype=np.int64).reshape(-1, 2)
@@ -37,7 +43,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
     s, a, b = (np.roll(F, -k, axis=1).ravel() for k in range(3))
     ahead, behind = _unit(V[a] - V[s]), _unit(V[b] - V[s])
     middle = _unit(ahead + behind)
-    corner = np.argsort(s, kind="stable")
+    corner = sorted_order(s)
     around = s[corner]
     at, hits = np.arange(len(corner)), []
     for distance in range(1, len(corner)):  # as often as the busiest vertex has faces
@@ -109,7 +115,7 @@ def _over_edges(V: Floats, F: Ints) -> Ints:
     """Pairs that share an edge and are folded flat onto each other."""
     p, q, apex = F.ravel(), np.roll(F, -1, axis=1).ravel(), np.roll(F, 1, axis=1).ravel()
     n = len(V)
-    order = np.argsort(np.minimum(p, q) * n + np.maximum(p, q), kind="stable")
+    order = sorted_order(np.minimum(p, q) * n + np.maximum(p, q))
     h, g = order[:-1], order[1:]
     twins = (p[h] == q[g]) & (q[h] == p[g])
     h, g = h[twins], g[twins]

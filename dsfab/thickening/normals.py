@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
 
 VISIBILITY_GAP = 0.001
@@ -26,7 +26,7 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    by_vertex = np.argsort(vertex, kind="stable")
+    by_vertex = sorted_order(vertex)
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(VISIBILITY_ROUNDS):
         worst, lowest = _lowest_corner(vertex, np.einsum("ci,ci->c", normal, point[vertex]))
@@ -75,7 +75,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
     lowest = np.minimum.reduceat(value, start)
     run = np.cumsum(np.concatenate([[False], vertex[1:] != vertex[:-1]]))
     hits = np.flatnonzero(value == lowest[run])
-    _, first_hit = np.unique(run[hits], return_index=True)
+    first_hit = np.diff(run[hits], prepend=-1) > 0
     return hits[first_hit], lowest
 
 

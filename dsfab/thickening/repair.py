@@ -35,16 +35,17 @@ class Repaired:
     union: United | None = None
 
 
-def repaired(surface: Surface, skin: Skin, D: Floats) -> Repaired:
+def repaired(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> Repaired:
     """The skin of a sheet with offsets D (n, 3), freed from intersections as far as possible.
 
     No thinning helps a sheet that crosses itself: it is cut into patches that do not, and their solids are united.
+    among : faces of the skin that may intersect at all, with these offsets and any diagonals; all when left out.
     """
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
-    pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
+    pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
     found = len(pairs)
-    backslash, pairs = _flipped(skin, V, D, backslash, pairs)
+    backslash, pairs = _flipped(skin, V, D, backslash, pairs, among)
     crossing = intersecting_pairs(V, surface.F) if len(pairs) else pairs
     crosses = len(crossing)
     if crosses:
@@ -57,7 +58,9 @@ def repaired(surface: Surface, skin: Skin, D: Floats) -> Repaired:
     return Repaired(D, backslash, pairs, found, crosses)
 
 
-def _flipped(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Bools, Ints]:
+def _flipped(
+    skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, among: Bools | None = None
+) -> tuple[Bools, Ints]:
     """Diagonals of the walls in `pairs` flipped, those only that are free of intersections afterwards."""
     P = skin.vertices(V, D)
     for round_ in range(FLIP_ROUNDS):
@@ -65,11 +68,11 @@ def _flipped(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints) ->
         if not len(walls):
             break
         trial = _toggled(backslash, walls)
-        cleared = np.setdiff1d(walls, skin.walls(intersecting_pairs(P, skin.faces(trial))))
+        cleared = np.setdiff1d(walls, skin.walls(intersecting_pairs(P, skin.faces(trial), among)))
         if not len(cleared):
             continue
         trial = _toggled(backslash, cleared)
-        left = intersecting_pairs(P, skin.faces(trial))
+        left = intersecting_pairs(P, skin.faces(trial), among)
         if len(left) < len(pairs):
             backslash, pairs = trial, left
     return backslash, pairs

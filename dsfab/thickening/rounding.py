@@ -19,3 +19,9 @@ def is_fine(V: Floats, D: Floats) -> bool:
     """Whether rounding moves vertices around V (n, 3) by little, compared with half the thickness |D| (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= FINE * np.median(np.linalg.norm(D, axis=1)))
+
+
+def rounding_step(V: Floats, D: Floats) -> float:
+    """Metres by which `rounded` moves skins V + 2 D at most: three coordinates by half a step each."""
+    largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
+    return float(np.spacing(np.float32(largest)) / MM_PER_M)

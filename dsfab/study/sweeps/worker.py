@@ -14,6 +14,7 @@ from dsfab.errors import DsfabError
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden, preset_from, preset_toml
 from dsfab.preset_surface import FileSurface
+from dsfab.study.delivery import step_options
 from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
 
@@ -131,10 +132,10 @@ def _keep(job: Job, made: Making, files: dict[str, bytes]) -> None:
         if "sheet" in job.keep:
             files["sheet.ply"] = write(made.sheet.surface, Path(folder) / "sheet.ply").read_bytes()
         if "solid" in job.keep:
-            ask, name = made.preset.export, made.preset.name
+            name = made.preset.name
             for suffix in job.formats:
                 path = Path(folder) / f"{name}.{suffix}"
-                write(made.solid, path, step_faces=ask.step_faces, step=ask.step, step_tolerance=ask.step_tolerance)
+                write(made.solid, path, **step_options(made.preset.export))
                 files[f"{name}.{suffix}"] = path.read_bytes()
 
 

@@ -1,0 +1,53 @@
+"""`dsfab edit`: open the editor in a browser; Ctrl-C ends it."""
+
+import sys
+import webbrowser
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from dsfab.app.build import Set, Unit
+from dsfab.app.report import out
+from dsfab.errors import DsfabError
+
+
+def edit(
+    target: str = "dome",
+    /,
+    *,
+    set_: Set = (),
+    unit: Unit = None,
+    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 0,
+    open_: Annotated[bool, Parameter(name="--open", help="Open it in the browser.")] = True,
+) -> int:
+    """Pull sliders and see the structure change, in your own browser; nothing leaves this machine.
+
+    Parameters
+    ----------
+    target
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
+    """
+    from dsfab.app.editor.opened import opened
+    from dsfab.app.editor.server import EditorServer
+    from dsfab.app.editor.session import Session
+    from dsfab.preset_file import parse_override
+
+    first = opened(target, dict(parse_override(text) for text in set_), unit)
+    with Session(first) as session:
+        try:
+            server = EditorServer(session, port)
+        except OSError as error:
+            raise DsfabError(
+                f"port {port} cannot be used ({error.strerror}); leave --port out for a free one"
+            ) from None
+        with server:
+            out(f"dsfab edit {first.preset.name}: {server.address}")
+            out("Ctrl-C ends it.")
+            sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
+            if open_:
+                webbrowser.open(server.address)
+            try:
+                server.serve_forever(poll_interval=0.2)
+            except KeyboardInterrupt:
+                out()
+    return 0

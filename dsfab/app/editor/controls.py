@@ -1,0 +1,111 @@
+"""The controls of the page as a table: what a person may change, in which unit, and between which numbers."""
+
+from dataclasses import asdict, dataclass
+from typing import Any, get_args
+
+import numpy as np
+
+from dsfab.diffusion import Labelling
+from dsfab.pattern import Rule
+from dsfab.preset import Preset
+from dsfab.surface import Surface
+
+
+@dataclass(frozen=True)
+class Control:
+    """One key of a preset. kind: number, whole (a whole number), choice or length (a number of metres).
+
+    low, high, step : of the slider; the number beside it takes what the preset takes.
+    log             : whether the slider runs in decades.
+    live            : whether the picture follows in the same frame; others are solved for on the server.
+    word            : what may stand there instead of a number ("auto").
+    """
+
+    group: str
+    key: str
+    label: str
+    kind: str = "number"
+    unit: str = ""
+    low: float = 0.0
+    high: float = 1.0
+    step: float = 0.01
+    log: bool = False
+    live: bool = True
+    word: str = ""
+    choices: tuple[str, ...] = ()
+    hint: str = ""
+
+
+def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
+    """All of them, ready for JSON; lengths go up to a share of the surface's size."""
+    reach = _round(surface.size / 8)
+    listed = [*_family("major", preset, reach), *_family("minor", preset, reach), *_width(reach), *_kept(reach)]
+    return [asdict(control) for control in [*listed, *_solved(surface)]]
+
+
+def _family(name: str, preset: Preset, reach: float) -> list[Control]:
+    key, group = f"pattern.{name}.", f"{name} stripes"
+    most = preset.diffusion.modes
+    return [
+        Control(group, key + "mode", "mode", "whole", low=1, high=most, step=1, word="auto", hint=_MODE),
+        Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY),
+        Control(group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING),
+        Control(group, key + "phase", "phase", unit="periods", word="auto", hint="Moves the stripes sideways."),
+        Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
+    ]
+
+
+_MODE = "The field that stripes run on; 1 is the smoothest. auto tries several and takes the stiffest."
+_FREQUENCY = "Stripes per unit of the mode: more is finer."
+_SPACING = "Metres from one stripe to the next, instead of a frequency; 0 takes the frequency."
+
+
+def _width(reach: float) -> list[Control]:
+    key, group, fine = "pattern.width.", "width of members", reach / 200
+    return [
+        Control(group, key + "rule", "rule", "choice", choices=get_args(Rule), hint=_RULE),
+        Control(group, key + "solid_fraction", "solid fraction", high=0.95, step=0.005, hint=_FRACTION),
+        Control(group, key + "member", "width", "length", "m", high=reach, step=fine, hint="Of members, if constant."),
+        Control(group, key + "q", "grading", high=4, step=0.05, hint="Share of material grows with stress to this."),
+        Control(group, key + "min_width", "no thinner than", "length", "m", high=reach, step=fine, hint=_NONE),
+        Control(group, key + "max_width", "no wider than", "length", "m", high=reach, step=fine, hint=_NONE),
+        Control(group, key + "min_gap", "fill gaps under", "length", "m", high=reach, step=fine, hint=_NONE),
+    ]
+
+
+_RULE = "plain: as the thresholds say; constant: equally wide in metres; graded: as wide as the stress is large."
+_FRACTION = "Share of the surface to keep: widths are solved for. 0 leaves them as they are."
+_NONE = "0 sets no limit."
+
+
+def _kept(reach: float) -> list[Control]:
+    near = "Metres around loads and supports that stay material."
+    return [
+        Control("kept", "pattern.keep", "near loads", "length", "m", high=reach, step=reach / 200, hint=near),
+        Control("kept", "pattern.rim", "rim", "length", "m", high=reach, step=reach / 200, hint="Along the boundary."),
+    ]
+
+
+def _solved(surface: Surface) -> list[Control]:
+    """What needs the statics or the diffusion solved again."""
+    flow, sheet = "directions", "sheet"
+    thin = _round(surface.size / 3000)
+    return [
+        Control(flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r: 1 ignores it."),
+        Control(flow, "diffusion.gamma", "load factor", low=0.01, high=100, log=True, live=False, hint=_GAMMA),
+        Control(flow, "diffusion.labelling", "major follows", "choice", choices=get_args(Labelling), live=False),
+        Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="How many."),
+        Control(sheet, "statics.thickness", "thickness", "length", "m", thin, 30 * thin, thin / 10, live=False),
+        Control(sheet, "statics.young", "Young's modulus", unit="Pa", low=1e8, high=1e12, log=True, live=False),
+        Control(sheet, "statics.poisson", "Poisson's ratio", low=0, high=0.49, live=False),
+        Control(sheet, "statics.density", "density", unit="kg/m3", low=0, high=9000, step=10, live=False),
+    ]
+
+
+_GAMMA = "gamma: multiplies the loads before faces are told isotropic or not."
+
+
+def _round(value: float) -> float:
+    """The nearest number with one digit."""
+    digit = 10.0 ** np.floor(np.log10(value))
+    return float(digit * max(round(value / digit), 1))

@@ -1,0 +1,38 @@
+"""What a structure measures, from its cut sheet: area, mass, pieces, and how wide its members are."""
+
+from typing import Any
+
+from dsfab.app.editor.jobs import Progress
+from dsfab.design import Draft
+from dsfab.pipeline.geometry import slicing_step
+from dsfab.pipeline.log import Log
+from dsfab.slicing.features import features, kept_cells
+
+
+def figures(made: Draft, progress: Progress | None = None) -> dict[str, Any]:
+    """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON.
+
+    Raises DsfabError when the pattern leaves no material.
+    """
+    log, preset = Log(progress), made.preset
+    cut = slicing_step(preset, made.surface, made.statics, made.pattern, log)
+    if progress:
+        progress("slicing", "measuring members")
+    sheet = cut.sheet.surface
+    found = features(cut.cells, kept_cells(cut.cells, cut.sheet), made.pattern.names)
+    limits, share = found.histogram()
+    narrow = found.member
+    return {
+        "area": sheet.area,
+        "share": sheet.area / made.surface.area,
+        "mass": sheet.area * preset.statics.thickness * preset.statics.density,
+        "pieces": len(cut.pieces),
+        "loose": sum(not piece.held for piece in cut.pieces),
+        "narrowest": None if narrow is None else narrow.size,
+        "place": None if narrow is None else narrow.place.tolist(),
+        "limits": limits.tolist(),
+        "widths": share.tolist(),
+        "min_member": preset.fabrication.min_member,
+        "compliance": made.statics.equilibrium.compliance,
+        "notes": [note.text for note in log.notes],
+    }

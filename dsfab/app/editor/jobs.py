@@ -1,0 +1,185 @@
+"""`Jobs`: one worker for all that takes time, the newest wish first, and news of it for whoever listens.
+
+One thread does everything, drawing included: what one thread has made another cannot draw.
+"""
+
+import itertools
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from dsfab.errors import DsfabError
+
+ORDER = ("solve", "picture", "figures", "build")
+"""What is waiting is done in this order."""
+
+KEPT = 64
+"""Jobs whose end is still known."""
+
+log = logging.getLogger(__name__)
+
+Progress = Callable[[str, str], None]
+Work = Callable[[Progress], dict[str, Any]]
+"""What a job does, telling its progress; the facts that it returns go to the page."""
+
+
+class Cancelled(Exception):  # noqa: N818  # nothing went wrong
+    """Raised in the worker at the next progress after a job was cancelled."""
+
+
+@dataclass(eq=False)
+class Job:
+    """One thing to do. state: waiting, running, done, failed or cancelled."""
+
+    number: int
+    kind: str
+    work: Work
+    state: str = "waiting"
+    stage: str = ""
+    text: str = ""
+    result: dict[str, Any] = field(default_factory=dict)
+    stop: threading.Event = field(default_factory=threading.Event)
+
+    def told(self) -> dict[str, Any]:
+        """For the page."""
+        return {
+            "job": self.number,
+            "kind": self.kind,
+            "state": self.state,
+            "stage": self.stage,
+            "text": self.text,
+            "result": self.result,
+        }
+
+
+class Jobs:
+    """The worker, its queue and its listeners; use as `with Jobs() as jobs`."""
+
+    def __init__(self) -> None:
+        self._wake = threading.Condition()
+        self._waiting: dict[str, Job] = {}
+        self._running: Job | None = None
+        self._known: dict[int, Job] = {}
+        self._numbers = itertools.count(1)
+        self._listeners: list[queue.Queue[dict[str, Any] | None]] = []
+        self._closed = False
+        self._thread = threading.Thread(target=self._loop, name="dsfab-editor-worker", daemon=True)
+
+    def __enter__(self) -> "Jobs":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._wake:
+            self._closed = True
+            for job in (self._running, *self._waiting.values()):
+                if job:
+                    job.stop.set()
+            for listener in self._listeners:
+                listener.put(None)
+            self._wake.notify_all()
+        self._thread.join(timeout=5)
+
+    def ask(self, kind: str, work: Work) -> int:
+        """Do `work` as soon as possible; an older wish of the same kind is dropped. Returns the job's number."""
+        with self._wake:
+            job = Job(next(self._numbers), kind, work)
+            self._known[job.number] = job
+            for number in list(self._known)[:-KEPT]:
+                del self._known[number]
+            for old in (
+                self._waiting.get(kind),
+                self._running if self._running and self._running.kind == kind else None,
+            ):
+                if old:
+                    old.stop.set()
+            if kind == "solve":  # what was measured on the old one is of no use either
+                self._drop("figures")
+            if dropped := self._waiting.get(kind):
+                self._end(dropped, "cancelled", "a newer wish came")
+            self._waiting[kind] = job
+            self._tell(job)
+            self._wake.notify()
+        return job.number
+
+    def cancel(self, number: int) -> bool:
+        """Stop a job at its next progress, or before it begins; whether there was anything to stop."""
+        with self._wake:
+            job = self._known.get(number)
+            if job is None or job.state not in ("waiting", "running"):
+                return False
+            job.stop.set()
+            if job.state == "waiting":
+                self._waiting.pop(job.kind, None)
+                self._end(job, "cancelled", "cancelled")
+            return True
+
+    def job(self, number: int) -> Job | None:
+        """A job by its number, while it is known."""
+        return self._known.get(number)
+
+    def listen(self) -> "queue.Queue[dict[str, Any] | None]":
+        """A queue of news; None at the end. Give it back with `leave`."""
+        listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
+        with self._wake:
+            self._listeners.append(listener)
+        return listener
+
+    def leave(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
+        """No more news for this one."""
+        with self._wake, suppress(ValueError):
+            self._listeners.remove(listener)
+
+    def _drop(self, kind: str) -> None:
+        if job := self._waiting.pop(kind, None):
+            self._end(job, "cancelled", "outdated")
+        if self._running and self._running.kind == kind:
+            self._running.stop.set()
+
+    def _loop(self) -> None:
+        while True:
+            with self._wake:
+                while not self._waiting and not self._closed:
+                    self._wake.wait()
+                if self._closed:
+                    return
+                job = self._waiting.pop(next(kind for kind in ORDER if kind in self._waiting))
+                self._running, job.state = job, "running"
+                self._tell(job)
+            self._do(job)
+
+    def _do(self, job: Job) -> None:
+        def progress(stage: str, text: str) -> None:
+            if job.stop.is_set():
+                raise Cancelled
+            with self._wake:
+                job.stage, job.text = stage, text
+                self._tell(job)
+
+        try:
+            job.result = job.work(progress)
+            state, text = "done", ""
+        except Cancelled:
+            state, text = "cancelled", "cancelled"
+        except DsfabError as error:
+            state, text = "failed", str(error)
+        except Exception as error:  # the worker must live on; the person sees what happened
+            log.exception("job %d", job.number)
+            state, text = "failed", f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
+        with self._wake:
+            self._running = None
+            self._end(job, state, text)
+
+    def _end(self, job: Job, state: str, text: str) -> None:
+        job.state, job.text = state, text
+        self._tell(job)
+
+    def _tell(self, job: Job) -> None:
+        told = job.told()
+        for listener in self._listeners:
+            with suppress(queue.Full):  # one that does not listen any more
+                listener.put_nowait(told)

@@ -1,0 +1,174 @@
+"""A draft as bytes for the page: what never changes while stripes are drawn, and what every change of widths changes.
+
+4 bytes n | n bytes of JSON: facts, and for each array its type, shape and place | the arrays, little-endian
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dsfab.app.colouring import STEEPEST, diverging, rising, signed
+from dsfab.app.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
+from dsfab.app.view import ANGLE, best_side, up_axis
+from dsfab.arrays import Bools, Floats
+from dsfab.design import Draft
+from dsfab.errors import DsfabError
+from dsfab.pattern import (
+    distance_to_boundary,
+    distance_to_vertices,
+    frequency_for,
+    relative_stresses,
+    slopes,
+    vertex_means,
+)
+from dsfab.surface import LoadCase, Surface
+
+FAR = 1e9
+"""Metres to what is not there: 32-bit, and finite, for shaders."""
+
+ENOUGH = 3000
+"""Vertices among which a few are chosen for arrows; with more it takes longer and looks the same."""
+
+TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
+
+
+def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """Facts and arrays in one message; floating point as 32 bits, whole numbers as unsigned 32 bits."""
+    table, blocks, place = {}, [], 0
+    for name, array in arrays.items():
+        kind = TYPES[array.dtype.kind]
+        block = np.ascontiguousarray(array, dtype=np.dtype(kind).newbyteorder("<")).tobytes()
+        table[name] = {"type": kind, "shape": list(array.shape), "at": place}
+        block += bytes(-len(block) % 4)
+        blocks.append(block)
+        place += len(block)
+    head = json.dumps({**facts, "arrays": table}, allow_nan=False).encode()
+    head += b" " * (-len(head) % 4)
+    return len(head).to_bytes(4, "little") + head + b"".join(blocks)
+
+
+def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Surface, modes, distances, answers and marks: what statics and diffusion made."""
+    surface, statics, modes = draft.surface, draft.statics, draft.diffusion
+    up = up_axis(surface.V, surface, draft.load)
+    side = best_side(surface.V, up)
+    middle = (surface.V.min(axis=0) + surface.V.max(axis=0)) / 2
+    answers = {"stress": _stress(draft), "u": statics.answers.equilibrium.u}
+    every = range(1, len(modes.major.lam) + 1)
+    facts = {
+        "centre": middle.tolist(),
+        "size": surface.size,
+        "area": surface.area,
+        "up": up.tolist(),
+        "towards": side.towards.tolist(),
+        "viewUp": side.up.tolist(),
+        "angle": ANGLE,
+        "triangles": surface.m,
+        "lines": {name: [_lines(surface, getattr(modes, name).mode(k)) for k in every] for name in ("major", "minor")},
+        "limits": {
+            "stress": _steepest(answers["stress"]),
+            "displacement": float(np.linalg.norm(answers["u"], axis=1).max()),
+        },
+        "loops": [len(loop) for loop in surface.loops],
+    }
+    arrays = {
+        "V": surface.V - middle,
+        "F": surface.F,
+        "normals": surface.vertex_normals,
+        "major": modes.major.X.T,
+        "minor": modes.minor.X.T,
+        "kept": np.minimum(np.stack(_distances(draft), axis=1), FAR),
+        "along": _along(draft),
+        **answers,
+        **_marks(surface, draft.load, statics.answers.equilibrium.reaction, middle),
+        "loops": np.concatenate([*surface.loops, np.empty(0, dtype=np.int64)]).astype(np.int64),
+    }
+    return facts, arrays
+
+
+def widths(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What the pattern became: numbers, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1."""
+    pattern, ask, surface = draft.pattern, draft.preset.pattern, draft.surface
+    half = dict(zip(pattern.names, pattern.half_widths, strict=True))
+    radius = ask.width.widths(np.sqrt(surface.area)).radius
+    pair = (draft.diffusion.major.mode(pattern.mode[0]), draft.diffusion.minor.mode(pattern.mode[1]))
+    plain = not ask.width.widths(1.0).vary
+    slope = [np.zeros(surface.n) if plain else slopes(surface, x, radius) for x in pair]
+    facts = {
+        "frequency": list(pattern.frequency),
+        "phase": list(pattern.phase),
+        "mode": list(pattern.mode),
+        "factor": pattern.factor,
+        "member": ask.width.widths(np.sqrt(surface.area)).member,
+        "pattern": ask.model_dump(mode="json"),
+        "notes": [f"{note.stage}: {note.text}" for note in draft.notes],
+        "seconds": sum(draft.seconds.values()),
+    }
+    return facts, {"half": np.stack([half["major"], half["minor"]], axis=1), "slope": np.stack(slope, axis=1)}
+
+
+def colours() -> dict[str, list[list[int]]]:
+    """The scales of colours, 64 steps each, from below zero to above it or from nothing to much."""
+    both, up = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
+    scales = {"diverging": diverging(both), "signed": signed(both), "rising": rising(up)}
+    return {name: scale.tolist() for name, scale in scales.items()}
+
+
+def _distances(draft: Draft) -> tuple[Floats, Floats]:
+    load, surface = draft.load, draft.surface
+    return distance_to_vertices(surface, load.held | load.loaded), distance_to_boundary(surface)
+
+
+def _stress(draft: Draft) -> Floats:
+    """(n,) the principal stress of larger size, Pa, tension positive."""
+    principal = draft.diffusion.tensors.principal
+    value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
+    return vertex_means(draft.surface, value)
+
+
+def _along(draft: Draft) -> Floats:
+    """(n, 2) relative stress along both families, for graded widths; 1 where nothing is stressed."""
+    try:
+        return relative_stresses(draft.surface, draft.diffusion.tensors.principal)
+    except DsfabError:
+        return np.ones((draft.surface.n, 2))
+
+
+def _steepest(value: Floats) -> float:
+    return float(np.percentile(np.abs(value), STEEPEST)) or 1.0
+
+
+def _lines(surface: Surface, x: Floats) -> float:
+    """What a spacing in metres is divided by to make a frequency."""
+    try:
+        return frequency_for(surface, x, 1.0)
+    except DsfabError:
+        return 0.0
+
+
+def _marks(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
+    """Few arrows for many forces: (k, 6) place and newtons; and the places (k, 3) of supports."""
+    acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
+    V = surface.V - middle
+    pulls = [_gathered(V, load.force, acts & load.loaded, POINT_LOAD, surface.size)]
+    pulls.append(_gathered(V, load.force, acts & ~load.loaded, SPREAD_LOAD, surface.size))
+    held = V[load.held]
+    few = held[thinned(held, surface.size, SUPPORTS)] if len(held) else held
+    push = _gathered(V, reaction, np.linalg.norm(reaction, axis=1) > 0, SUPPORTS, surface.size)
+    return {"points": pulls[0], "spread": pulls[1], "supports": few, "reactions": push}
+
+
+def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: float) -> Floats:
+    """(k, 6) the forces on marked vertices, each added to the nearest of a few of them."""
+    at = np.flatnonzero(acts)
+    if not len(at):
+        return np.zeros((0, 6))
+    some = at[:: max(len(at) // ENOUGH, 1)]
+    taken = some[thinned(V[some], size, spacing)]
+    owner = cKDTree(V[taken]).query(V[at])[1]
+    total = np.stack([np.bincount(owner, force[at, i], len(taken)) for i in range(3)], axis=1)
+    return np.concatenate([V[taken], total], axis=1)

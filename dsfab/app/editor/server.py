@@ -1,0 +1,281 @@
+"""The doors of the editor: HTTP on this machine alone, standard library, JSON and a few arrays of bytes.
+
+A page of another site can make a browser send requests here. So every request must name this server as its host, come
+from its own page if it comes from a page at all, carry the token of this run, and be JSON if it asks for anything.
+"""
+
+import hmac
+import json
+import queue
+import secrets
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import Any
+from urllib.parse import parse_qs, quote, urlsplit
+
+from dsfab.app.editor.session import Session
+from dsfab.errors import DsfabError
+
+LOOPBACK = "127.0.0.1"
+
+LARGEST = 96 * 2**20
+"""Bytes of a request: a mesh of some million triangles."""
+
+PATIENCE = 15.0
+"""Seconds after which a listener without news is sent an empty line: so the server sees that it has gone."""
+
+KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+
+SMALLEST, WIDEST = 64, 2400
+"""Pixels of the sides of a picture that the page may ask for."""
+
+Given = Mapping[str, Any]
+
+
+class Refused(Exception):  # noqa: N818  # an answer, not a mistake
+    """A request that is answered with a status and a sentence."""
+
+    def __init__(self, status: HTTPStatus, text: str) -> None:
+        super().__init__(text)
+        self.status = status
+
+
+def static_files() -> dict[str, bytes]:
+    """Every file of the page by its place in the address; there are no others."""
+    found, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
+    while folders:
+        prefix, folder = folders.pop()
+        for entry in folder.iterdir():
+            if entry.is_dir():
+                folders.append((f"{prefix}{entry.name}/", entry))
+            else:
+                found[prefix + entry.name] = entry.read_bytes()
+    return found
+
+
+class EditorServer(ThreadingHTTPServer):
+    """Serves one session; `address` is what to open in a browser."""
+
+    daemon_threads = True
+    allow_reuse_address = False  # on Windows it would let another program take the port too
+
+    def __init__(self, session: Session, port: int = 0) -> None:
+        self.session, self.token = session, secrets.token_urlsafe(24)
+        self.static = static_files()
+        super().__init__((LOOPBACK, port), Handler)
+        number = self.server_address[1]
+        self.hosts = {f"{name}:{number}" for name in (LOOPBACK, "localhost")}
+
+    @property
+    def address(self) -> str:
+        """With the token of this run: whoever has it may use the editor."""
+        return f"http://{LOOPBACK}:{self.server_address[1]}/?token={self.token}"
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One connection."""
+
+    server: EditorServer
+    protocol_version = "HTTP/1.1"
+    server_version = "dsfab"
+    sys_version = ""
+    timeout = 60
+
+    def do_GET(self) -> None:
+        self._guarded(self._get)
+
+    def do_POST(self) -> None:
+        self._guarded(self._post)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Silence: the terminal is for the person."""
+
+    def _guarded(self, act: Callable[[], None]) -> None:
+        try:
+            self._check_host()
+            act()
+        except Refused as refused:
+            self.close_connection = True  # what it still sends is not read
+            self._json({"error": str(refused)}, refused.status)
+        except DsfabError as error:
+            self._json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
+        except (BrokenPipeError, ConnectionResetError, TimeoutError):
+            self.close_connection = True
+
+    def _check_host(self) -> None:
+        if self.headers.get("Host", "").lower() not in self.server.hosts:
+            raise Refused(HTTPStatus.FORBIDDEN, "this server answers for its own address only")
+        origin = self.headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc.lower() not in self.server.hosts:
+            raise Refused(HTTPStatus.FORBIDDEN, "this server answers its own page only")
+
+    def _check_token(self, query: Mapping[str, list[str]]) -> None:
+        given = self.headers.get("X-Dsfab-Token") or query.get("token", [""])[0]
+        if not hmac.compare_digest(given.encode(), self.server.token.encode()):
+            raise Refused(HTTPStatus.FORBIDDEN, "open the address that dsfab edit printed: it has the key of this run")
+
+    def _get(self) -> None:
+        parts = urlsplit(self.path)
+        query = parse_qs(parts.query)
+        if parts.path.startswith("/static/"):
+            self._static(parts.path.removeprefix("/static/"))
+            return
+        self._check_token(query)
+        if parts.path == "/":
+            self._page()
+        elif parts.path == "/api/start":
+            self._json(self.server.session.start())
+        elif parts.path == "/api/model":
+            self._bytes(self.server.session.model(_number(query, "have")), "application/octet-stream")
+        elif parts.path == "/api/events":
+            self._events()
+        elif parts.path == "/api/file":
+            self._file(_number(query, "build"), _number(query, "index"))
+        else:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+
+    def _post(self) -> None:
+        parts = urlsplit(self.path)
+        self._check_token(parse_qs(parts.query))
+        if self.headers.get_content_type() != "application/json":
+            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send application/json")
+        act = _POSTS.get(parts.path)
+        if act is None:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+        self._json(act(self.server.session, self._body()))
+
+    def _body(self) -> Given:
+        length = self.headers.get("Content-Length", "")
+        if not length.isdigit():
+            raise Refused(HTTPStatus.LENGTH_REQUIRED, "say how long it is")
+        if int(length) > LARGEST:
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {LARGEST >> 20} MB; make the mesh coarser")
+        try:
+            body = json.loads(self.rfile.read(int(length)))
+        except (ValueError, RecursionError):
+            raise Refused(HTTPStatus.BAD_REQUEST, "that is not JSON") from None
+        if not isinstance(body, dict):
+            raise Refused(HTTPStatus.BAD_REQUEST, "send an object")
+        return body
+
+    def _page(self) -> None:
+        nonce = secrets.token_urlsafe(12)
+        page = self.server.static["index.html"].decode()
+        page = page.replace("{token}", self.server.token).replace("{nonce}", nonce)
+        policy = (
+            f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "
+            "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )
+        self._bytes(page.encode(), "text/html; charset=utf-8", {"Content-Security-Policy": policy})
+
+    def _static(self, name: str) -> None:
+        content = self.server.static.get(name)
+        if content is None or name == "index.html":
+            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+        kind = KINDS.get("." + name.rpartition(".")[2], "text/plain")
+        self._bytes(content, f"{kind}; charset=utf-8")
+
+    def _file(self, build: int, index: int) -> None:
+        path = self.server.session.file(build, index)
+        if path is None:
+            raise Refused(HTTPStatus.NOT_FOUND, "that file was not built")
+        name = quote(path.name)
+        self._bytes(
+            path.read_bytes(), "application/octet-stream", {"Content-Disposition": f"attachment; filename={name}"}
+        )
+
+    def _events(self) -> None:
+        """News of jobs as they happen (server-sent events), until one of both sides goes."""
+        jobs = self.server.session.jobs
+        listener = jobs.listen()
+        try:
+            self.send_response(HTTPStatus.OK)
+            self._headers("text/event-stream", {"Connection": "close"})
+            self.close_connection = True
+            self.wfile.write(b": here\n\n")
+            while True:
+                try:
+                    news = listener.get(timeout=PATIENCE)
+                except queue.Empty:
+                    self.wfile.write(b": still here\n\n")
+                    continue
+                if news is None:
+                    return
+                self.wfile.write(f"data: {json.dumps(news)}\n\n".encode())
+        finally:
+            jobs.leave(listener)
+
+    def _json(self, told: Given, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self._bytes(json.dumps(told).encode(), "application/json", status=status)
+
+    def _bytes(
+        self, content: bytes, kind: str, more: Mapping[str, str] | None = None, status: HTTPStatus = HTTPStatus.OK
+    ) -> None:
+        self.send_response(status)
+        self._headers(kind, {**(more or {}), "Content-Length": str(len(content))})
+        self.wfile.write(content)
+
+    def _headers(self, kind: str, more: Mapping[str, str]) -> None:
+        fixed = {
+            "Content-Type": kind,
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",  # the address holds the token
+            "X-Content-Type-Options": "nosniff",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cross-Origin-Opener-Policy": "same-origin",
+        }
+        for name, value in {**fixed, **more}.items():
+            self.send_header(name, value)
+        self.end_headers()
+
+
+def _number(query: Mapping[str, list[str]], name: str) -> int:
+    text = query.get(name, ["0"])[0]
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise Refused(HTTPStatus.BAD_REQUEST, f"{name} is a number")
+    return int(text)
+
+
+def _typed(given: Given, name: str, kind: type) -> Any:
+    value = given.get(name)
+    if not isinstance(value, kind):
+        raise Refused(HTTPStatus.BAD_REQUEST, f"{name} is missing or of another type")
+    return value
+
+
+def _changes(given: Given) -> Given:
+    changes: Given = _typed(given, "changes", dict)
+    return changes
+
+
+def _build(session: Session, given: Given) -> Given:
+    return {"job": session.ask_build(_changes(given), [str(word) for word in _typed(given, "formats", list)])}
+
+
+def _picture(session: Session, given: Given) -> Given:
+    size = _typed(given, "size", list)
+    if len(size) != 2 or not all(isinstance(x, int) and SMALLEST <= x <= WIDEST for x in size):
+        raise Refused(HTTPStatus.BAD_REQUEST, f"size is two numbers of pixels from {SMALLEST} to {WIDEST}")
+    show, view = _typed(given, "show", str), _typed(given, "view", str)
+    return {"job": session.ask_picture(_changes(given), view, show, (size[0], size[1]))}
+
+
+def _open(session: Session, given: Given) -> Given:
+    if "preset" in given:
+        return session.open_preset(_typed(given, "preset", str))
+    if "toml" in given:
+        return session.open_toml(_typed(given, "toml", str))
+    unit = given.get("unit")
+    return session.open_mesh(_typed(given, "name", str), str(unit) if unit else None, _typed(given, "data", str))
+
+
+_POSTS: dict[str, Callable[[Session, Given], Given]] = {
+    "/api/solve": lambda session, given: {"job": session.ask_solve(_changes(given))},
+    "/api/build": _build,
+    "/api/picture": _picture,
+    "/api/preset": lambda session, given: session.preset_file(_changes(given)),
+    "/api/open": _open,
+    "/api/cancel": lambda session, given: {"stopped": session.jobs.cancel(_typed(given, "job", int))},
+}

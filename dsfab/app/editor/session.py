@@ -1,0 +1,193 @@
+"""`Session`: everything that the page asks for, without a word about how it is asked: no HTTP here."""
+
+import base64
+import binascii
+import tempfile
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from dsfab.app.editor.controls import controls
+from dsfab.app.editor.jobs import Jobs, Progress
+from dsfab.app.editor.opened import MESHES, Opened, opened_mesh, opened_shipped
+from dsfab.app.editor.payload import colours, model, packed, widths
+from dsfab.design import Draft
+from dsfab.errors import DsfabError
+from dsfab.pattern.wave import GLSL
+from dsfab.pipeline import draft
+from dsfab.preset import Preset
+from dsfab.preset_file import shipped
+from dsfab.units import METRES_PER
+
+Changes = Mapping[str, Any]
+Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A draft and the number of what does not change with stripes alone: the page keeps that and asks for the rest."""
+
+    draft: Draft
+    version: int
+    opening: int
+
+
+class Session:
+    """What is opened, what was last made of it, and the files that were built; use as `with Session(opened)`."""
+
+    def __init__(self, first: Opened) -> None:
+        self.jobs = Jobs()
+        self._opened, self._opening = first, 1
+        self._shown: Shown | None = None
+        self._lock = threading.RLock()
+        self._kept: tuple[int, Packed] | None = None
+        self._files: dict[int, list[Path]] = {}
+        self._folder = tempfile.TemporaryDirectory(prefix="dsfab-edit-", ignore_cleanup_errors=True)
+
+    def __enter__(self) -> "Session":
+        self.jobs.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.jobs.__exit__()
+        self._folder.cleanup()
+
+    @property
+    def opened(self) -> Opened:
+        """What the page has open."""
+        with self._lock:
+            return self._opened
+
+    def start(self) -> dict[str, Any]:
+        """What the page needs before anything is solved."""
+        with self._lock:
+            now, number = self._opened, self._opening
+        return {
+            "preset": now.preset.model_dump(mode="json", exclude={"surface": {"file"}}),
+            "title": now.preset.name,
+            "opening": number,
+            "presets": list(shipped()),
+            "units": list(METRES_PER),
+            "meshes": list(MESHES),
+            "wave": GLSL,
+            "colours": colours(),
+        }
+
+    def open_preset(self, name: str) -> dict[str, Any]:
+        """Open a preset that comes with dsfab."""
+        return self._open(opened_shipped(name))
+
+    def open_toml(self, text: str) -> dict[str, Any]:
+        """Open a preset file that the page sends."""
+        return self._open(self.opened.reopened(text))
+
+    def open_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
+        """Open a mesh that the page sends, base64; its name is for people, the file here has one of ours."""
+        suffix = Path(name).suffix.lower()
+        if suffix not in MESHES:
+            raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESHES)}")
+        try:
+            content = base64.b64decode(data, validate=True)
+        except (binascii.Error, ValueError):
+            raise DsfabError("the mesh did not arrive whole; drop it again") from None
+        path = Path(self._folder.name) / f"mesh-{self._opening}{suffix}"
+        path.write_bytes(content)
+        try:
+            made = opened_mesh(path, Path(name).name, unit)
+        except DsfabError as error:
+            raise DsfabError(str(error).replace(str(path), Path(name).name)) from None
+        return self._open(made)
+
+    def _open(self, new: Opened) -> dict[str, Any]:
+        with self._lock:
+            self._opened, self._opening = new, self._opening + 1
+        return self.start()
+
+    def preset_file(self, changes: Changes) -> dict[str, Any]:
+        """The preset as a file, and the command that builds it."""
+        now = self.opened
+        command, save = now.command(changes)
+        return {"name": f"{now.preset.name}.toml", "toml": now.toml(changes), "command": command, "save": save}
+
+    def ask_solve(self, changes: Changes) -> int:
+        """A job that solves what these changes ask for, and then measures it."""
+        preset = self.opened.changed(changes)
+        return self.jobs.ask("solve", lambda progress: self._solve(preset, progress))
+
+    def ask_build(self, changes: Changes, formats: Sequence[str]) -> int:
+        """A job that makes the solid and its files; the formats are those of export.formats."""
+        preset = self.opened.changed({**changes, "export.formats": list(formats)})
+        return self.jobs.ask("build", lambda progress: self._build(preset, progress))
+
+    def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
+        """A job that draws the structure here, for browsers that cannot."""
+        preset = self.opened.changed(changes)
+        return self.jobs.ask("picture", lambda progress: self._picture(preset, view, show, size, progress))
+
+    def model(self, have: int) -> bytes:
+        """What was last solved, for a page that has version `have` already. Raises DsfabError before the first."""
+        with self._lock:
+            shown = self._shown
+        if shown is None:
+            raise DsfabError("nothing is solved yet")
+        facts, arrays = widths(shown.draft)
+        facts |= {"version": shown.version, "whole": have != shown.version}
+        if have != shown.version:
+            more, large = self._whole(shown)
+            facts |= more | {"controls": controls(shown.draft.preset, shown.draft.surface)}
+            arrays |= large
+        return packed(facts, arrays)
+
+    def _whole(self, shown: Shown) -> Packed:
+        """What `model` makes of a version, kept for a page that is loaded again."""
+        with self._lock:
+            if self._kept is None or self._kept[0] != shown.version:
+                self._kept = shown.version, model(shown.draft)
+            return self._kept[1]
+
+    def file(self, job: int, index: int) -> Path | None:
+        """A file that was built, by its number; the page names no path."""
+        files = self._files.get(job, [])
+        return files[index] if 0 <= index < len(files) else None
+
+    def _solve(self, preset: Preset, progress: Progress) -> dict[str, Any]:
+        with self._lock:
+            old, opening = self._shown, self._opening
+        made = draft(preset, progress, old.draft if old else None)
+        progress("pattern", "handing over")  # the last chance to cancel
+        with self._lock:
+            same = old is not None and old.opening == opening and made.diffusion is old.draft.diffusion
+            version = old.version if same and old else (old.version + 1 if old else 1)
+            self._shown = Shown(made, version, opening)
+        self.jobs.ask("figures", lambda progress: self._figures(made, progress))
+        return {"version": version}
+
+    def _figures(self, made: Draft, progress: Progress) -> dict[str, Any]:
+        from dsfab.app.editor.figures import figures
+
+        return figures(made, progress)
+
+    def _build(self, preset: Preset, progress: Progress) -> dict[str, Any]:
+        from dsfab.app.editor.building import built
+
+        with self._lock:
+            old = self._shown
+        folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._folder.name))
+        made = built(preset, old.draft if old else None, folder, progress)
+        number = len(self._files) + 1
+        self._files[number] = made.files
+        listed = [{"name": path.name, "bytes": path.stat().st_size} for path in made.files]
+        return {"build": number, "files": listed, **made.facts}
+
+    def _picture(
+        self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: Progress
+    ) -> dict[str, Any]:
+        from dsfab.app.editor.building import drawn
+
+        with self._lock:
+            old = self._shown
+        return {"png": base64.b64encode(drawn(preset, old.draft if old else None, view, show, size, progress)).decode()}

@@ -1,0 +1,67 @@
+/** The figures of the panel: what the browser counts at once, and what the server has measured on the cut sheet. */
+
+import { short } from './controls.js';
+
+const by = (id) => document.getElementById(id);
+
+/** At once, from points on the surface; marked as about. */
+export function estimated(share, facts) {
+  by('f-share').textContent = `≈ ${Math.round(100 * share)} %`;
+  by('f-area').textContent = `≈ ${metres2(share * facts.area)}`;
+  for (const id of ['f-mass', 'f-pieces']) by(id).classList.add('old');
+}
+
+/** From the slice: { area, share, mass, pieces, loose, narrowest, limits, widths, min_member }. */
+export function measured(told) {
+  by('f-share').textContent = `${(100 * told.share).toFixed(1)} %`;
+  by('f-area').textContent = metres2(told.area);
+  by('f-mass').textContent = mass(told.mass);
+  by('f-pieces').textContent = told.loose ? `${told.pieces} (${told.loose} loose)` : String(told.pieces);
+  for (const id of ['f-mass', 'f-pieces']) by(id).classList.remove('old');
+  const narrow = told.narrowest === null ? '' : `, narrowest ${metres(told.narrowest)}`;
+  by('f-widths').textContent = `widths of members${narrow}`;
+  last = told;
+  histogram();
+}
+
+let last = null;
+
+/** Nothing is known, and why. */
+export function unknown() {
+  for (const id of ['f-share', 'f-area', 'f-mass', 'f-pieces']) by(id).textContent = '–';
+  last = null;
+  histogram();
+}
+
+/** How many metres of wall belong to members of which width; what is too narrow to make is red. */
+export function histogram() {
+  const canvas = by('histogram');
+  const ratio = window.devicePixelRatio || 1;
+  const wide = canvas.clientWidth || 280;
+  Object.assign(canvas, { width: wide * ratio, height: 44 * ratio });
+  const pen = canvas.getContext('2d');
+  pen.scale(ratio, ratio);
+  const style = getComputedStyle(document.documentElement);
+  if (!last || !last.widths.length) return;
+  const most = Math.max(...last.widths);
+  const step = wide / last.widths.length;
+  last.widths.forEach((share, i) => {
+    const narrow = last.limits[i] < last.min_member;
+    pen.fillStyle = style.getPropertyValue(narrow ? '--bad' : '--bar');
+    const high = (30 * share) / most;
+    pen.fillRect(i * step + 0.5, 31 - high, Math.max(step - 1, 1), high);
+  });
+  pen.fillStyle = style.getPropertyValue('--line');
+  pen.fillRect(0, 31, wide, 1);
+  pen.fillStyle = style.getPropertyValue('--quiet');
+  pen.font = '10px system-ui, sans-serif';
+  pen.fillText('0', 0, 42);
+  pen.textAlign = 'right';
+  pen.fillText(metres(last.limits.at(-1)), wide, 42);
+  canvas.setAttribute('aria-label', `Widths of members from 0 to ${metres(last.limits.at(-1))}`);
+}
+
+export const metres = (value) => (value < 1 ? `${short3(1000 * value)} mm` : `${short3(value)} m`);
+export const mass = (value) => (value < 1 ? `${short3(1000 * value)} g` : value < 1000 ? `${short3(value)} kg` : `${short3(value / 1000)} t`);
+const metres2 = (value) => (value < 0.1 ? `${short3(1e4 * value)} cm²` : `${short3(value)} m²`);
+const short3 = (value) => short(Number(value).toPrecision(3));

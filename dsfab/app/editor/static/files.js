@@ -1,0 +1,123 @@
+/** Files: presets and meshes in, presets and built solids out. */
+
+import { make } from './controls.js';
+import { mass } from './figures.js';
+import { address, base64, download, post } from './transport.js';
+
+const by = (id) => document.getElementById(id);
+const FORMATS = ['stl', '3mf', 'step'];
+const MOST = 64 * 2 ** 20; // bytes of a mesh: a third more as base64
+
+export class Files {
+  /** start: of the server; changes(): what differs now; opened(start): another preset is open; say(text): a notice. */
+  constructor(start, { changes, opened, say, build }) {
+    Object.assign(this, { changes, opened, say, build });
+    for (const name of FORMATS) {
+      const label = make('label');
+      label.append(make('input', { type: 'checkbox', value: name, checked: name !== 'step' }), name.toUpperCase());
+      by('formats').append(label);
+    }
+    for (const unit of start.units) by('ask-unit').append(make('option', { textContent: unit, selected: unit === 'mm' }));
+    by('save').addEventListener('click', () => this.save());
+    by('copy').addEventListener('click', () => this.copy());
+    by('open').addEventListener('click', () => by('file').click());
+    by('file').addEventListener('change', () => by('file').files[0] && this.take(by('file').files[0]));
+    by('preset').addEventListener('change', () => this.open({ preset: by('preset').value }));
+    by('build').addEventListener('click', () => this.build(this.wanted()));
+    this.drop(by('picture'));
+    this.list(start);
+  }
+
+  /** The presets to choose from; what is no shipped one stands first. */
+  list(start) {
+    const names = start.presets.includes(start.title) ? start.presets : [start.title, ...start.presets];
+    by('preset').replaceChildren(...names.map((name) => make('option', { value: name, textContent: name })));
+    by('preset').value = start.title;
+    document.title = `${start.title} · dsfab`;
+  }
+
+  wanted() {
+    return [...by('formats').querySelectorAll('input:checked')].map((input) => input.value);
+  }
+
+  async open(what) {
+    try {
+      this.opened(await post('/api/open', what));
+    } catch (error) {
+      this.say(error.message);
+    }
+  }
+
+  drop(place) {
+    place.addEventListener('dragover', (event) => {
+      event.preventDefault();
+      place.classList.add('drop');
+    });
+    place.addEventListener('dragleave', () => place.classList.remove('drop'));
+    place.addEventListener('drop', (event) => {
+      event.preventDefault();
+      place.classList.remove('drop');
+      if (event.dataTransfer.files[0]) this.take(event.dataTransfer.files[0]);
+    });
+  }
+
+  /** A file from the person: a preset, or a mesh whose unit is asked for. */
+  async take(file) {
+    by('file').value = '';
+    if (file.size > MOST) return this.say(`${file.name} has more than ${MOST >> 20} MB; make the mesh coarser.`);
+    if (file.name.toLowerCase().endsWith('.toml')) return this.open({ toml: await file.text() });
+    const knows = /\.(glb|3mf)$/i.test(file.name);
+    const unit = knows ? null : await this.unit(file.name);
+    if (unit === undefined) return undefined;
+    return this.open({ name: file.name, unit, data: await base64(file) });
+  }
+
+  unit(name) {
+    by('ask-text').textContent = `In which unit are the numbers in ${name}?`;
+    by('ask').showModal();
+    return new Promise((done) => {
+      by('ask').addEventListener('close', () => done(by('ask').returnValue === 'yes' ? by('ask-unit').value : undefined), { once: true });
+    });
+  }
+
+  async save() {
+    try {
+      const { name, toml } = await post('/api/preset', { changes: this.changes() });
+      download(name, toml);
+    } catch (error) {
+      this.say(error.message);
+    }
+  }
+
+  async copy() {
+    try {
+      const { command, save } = await post('/api/preset', { changes: this.changes() });
+      by('command').textContent = save ? `${command}   (save the preset first)` : command;
+      by('command').hidden = false;
+      await navigator.clipboard?.writeText(command).catch(() => {}); // it stands there to be copied by hand
+    } catch (error) {
+      this.say(error.message);
+    }
+  }
+
+  /** What became of a build. */
+  built({ state, text, result }) {
+    by('build').disabled = false;
+    if (state === 'cancelled') return by('built').replaceChildren(make('p', { textContent: 'Cancelled; nothing was kept.' }));
+    if (state === 'failed') return by('built').replaceChildren(make('p', { textContent: text }));
+    const links = result.files.map(({ name, bytes }, index) => {
+      const link = make('a', { href: address(result.build, index), download: name, textContent: name });
+      const line = make('span');
+      line.append(link, ` ${size(bytes)}`);
+      return line;
+    });
+    const pieces = `${result.pieces} ${result.pieces === 1 ? 'piece' : 'pieces'}`;
+    const solid = make('p', { textContent: `Solid: ${result.triangles.toLocaleString('en')} triangles, ${mass(result.mass)}, ${pieces}, closed.` });
+    const refused = result.refused ? [make('p', { textContent: result.refused })] : [];
+    return by('built').replaceChildren(solid, ...refused, ...links);
+  }
+}
+
+function size(bytes) {
+  return bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} KB` : `${(bytes / 1e6).toFixed(1)} MB`;
+}

@@ -1,0 +1,73 @@
+/** The ground and the soft shadow of what stands on it: the stripes seen from a lamp above, blurred. */
+
+import * as THREE from 'three';
+import { GROUND, GROUND_VERTEX } from './shader.js';
+
+const SIDE = 1024;
+
+export class Ground {
+  constructor(sheet) {
+    this.sheet = sheet;
+    this.target = new THREE.WebGLRenderTarget(SIDE, SIDE, { depthBuffer: false });
+    this.lamp = new THREE.OrthographicCamera();
+    this.alone = new THREE.Scene();
+    this.uniforms = {
+      uLight: { value: new THREE.Matrix4() }, uShadow: { value: this.target.texture },
+      uDark: { value: 0.5 }, uTint: { value: new THREE.Color(0, 0, 0) },
+    };
+    const material = new THREE.RawShaderMaterial({
+      uniforms: this.uniforms, vertexShader: GROUND_VERTEX, fragmentShader: GROUND,
+      glslVersion: THREE.GLSL3, transparent: true, depthWrite: false, side: THREE.DoubleSide,
+    });
+    this.plane = new THREE.Mesh(new THREE.PlaneGeometry(2, 2), material);
+    this.plane.frustumCulled = false;
+    this.plane.renderOrder = -1;
+  }
+
+  /** Another structure: the ground is level with its lowest point. */
+  place({ facts, arrays }) {
+    const up = new THREE.Vector3().fromArray(facts.up);
+    const towards = new THREE.Vector3().fromArray(facts.towards);
+    const right = new THREE.Vector3().crossVectors(up, towards).normalize();
+    const axis = facts.up.findIndex((x) => Math.abs(x) > 0.5);
+    let low = Infinity;
+    for (let i = axis; i < arrays.V.length; i += 3) low = Math.min(low, facts.up[axis] * arrays.V[i]);
+    this.low = low;
+    this.up = up;
+    this.plane.position.copy(up).multiplyScalar(low - 0.004 * facts.size);
+    this.plane.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), up);
+    this.plane.scale.setScalar(0.95 * facts.size);
+    const half = 0.8 * facts.size;
+    Object.assign(this.lamp, { left: -half, right: half, top: half, bottom: -half, near: 0, far: 6 * facts.size });
+    const from = up.clone().addScaledVector(right, -0.5).addScaledVector(towards, 0.35).normalize();
+    this.lamp.position.copy(from).multiplyScalar(3 * facts.size);
+    this.lamp.up.copy(right);
+    this.lamp.lookAt(0, 0, 0);
+    this.lamp.updateProjectionMatrix();
+    this.lamp.updateMatrixWorld();
+    this.uniforms.uLight.value.multiplyMatrices(this.lamp.projectionMatrix, this.lamp.matrixWorldInverse);
+  }
+
+  /** Draw the shadow again; the sheet comes back to where it was. */
+  update(renderer, uniforms, parent) {
+    this.alone.add(this.sheet);
+    const soft = uniforms.uSoft.value;
+    uniforms.uMask.value = 1;
+    uniforms.uSoft.value = 0;
+    const was = renderer.getClearColor(new THREE.Color());
+    renderer.setRenderTarget(this.target);
+    renderer.setClearColor(0xffffff, 1);
+    renderer.clear();
+    renderer.render(this.alone, this.lamp);
+    renderer.setRenderTarget(null);
+    renderer.setClearColor(was, 1);
+    uniforms.uMask.value = 0;
+    uniforms.uSoft.value = soft;
+    parent.add(this.sheet);
+  }
+
+  /** From below one looks through it. */
+  seenFrom(camera) {
+    this.plane.visible = camera.position.dot(this.up ?? camera.up) > (this.low ?? 0);
+  }
+}

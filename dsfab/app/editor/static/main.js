@@ -1,0 +1,218 @@
+/** The editor: one state, who changes it, and who follows. */
+
+import { Controls, make } from './controls.js';
+import { estimated, histogram, measured, unknown } from './figures.js';
+import { Files } from './files.js';
+import { Loads } from './loads.js';
+import { recall } from './looks.js';
+import { drawn, Sampler } from './pattern.js';
+import { Picking } from './picking.js';
+import { Pictures } from './pictures.js';
+import { fromHash, State } from './state.js';
+import { get, model as fetched } from './transport.js';
+import { Viewer } from './viewer.js';
+import { Views } from './views.js';
+import { Work } from './work.js';
+
+const by = (id) => document.getElementById(id);
+const WAIT = 120; // milliseconds without a change, after which the server is asked
+
+recall();
+
+class Editor {
+  constructor(start) {
+    this.start = start;
+    const { title, changes, view } = fromHash(location.hash);
+    const mine = title === start.title;
+    this.state = new State(start.preset, mine ? changes : {}, { colour: 'plain', layers: ['loads', 'supports'], ...(mine ? view : {}) });
+    this.controls = new Controls(by('groups'), this.state);
+    try {
+      this.viewer = new Viewer(by('canvas'), start.wave, { antialias: !location.search.includes('hard') });
+      this.picking = new Picking(this.viewer, by('lasso').firstElementChild, (...picked) => this.loads.pick(...picked));
+      this.loads = new Loads(by('load-list'), this.state, this.viewer, this.picking);
+    } catch (error) {
+      this.without(error);
+    }
+    this.views = new Views(this);
+    this.files = new Files(start, {
+      changes: () => this.state.changes,
+      opened: (next) => this.opened(next),
+      say: (text) => this.notice(text),
+      build: (formats) => this.build(formats),
+    });
+    this.work = new Work({
+      solve: (job) => this.solved(job),
+      figures: (job) => this.figured(job),
+      build: (job) => this.files.built(job),
+      picture: (job) => this.pictures?.show(job),
+    });
+    this.state.on((keys, final) => this.changed(keys, final));
+    this.wire();
+  }
+
+  /** A browser that cannot draw: the server draws, and says so. */
+  without(error) {
+    this.viewer = null;
+    this.pictures = new Pictures(by('canvas'), by('drawn'), (changes) => this.work.ask('picture', '/api/picture', changes));
+    this.standing = `${error.message}: the server draws the picture instead.`;
+    this.notice('');
+  }
+
+  wire() {
+    by('undo').addEventListener('click', () => this.state.undo());
+    by('redo').addEventListener('click', () => this.state.redo());
+    this.views.wire();
+    document.addEventListener('keydown', (event) => this.key(event));
+    new ResizeObserver(() => {
+      this.viewer?.resize();
+      histogram();
+    }).observe(by('picture'));
+    this.viewer?.canvas.addEventListener('pointerup', () => this.remember());
+    this.viewer?.canvas.addEventListener('wheel', () => this.remember(), { passive: true });
+  }
+
+  async begin() {
+    this.viewer?.resize();
+    await this.work.listen();
+    this.solve();
+    this.refresh();
+  }
+
+  key(event) {
+    const writing = event.target.matches('input[type="text"], select, textarea');
+    const key = event.key.toLowerCase();
+    if ((event.ctrlKey || event.metaKey) && key === 'z') {
+      event.preventDefault();
+      event.shiftKey ? this.state.redo() : this.state.undo();
+    } else if ((event.ctrlKey || event.metaKey) && key === 'y') {
+      event.preventDefault();
+      this.state.redo();
+    } else if (!writing && !event.ctrlKey && !event.metaKey && !event.altKey) {
+      if ('1234'.includes(key)) this.views.look(['iso', 'top', 'front', 'side'][key - 1]);
+      else if (key === 'f') this.viewer?.eye.fit();
+      else if (key === 'p') this.views.parallel();
+      else if (key === 'escape') this.loads?.begin('');
+      else if (event.target === by('canvas')) this.viewer?.eye.keyed(key) && event.preventDefault();
+    }
+  }
+
+  /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */
+  changed(keys, final) {
+    this.refresh(keys);
+    const live = keys && keys.every((key) => key.startsWith('pattern.'));
+    if (!(live && this.stripes())) this.outdated(true);
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(() => this.solve(), WAIT);
+    if (final) this.remember();
+  }
+
+  refresh(keys = null) {
+    this.controls.refresh();
+    if (!keys || keys.some((key) => key.startsWith('surface.'))) this.loads?.refresh();
+    by('undo').disabled = !this.state.past.length;
+    by('redo').disabled = !this.state.future.length;
+  }
+
+  /** Draw the stripes of now; whether that was possible without the server. */
+  stripes() {
+    if (!this.model) return false;
+    const made = drawn(this.state.preset.pattern, this.model, this.sampler);
+    if (!made) return false;
+    const turned = String(made.mode) !== String(this.mode);
+    this.mode = made.mode;
+    this.viewer?.stripes(made);
+    if (turned) this.views.colours();
+    estimated(made.share, this.model.facts);
+    return true;
+  }
+
+  solve() {
+    this.work.ask('solve', '/api/solve', { changes: this.state.changes });
+  }
+
+  async solved({ job, state, text }) {
+    if (state === 'failed') {
+      this.notice(text);
+      unknown();
+      return;
+    }
+    if (state !== 'done') return;
+    this.notice('');
+    const got = await fetched(this.model?.facts.version ?? 0);
+    const { facts, arrays } = got;
+    if (job !== this.work.latest.solve) return; // a newer one is on its way
+    this.model = facts.whole ? got : { facts: { ...this.model.facts, ...facts }, arrays: { ...this.model.arrays, ...arrays } };
+    this.model.facts.opening = this.start.opening;
+    if (facts.whole) this.surface();
+    this.outdated(!this.stripes());
+    this.notes(facts.notes);
+    this.pictures?.ask(this.state.changes);
+    this.done = job; // what is shown is what this job made
+  }
+
+  surface() {
+    const first = this.viewer?.model(this.model);
+    this.sampler = new Sampler(this.model.facts, this.model.arrays);
+    this.controls.build(this.model.facts.controls);
+    if (first) {
+      this.viewer.resize();
+      this.views.look('iso', false);
+      this.viewer.eye.numbers = this.state.view.eye;
+      by('parallel').setAttribute('aria-pressed', String(this.viewer.eye.camera === this.viewer.eye.parallel));
+    }
+    this.mode = this.model.facts.mode;
+    this.views.paint();
+  }
+
+  figured({ state, result, text }) {
+    if (state === 'done') measured(result);
+    if (state === 'failed') this.notice(text);
+  }
+
+  build(formats) {
+    if (!formats.length) return this.notice('Choose at least one kind of file.', true);
+    by('build').disabled = true;
+    by('built').replaceChildren(make('p', { textContent: 'Building …' }));
+    return this.work.ask('build', '/api/build', { changes: this.state.changes, formats });
+  }
+
+  /** Another preset is open. */
+  opened(start) {
+    this.start = start;
+    this.state.open(start.preset);
+    this.state.view = { ...this.state.view, eye: undefined, section: undefined };
+    by('section-axis').value = '';
+    by('built').replaceChildren();
+    this.files.list(start);
+    this.changed(null, true);
+  }
+
+  outdated(yes) {
+    by('picture').classList.toggle('outdated', yes);
+  }
+
+  notes(list) {
+    by('notes-box').hidden = !list.length;
+    by('note-count').textContent = list.length;
+    by('notes').replaceChildren(...list.map((textContent) => make('li', { textContent })));
+  }
+
+  notice(text, calm = false) {
+    by('notice').textContent = text || this.standing || '';
+    by('notice').hidden = !by('notice').textContent;
+    by('notice').classList.toggle('calm', calm || !text);
+  }
+
+  /** Keep everything in the address, so that a reload or a bookmark brings it back. */
+  remember() {
+    clearTimeout(this.keeping);
+    this.keeping = setTimeout(() => {
+      if (this.viewer && this.model) this.state.view.eye = this.viewer.eye.numbers;
+      history.replaceState(null, '', this.state.hash(this.start.title));
+    }, 200);
+  }
+}
+
+const editor = new Editor(await get('/api/start'));
+window.dsfab = editor; // for whoever looks behind the page
+editor.begin();

@@ -1,0 +1,159 @@
+/** How wide stripes are and how much of the surface they keep, in the same frame in which a slider moves.
+ *
+ * The rules are those of dsfab/pattern/width.py; the server answers a moment later with its own numbers, which win.
+ */
+
+const SOLID = 0.5;
+const POINTS = 20000;
+const STEPS = 40;
+
+/** What the shader needs for a preset's [pattern]: { mode, frequency, phase, plain, half, reach, share }.
+ *
+ * model: facts and arrays of the server. plain: half-widths in periods, one for each family; half: (n, 2) where they
+ * vary over the surface, or null. Returns null where only the server knows (another mode with varying widths).
+ */
+export function drawn(pattern, model, sampler) {
+  const { facts, arrays } = model;
+  const pair = [pattern.major, pattern.minor];
+  const mode = pair.map((family, k) => (family.mode === 'auto' ? facts.mode[k] : family.mode));
+  const phase = pair.map((family, k) => (family.phase === 'auto' ? facts.phase[k] : family.phase));
+  const names = ['major', 'minor'];
+  if (mode.some((number, k) => number > facts.lines[names[k]].length)) return null;
+  const frequency = pair.map((family, k) => family.frequency || facts.lines[names[k]][mode[k] - 1] / family.spacing);
+  const reach = [pattern.keep || -1e30, pattern.rim || -1e30];
+  const told = { mode, phase: phase.map((p) => p - Math.floor(p)), frequency, reach };
+  const width = pattern.width;
+  const plain = pair.map((family) => (1 - family.threshold) / 4);
+  const vary = width.rule !== 'plain' || width.min_width > 0 || width.max_width > 0 || width.min_gap > 0;
+  if (vary && mode.some((number, k) => number !== facts.mode[k])) return null;
+  sampler.look(mode, frequency, told.phase, reach);
+  if (JSON.stringify(pattern) === JSON.stringify(facts.pattern)) return exact(told, plain, vary, model, sampler);
+  const n = arrays.V.length / 3;
+  const member = width.member || Math.sqrt(facts.area) / 100;
+  const wide = (factor) =>
+    vary ? halfWidths({ ...width, member }, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
+  const start = width.rule === 'graded' ? facts.factor : 1;
+  const factor = width.solid_fraction ? solved((f) => sampler.share(wide(f)), width.solid_fraction, start) : start;
+  const half = wide(factor);
+  return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
+}
+
+/** The server's own widths. */
+function exact(told, plain, vary, model, sampler) {
+  const half = vary ? model.arrays.half : plain.map((d) => Math.min(model.facts.factor * d, SOLID));
+  return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
+}
+
+/** (n, 2) half-widths in periods. */
+function halfWidths(rule, plain, frequency, arrays, n, factor) {
+  const half = new Float32Array(2 * n);
+  for (let i = 0; i < 2 * n; i += 1) {
+    const slope = arrays.slope[i] * frequency[i % 2];
+    let d;
+    if (rule.rule === 'constant') d = slope * factor * (rule.member / 2);
+    else d = factor * plain[i % 2] * (rule.rule === 'graded' ? arrays.along[i] ** rule.q : 1);
+    if (rule.max_width) d = Math.min(d, slope * (rule.max_width / 2));
+    d = Math.max(d, slope * (rule.min_width / 2));
+    half[i] = d + slope * (rule.min_gap / 2) > SOLID ? SOLID : d;
+  }
+  return half;
+}
+
+/** The factor at which a share that never falls is the wanted one, or the nearest to it. */
+function solved(share, wanted, start) {
+  let low = 0;
+  let high = start;
+  for (let k = 0; k < 30 && share(high) < wanted; k += 1) [low, high] = [high, 2 * high];
+  for (let k = 0; k < STEPS && high - low > 1e-4 * high; k += 1) {
+    const middle = (low + high) / 2;
+    if (share(middle) < wanted) low = middle;
+    else high = middle;
+  }
+  return (low + high) / 2;
+}
+
+/** Points spread evenly over a surface, at which material is counted. */
+export class Sampler {
+  constructor(facts, arrays) {
+    this.facts = facts;
+    this.arrays = arrays;
+    this.at = new Uint32Array(3 * POINTS);
+    this.weight = new Float32Array(3 * POINTS);
+    this.kept = new Uint8Array(POINTS);
+    this.told = ['', '', ''];
+    this.z = [new Float32Array(POINTS), new Float32Array(POINTS)];
+    this.spread();
+  }
+
+  /** One point in each POINTS-th of the area, at places of a sequence that fills triangles evenly (Roberts 2018). */
+  spread() {
+    const { V, F } = this.arrays;
+    const sums = new Float64Array(F.length / 3);
+    let total = 0;
+    for (let f = 0; f < sums.length; f += 1) sums[f] = total += area(V, F, f);
+    for (let p = 0, f = 0; p < POINTS; p += 1) {
+      while (f < sums.length - 1 && sums[f] < ((p + 0.5) / POINTS) * total) f += 1;
+      let a = (0.7548776662466927 * p) % 1;
+      let b = (0.5698402909980532 * p) % 1;
+      if (a + b > 1) [a, b] = [1 - a, 1 - b];
+      for (let c = 0; c < 3; c += 1) this.at[3 * p + c] = F[3 * f + c];
+      this.weight.set([1 - a - b, a, b], 3 * p);
+    }
+  }
+
+  /** The phases of both families at the points, in periods, and which points are kept anyway; only what changed. */
+  look(mode, frequency, phase, reach) {
+    const n = this.arrays.V.length / 3;
+    ['major', 'minor'].forEach((name, s) => {
+      const told = `${mode[s]} ${frequency[s]} ${phase[s]}`;
+      if (this.told[s] === told) return;
+      this.told[s] = told;
+      const values = this.interpolated(this.arrays[name].subarray((mode[s] - 1) * n, mode[s] * n), 1, 0);
+      for (let p = 0; p < POINTS; p += 1) {
+        const z = frequency[s] * values[p] + phase[s];
+        this.z[s][p] = Math.abs(z - Math.round(z));
+      }
+    });
+    if (this.told[2] === String(reach)) return;
+    this.told[2] = String(reach);
+    const [near, rim] = [0, 1].map((s) => this.interpolated(this.arrays.kept, 2, s));
+    for (let p = 0; p < POINTS; p += 1) this.kept[p] = near[p] < reach[0] || rim[p] < reach[1];
+  }
+
+  /** Values at the points of a field that is linear over faces: every `step`-th number from `first` on. */
+  interpolated(field, step, first) {
+    const { at, weight } = this;
+    const values = new Float32Array(POINTS);
+    for (let p = 0, c = 0; p < POINTS; p += 1, c += 3) {
+      values[p] = weight[c] * field[step * at[c] + first] + weight[c + 1] * field[step * at[c + 1] + first] + weight[c + 2] * field[step * at[c + 2] + first];
+    }
+    return values;
+  }
+
+  /** The share of the surface that half-widths keep: two numbers, or (n, 2). */
+  share(half) {
+    const { at, weight, kept } = this;
+    const [zu, zw] = this.z;
+    let count = 0;
+    for (let p = 0; p < POINTS; p += 1) {
+      if (kept[p]) count += 1;
+      else if (half.length === 2) count += zu[p] < half[0] || zw[p] < half[1];
+      else {
+        let [u, w] = [0, 0];
+        for (let c = 3 * p; c < 3 * p + 3; c += 1) {
+          u += weight[c] * half[2 * at[c]];
+          w += weight[c] * half[2 * at[c] + 1];
+        }
+        count += zu[p] < u || zw[p] < w;
+      }
+    }
+    return count / POINTS;
+  }
+}
+
+function area(V, F, f) {
+  const [i, j, k] = [3 * F[3 * f], 3 * F[3 * f + 1], 3 * F[3 * f + 2]];
+  const [a, b, c] = [V[j] - V[i], V[j + 1] - V[i + 1], V[j + 2] - V[i + 2]];
+  const [d, e, g] = [V[k] - V[i], V[k + 1] - V[i + 1], V[k + 2] - V[i + 2]];
+  return Math.hypot(b * g - c * e, c * d - a * g, a * e - b * d) / 2;
+}

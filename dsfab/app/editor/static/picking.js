@@ -1,0 +1,163 @@
+/** Where on the surface a person points: a spot, a region, an edge or a lasso, as a picker that a preset can hold. */
+
+import * as THREE from 'three';
+
+const DIGITS = 5;
+const LASSO = 5; // pixels between its corners
+
+export class Picking {
+  /** viewer; path: the SVG path of the lasso; done(picker, places): what was picked, and where (k, 3) in the view. */
+  constructor(viewer, path, done) {
+    Object.assign(this, { viewer, path, done, kind: '', ray: new THREE.Raycaster() });
+    const canvas = viewer.canvas;
+    canvas.addEventListener('pointerdown', (event) => this.down(event), { capture: true });
+    canvas.addEventListener('pointermove', (event) => this.move(event));
+    canvas.addEventListener('pointerup', (event) => this.up(event));
+    canvas.addEventListener('pointercancel', () => this.end());
+  }
+
+  /** kind: spot, region, edge, lasso; or '' for none. radius: of a region, metres. */
+  begin(kind, radius = 0) {
+    Object.assign(this, { kind, radius });
+    this.viewer.eye.free = !['lasso', 'region'].includes(kind);
+    this.end();
+  }
+
+  end() {
+    this.track = null;
+    this.path.setAttribute('d', '');
+  }
+
+  down(event) {
+    if (!this.kind || event.button !== 0) return;
+    this.track = [[event.offsetX, event.offsetY]];
+    if (this.kind === 'region') this.middle = this.hit(event);
+    if (!this.viewer.eye.enabled) this.viewer.canvas.setPointerCapture(event.pointerId);
+  }
+
+  move(event) {
+    if (!this.track) return;
+    const [x, y] = this.track.at(-1);
+    if (Math.hypot(event.offsetX - x, event.offsetY - y) < LASSO) return;
+    this.track.push([event.offsetX, event.offsetY]);
+    if (this.kind === 'lasso') this.path.setAttribute('d', `M${this.track.join('L')}`);
+    if (this.kind === 'region' && this.middle) {
+      const here = this.hit(event);
+      if (here) this.radius = this.middle.distanceTo(here);
+      this.mark(this.within(this.middle, this.radius));
+    }
+  }
+
+  up(event) {
+    const track = this.track;
+    this.end();
+    if (!this.kind || !track) return;
+    const moved = track.length > 2;
+    if (this.kind === 'lasso') {
+      if (moved) this.give(this.inside(track), (list) => ({ pick: 'vertices', indices: list }));
+      return;
+    }
+    if (this.kind === 'region' && this.middle) {
+      const center = this.world(this.middle);
+      const radius = Number(this.radius.toPrecision(3));
+      this.give(this.within(this.middle, radius), () => ({ pick: 'ball', center, radius }));
+    }
+    if (moved) return; // the picture was turned
+    const at = this.hit(event);
+    if (!at) return;
+    if (this.kind === 'spot') {
+      const near = this.nearest(at);
+      this.give([near], () => ({ pick: 'nearest', points: [this.world(this.vertex(near))] }));
+    }
+    if (this.kind === 'edge') this.edge(at);
+  }
+
+  /** The whole boundary loop next to a place. */
+  edge(at) {
+    const { facts, arrays } = this.viewer.data;
+    let [best, chosen, start] = [Infinity, null, 0];
+    facts.loops.forEach((count, loop) => {
+      const list = [...arrays.loops.subarray(start, start + count)];
+      for (const i of list) {
+        const away = this.vertex(i).distanceTo(at);
+        if (away < best) [best, chosen] = [away, { loop, list }];
+      }
+      start += count;
+    });
+    if (chosen) this.give(chosen.list, () => ({ pick: 'boundary', loop: chosen.loop }));
+  }
+
+  give(list, picker) {
+    if (!list.length) return;
+    this.mark(list);
+    this.done(picker(list), this.places(list), list);
+  }
+
+  /** Show vertices as picked; none to take the marks away. */
+  mark(list) {
+    const few = list.filter((_, i) => i % Math.ceil(list.length / 2000) === 0);
+    this.viewer.marks.point(this.places(few), this.viewer.data.facts.size);
+    this.viewer.due();
+  }
+
+  places(list) {
+    return list.flatMap((i) => [...this.viewer.data.arrays.V.subarray(3 * i, 3 * i + 3)]);
+  }
+
+  vertex(i) {
+    return new THREE.Vector3().fromArray(this.viewer.data.arrays.V, 3 * i);
+  }
+
+  /** Metres in the preset's own axes. */
+  world(place) {
+    return place.toArray().map((x, i) => Number((x + this.viewer.data.facts.centre[i]).toFixed(DIGITS)));
+  }
+
+  hit(event) {
+    const { clientWidth: w, clientHeight: h } = this.viewer.canvas;
+    const at = new THREE.Vector2((2 * event.offsetX) / w - 1, 1 - (2 * event.offsetY) / h);
+    this.ray.setFromCamera(at, this.viewer.eye.camera);
+    return this.ray.intersectObject(this.viewer.sheet)[0]?.point ?? null;
+  }
+
+  nearest(at) {
+    const V = this.viewer.data.arrays.V;
+    let [best, chosen] = [Infinity, 0];
+    for (let i = 0; i < V.length / 3; i += 1) {
+      const away = Math.hypot(V[3 * i] - at.x, V[3 * i + 1] - at.y, V[3 * i + 2] - at.z);
+      if (away < best) [best, chosen] = [away, i];
+    }
+    return chosen;
+  }
+
+  within(at, radius) {
+    const V = this.viewer.data.arrays.V;
+    const list = [];
+    for (let i = 0; i < V.length / 3; i += 1) {
+      if (Math.hypot(V[3 * i] - at.x, V[3 * i + 1] - at.y, V[3 * i + 2] - at.z) <= radius) list.push(i);
+    }
+    return list;
+  }
+
+  /** Vertices whose places in the picture lie in a polygon of pixels: also those behind others. */
+  inside(track) {
+    const { arrays } = this.viewer.data;
+    const { clientWidth: w, clientHeight: h } = this.viewer.canvas;
+    const list = [];
+    for (let i = 0; i < arrays.V.length / 3; i += 1) {
+      const p = this.vertex(i).project(this.viewer.eye.camera);
+      if (encloses(track, ((p.x + 1) / 2) * w, ((1 - p.y) / 2) * h)) list.push(i);
+    }
+    return list;
+  }
+}
+
+/** Whether a polygon winds around a place: an odd number of its sides lie to the right. */
+function encloses(polygon, x, y) {
+  let odd = false;
+  polygon.forEach(([x1, y1], i) => {
+    const [x0, y0] = polygon.at(i - 1);
+    if (y0 > y !== y1 > y && x < ((x0 - x1) * (y - y1)) / (y0 - y1) + x1) odd = !odd;
+  });
+  return odd;
+}

@@ -1,0 +1,123 @@
+/** What the person has changed: dotted keys and values over a preset, with undo, and the address bar as its memory. */
+
+const DEEP = 200;
+
+export class State {
+  /** base: the preset as nested objects; changes: dotted keys and values. */
+  constructor(base, changes = {}, view = {}) {
+    this.listeners = [];
+    this.view = view;
+    this.open(base, changes);
+  }
+
+  /** Another preset: what was undone before belongs to the old one. */
+  open(base, changes = {}) {
+    this.base = base;
+    this.changes = { ...changes };
+    this.past = [];
+    this.future = [];
+    this.settled = this.changes;
+    this.made = null;
+  }
+
+  /** Call `hear(keys, final)` after every change; keys is null when everything may have changed. */
+  on(hear) {
+    this.listeners.push(hear);
+  }
+
+  /** The preset with all changes. Not to be changed by who reads it. */
+  get preset() {
+    this.made ??= applied(this.base, this.changes);
+    return this.made;
+  }
+
+  /** The value at a dotted key. */
+  get(key) {
+    return at(this.preset, key);
+  }
+
+  /** Other values; `final` marks the end of a drag, and is one step of undo. */
+  set(values, final = true) {
+    const changes = { ...this.changes };
+    for (const [key, value] of Object.entries(values)) {
+      for (const old of Object.keys(changes)) if (old.startsWith(`${key}.`)) delete changes[old];
+      const parent = Object.keys(changes).find((old) => key.startsWith(`${old}.`));
+      if (parent) changes[parent] = applied(changes[parent], { [key.slice(parent.length + 1)]: value });
+      else if (same(at(this.base, key), value)) delete changes[key];
+      else changes[key] = value;
+    }
+    this.changes = changes;
+    if (final) this.settle();
+    this.tell(Object.keys(values), final);
+  }
+
+  /** Make the changes since the last time one step of undo. */
+  settle() {
+    if (same(this.settled, this.changes)) return;
+    this.past = [...this.past.slice(-DEEP), this.settled];
+    this.future = [];
+    this.settled = this.changes;
+  }
+
+  undo() {
+    this.step(this.past, this.future);
+  }
+
+  redo() {
+    this.step(this.future, this.past);
+  }
+
+  step(from, to) {
+    if (!from.length) return;
+    to.push(this.changes);
+    this.changes = from.pop();
+    this.settled = this.changes;
+    this.tell(null, true);
+  }
+
+  tell(keys, final) {
+    this.made = null;
+    for (const hear of this.listeners) hear(keys, final);
+  }
+
+  /** Everything in one line for the address bar: the preset's name, what differs from it, and `view` after a tilde. */
+  hash(title) {
+    const words = new URLSearchParams({ preset: title });
+    for (const [key, value] of Object.entries(this.changes)) words.set(key, JSON.stringify(value));
+    for (const [key, value] of Object.entries(this.view)) words.set(`~${key}`, JSON.stringify(value));
+    return `#${words}`;
+  }
+}
+
+/** What a hash holds: { title, changes, view }; what cannot be read is left out. */
+export function fromHash(hash) {
+  const found = { title: '', changes: {}, view: {} };
+  for (const [key, text] of new URLSearchParams(hash.replace(/^#/, ''))) {
+    if (key === 'preset') found.title = text;
+    else {
+      try {
+        if (key.startsWith('~')) found.view[key.slice(1)] = JSON.parse(text);
+        else found.changes[key] = JSON.parse(text);
+      } catch {
+        // somebody edited the address: the rest of it is still good
+      }
+    }
+  }
+  return found;
+}
+
+const at = (values, key) => key.split('.').reduce((where, part) => where?.[part], values);
+export const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+/** A copy of nested values with others at dotted keys; numbers in a key index lists. */
+function applied(values, changes) {
+  const copy = structuredClone(values);
+  for (const [key, value] of Object.entries(changes)) {
+    const parts = key.split('.');
+    const last = parts.pop();
+    let where = copy;
+    for (const part of parts) where = where[part] ??= {};
+    where[last] = structuredClone(value);
+  }
+  return copy;
+}

@@ -1,0 +1,85 @@
+/** How the structure is looked at: sides, colours, layers, section, light and dark. Nothing here changes the preset. */
+
+import { histogram } from './figures.js';
+import { colouring, look, onTheme, turn } from './looks.js';
+
+const by = (id) => document.getElementById(id);
+const LAYERS = ['loads', 'supports', 'reactions'];
+
+export class Views {
+  /** editor: whose state and viewer are meant. */
+  constructor(editor) {
+    this.editor = editor;
+  }
+
+  wire() {
+    by('theme').addEventListener('click', () => {
+      turn();
+      this.paint();
+    });
+    onTheme(() => this.paint());
+    by('colour').value = this.editor.state.view.colour;
+    by('colour').addEventListener('change', () => this.view({ colour: by('colour').value }));
+    by('layers').addEventListener('click', ({ target }) => target.dataset.layer && this.layer(target.dataset.layer));
+    by('views').addEventListener('click', ({ target }) => target.dataset.view && this.look(target.dataset.view));
+    by('fit').addEventListener('click', () => this.editor.viewer?.eye.fit());
+    by('parallel').addEventListener('click', () => this.parallel());
+    for (const id of ['section-axis', 'section-at']) by(id).addEventListener('input', () => this.view({ section: [by('section-axis').value, by('section-at').valueAsNumber] }));
+    const [axis, at] = this.editor.state.view.section ?? ['', 0];
+    [by('section-axis').value, by('section-at').value] = [axis, at];
+    if (axis) by('section').open = true;
+  }
+
+  view(changes) {
+    Object.assign(this.editor.state.view, changes);
+    this.colours();
+    this.editor.remember();
+  }
+
+  layer(name) {
+    const on = new Set(this.editor.state.view.layers);
+    on.delete(name) || on.add(name);
+    this.view({ layers: [...on] });
+  }
+
+  look(name, fresh = true) {
+    this.editor.viewer?.eye.view(name);
+    this.editor.pictures?.look(name, this.editor.state.changes);
+    if (fresh) this.editor.remember();
+  }
+
+  parallel() {
+    const { eye } = this.editor.viewer ?? {};
+    if (!eye) return;
+    eye.project(eye.camera !== eye.parallel);
+    by('parallel').setAttribute('aria-pressed', String(eye.camera === eye.parallel));
+    this.editor.remember();
+  }
+
+  /** Colours of page and structure, layers and section: everything but the stripes. */
+  paint() {
+    this.editor.viewer?.page(look());
+    histogram();
+    this.colours();
+  }
+
+  colours() {
+    const { layers, colour, section } = this.editor.state.view;
+    by('colour').value = colour;
+    for (const button of by('layers').children) button.setAttribute('aria-pressed', String(layers.includes(button.dataset.layer)));
+    if (!this.editor.model || !this.editor.viewer) return;
+    const [how, legend] = colouring(colour, this.editor.model, this.editor.start.colours, this.editor.mode);
+    this.editor.viewer.colours(how);
+    this.editor.viewer.whole(layers.includes('sheet'));
+    this.editor.viewer.section(...(section ?? ['', 0]));
+    for (const name of LAYERS) this.editor.viewer.marks.show(name, layers.includes(name));
+    by('legend').hidden = !legend;
+    if (!legend) return;
+    for (const part of ['title', 'low', 'high']) by(`legend-${part}`).textContent = legend[part];
+    const pen = by('ramp').getContext('2d');
+    legend.ramp.forEach((rgb, i) => {
+      pen.fillStyle = `rgb(${rgb})`;
+      pen.fillRect((128 * i) / legend.ramp.length, 0, 3, 1);
+    });
+  }
+}

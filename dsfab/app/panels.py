@@ -1,0 +1,80 @@
+"""Several pictures of one design on one page: `--show all`, `--show modes` or names with commas."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from dsfab.app.colouring import check_show
+from dsfab.app.light import FINE, Quality
+from dsfab.app.previewer import Previewer
+from dsfab.app.report import Reporter
+from dsfab.app.scene import Bytes
+from dsfab.design import Draft
+from dsfab.errors import DsfabError
+from dsfab.preset import Preset
+
+WORDS = {
+    "deflection": ("displacement",),
+    "modes": ("major_mode", "minor_mode"),
+    "all": (
+        *("structure", "families", "loads", "stress", "directions", "vonmises"),
+        *("major_mode", "minor_mode", "displacement"),
+    ),
+}
+"""Words that stand for other names of what is shown."""
+
+ASKED = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
+"""What `all` adds when this key of [statics] asks for it."""
+
+
+def shows(text: str, preset: Preset) -> tuple[str, ...]:
+    """The names in 'structure', 'modes', 'all', 'structure,stress'; raises DsfabError for those that there are not."""
+    names: list[str] = []
+    for word in (part.strip() for part in text.split(",")):
+        names += WORDS.get(word, (word,))
+        if word == "all":
+            names += [name for name, key in ASKED.items() if getattr(preset.statics, key)]
+    for name in names:
+        check_show(name)
+    return tuple(dict.fromkeys(names))
+
+
+def across(count: int) -> int:
+    """Pictures in a row: 1, 2, 3 stand side by side, 4 are a square, more have rows of three."""
+    return {1: 1, 2: 2, 4: 2}.get(count, 3)
+
+
+def panels(
+    made: Draft,
+    names: Sequence[str],
+    pixels: tuple[int, int],
+    reporter: Reporter,
+    quality: Quality = FINE,
+    **options: Any,
+) -> Bytes:
+    """One picture with those of all `names`, each `pixels` large; `options` are those of `Previewer`.
+
+    What this design has no answer for is said and left away. Raises DsfabError when nothing is left.
+    """
+    drawn, refused = [], []
+    for name in names:
+        reporter("preview", f"drawing {name.replace('_', ' ')}")
+        try:
+            with Previewer(made, show=name, **options) as previewer:
+                drawn.append(previewer.picture(pixels, quality=quality))
+        except DsfabError as error:
+            refused.append(f"{name}: {error}")
+    reporter.done()
+    if not drawn:
+        raise DsfabError(f"nothing can be shown; {'; '.join(refused)}")
+    for line in refused:
+        reporter.say(f"preview     left out: {line}")
+    return _tiled(drawn)
+
+
+def _tiled(pictures: Sequence[Bytes]) -> Bytes:
+    wide = across(len(pictures))
+    empty = np.broadcast_to(pictures[0][:1, :1], pictures[0].shape)
+    filled = [*pictures, *(empty for _ in range(-len(pictures) % wide))]
+    return np.concatenate([np.concatenate(filled[i : i + wide], axis=1) for i in range(0, len(filled), wide)])

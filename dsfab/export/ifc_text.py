@@ -1,0 +1,136 @@
+"""The entities of an IFC4 file: project, units and building once, an element for each piece."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
+
+from dsfab.arrays import Floats, Ints
+from dsfab.export.step_pieces import Numbered, quoted
+from dsfab.export.text import listed_rows, one_line
+from dsfab.units import MM_PER_M
+
+DIGITS = 6
+"""Decimals of coordinates: 1e-6 mm."""
+Naming = Callable[[str], str]
+"""From a word to an identifier."""
+
+
+class Place(NamedTuple):
+    """Numbers of what elements refer to; 0 for a material or properties that are not known."""
+
+    body: int
+    building: int
+    placement: int
+    material: int
+    properties: int
+    style: int
+
+
+def beginning(name: str, version: str) -> str:
+    """The header; its time is fixed, so that the same solid gives the same file."""
+    title = quoted(one_line(name))
+    return (
+        "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('ViewDefinition [ReferenceView_V1.2]'),'2;1');\n"
+        f"FILE_NAME('{title}.ifc','1970-01-01T00:00:00',('dsfab'),(''),'dsfab {version}','dsfab {version}','');\n"
+        "FILE_SCHEMA(('IFC4'));\nENDSEC;\nDATA;\n"
+    )
+
+
+def building(new: Numbered, name: str, measures: Mapping[str, float], naming: Naming) -> Place:
+    """Units, project, site and building around the elements, and what all of these share."""
+    title = quoted(one_line(name))
+    units = ",".join(f"#{k}" for k in _units(new))
+    origin = new.add("IFCCARTESIANPOINT((0.,0.,0.))")
+    axes = new.add(f"IFCAXIS2PLACEMENT3D(#{origin},$,$)")
+    context = new.add(f"IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-05,#{axes},$)")
+    body = new.add(f"IFCGEOMETRICREPRESENTATIONSUBCONTEXT('Body','Model',*,*,*,*,#{context},$,.MODEL_VIEW.,$)")
+    assignment = new.add(f"IFCUNITASSIGNMENT(({units}))")
+    project = new.add(f"IFCPROJECT('{naming('project')}',$,'{title}',$,$,$,$,(#{context}),#{assignment})")
+    placement = new.add(f"IFCLOCALPLACEMENT($,#{axes})")
+    site = new.add(f"IFCSITE('{naming('site')}',$,'Site',$,$,#{placement},$,$,.ELEMENT.,$,$,$,$,$)")
+    house = new.add(f"IFCBUILDING('{naming('building')}',$,'Building',$,$,#{placement},$,$,.ELEMENT.,$,$,$)")
+    new.add(f"IFCRELAGGREGATES('{naming('sites')}',$,$,$,#{project},(#{site}))")
+    new.add(f"IFCRELAGGREGATES('{naming('buildings')}',$,$,$,#{site},(#{house}))")
+    colour = new.add("IFCCOLOURRGB($,0.62,0.66,0.7)")
+    shading = new.add(f"IFCSURFACESTYLESHADING(#{colour},0.)")
+    style = new.add(f"IFCSURFACESTYLE('structure',.BOTH.,(#{shading}))")
+    return Place(body, house, placement, _material(new, measures), _properties(new, measures, naming), style)
+
+
+def _units(new: Numbered) -> Iterator[int]:
+    """Millimetres, and m2, m3, kg, Pa, rad, kg/m3 for what is not a length."""
+    yield new.add("IFCSIUNIT(*,.LENGTHUNIT.,.MILLI.,.METRE.)")
+    for kind, unit in (("AREA", "SQUARE_METRE"), ("VOLUME", "CUBIC_METRE"), ("PRESSURE", "PASCAL")):
+        yield new.add(f"IFCSIUNIT(*,.{kind}UNIT.,$,.{unit}.)")
+    yield new.add("IFCSIUNIT(*,.PLANEANGLEUNIT.,$,.RADIAN.)")
+    kilogram, metre = new.add("IFCSIUNIT(*,.MASSUNIT.,.KILO.,.GRAM.)"), new.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
+    yield kilogram
+    parts = [new.add(f"IFCDERIVEDUNITELEMENT(#{unit},{power})") for unit, power in ((kilogram, 1), (metre, -3))]
+    yield new.add(f"IFCDERIVEDUNIT((#{parts[0]},#{parts[1]}),.MASSDENSITYUNIT.,$)")
+
+
+def _material(new: Numbered, measures: Mapping[str, float]) -> int:
+    """The material and its numbers; 0 if none is known."""
+    kinds = {
+        "density": ("Pset_MaterialCommon", "MassDensity", "IFCMASSDENSITYMEASURE"),
+        "young": ("Pset_MaterialMechanical", "YoungModulus", "IFCMODULUSOFELASTICITYMEASURE"),
+        "poisson": ("Pset_MaterialMechanical", "PoissonRatio", "IFCPOSITIVERATIOMEASURE"),
+    }
+    sets: dict[str, list[int]] = {}
+    for key, (group, name, kind) in kinds.items():
+        if measures.get(key, 0) > 0:
+            sets.setdefault(group, []).append(_single(new, name, kind, measures[key]))
+    if not sets:
+        return 0
+    material = new.add("IFCMATERIAL('material',$,$)")
+    for group, values in sets.items():
+        new.add(f"IFCMATERIALPROPERTIES('{group}',$,({','.join(f'#{k}' for k in values)}),#{material})")
+    return material
+
+
+def _properties(new: Numbered, measures: Mapping[str, float], naming: Naming) -> int:
+    """The thickness; 0 if it is not known."""
+    if measures.get("thickness", 0) <= 0:
+        return 0
+    value = _single(new, "Thickness", "IFCPOSITIVELENGTHMEASURE", measures["thickness"] * MM_PER_M)
+    return new.add(f"IFCPROPERTYSET('{naming('properties')}',$,'Dsfab_Sheet',$,(#{value}))")
+
+
+def _single(new: Numbered, name: str, kind: str, value: float) -> int:
+    return new.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
+
+
+def element(
+    new: Numbered,
+    at: Place,
+    which: tuple[str, int],
+    mesh: tuple[Floats, Ints],
+    amounts: Mapping[str, float],
+    naming: Naming,
+) -> int:
+    """One piece: its triangles (corners count from 1), its colour and its quantities; returns its number."""
+    (name, i), (V, corners) = which, mesh
+    points = "".join(listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),", *V.T))
+    listed = new.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
+    triangles = "".join(listed_rows("(%d,%d,%d),", *corners.T))
+    faces = new.add(f"IFCTRIANGULATEDFACESET(#{listed},$,.T.,({triangles}),$)")
+    new.add(f"IFCSTYLEDITEM(#{faces},(#{at.style}),$)")
+    shape = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',(#{faces}))")
+    product = new.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{shape}))")
+    made = new.add(
+        f"IFCBUILDINGELEMENTPROXY('{naming(f'element {i}')}',$,'{quoted(one_line(name))}',$,'diffusion structure',"
+        f"#{at.placement},#{product},$,.ELEMENT.)"
+    )
+    kinds = {"NetVolume": "VOLUME", "NetSurfaceArea": "AREA", "NetWeight": "WEIGHT"}
+    values = [new.add(f"IFCQUANTITY{kinds[key]}('{key}',$,$,{real(value)},$)") for key, value in amounts.items()]
+    numbers = ",".join(f"#{k}" for k in values)
+    title = "Qto_BuildingElementProxyQuantities"
+    quantities = new.add(f"IFCELEMENTQUANTITY('{naming(f'quantities {i}')}',$,'{title}',$,$,({numbers}))")
+    new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'measured {i}')}',$,$,$,(#{made}),#{quantities})")
+    return made
+
+
+def real(value: float) -> str:
+    """A number as ISO 10303-21 wants it: with a point."""
+    text = f"{value:.12g}".upper()
+    head, e, power = text.partition("E")
+    return (head if "." in head else head + ".") + e + power

@@ -1,0 +1,464 @@
+"""The editor without its page: what is opened, jobs, arrays, and a server that answers its own page alone."""
+
+import base64
+import hashlib
+import http.client
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+import urllib.request
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+from dsfab.app.editor import server as doors
+from dsfab.app.editor.controls import controls
+from dsfab.app.editor.figures import figures
+from dsfab.app.editor.jobs import Jobs
+from dsfab.app.editor.opened import Opened, opened, opened_mesh, opened_shipped
+from dsfab.app.editor.payload import colours, model, packed, widths
+from dsfab.app.editor.server import EditorServer
+from dsfab.app.editor.session import Session
+from dsfab.errors import DsfabError, PresetError
+from dsfab.export import write
+from dsfab.pipeline import draft, run
+from dsfab.preset_file import load_preset, parse_override, preset_from
+
+COARSE = {"surface.edge": 1.2}
+
+
+def served_changes(page):
+    """The names and numbers that the command line makes of a command."""
+    import shlex
+
+    words = shlex.split(page)
+    sets = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
+    return words[2], dict(parse_override(text) for text in sets)
+
+
+# --- opened
+
+
+def test_the_command_builds_exactly_what_the_page_shows():
+    now = opened("dome", COARSE)
+    changes = {
+        "pattern.major.frequency": 9.5,
+        "pattern.width.rule": "graded",
+        "pattern.minor.mode": "auto",
+        "surface.load.1.force": [0.0, 0.0, -7e4],
+        "surface.support": [{"at": {"pick": "ball", "center": [0.0, 6.0, 0.0], "radius": 2.0}, "hold": "xyz"}],
+    }
+    command, save = now.command(changes)
+    name, sets = served_changes(command)
+    assert not save
+    assert load_preset(name, sets) == now.changed(changes)
+
+
+def test_a_command_too_long_to_paste_becomes_a_file():
+    indices = list(range(1000))
+    changes = {"surface.support": [{"at": {"pick": "vertices", "indices": indices}, "hold": "xyz"}]}
+    assert opened_shipped("dome").command(changes) == ("dsfab build dome.toml", True)
+
+
+def test_the_saved_preset_is_the_shown_one():
+    now = opened_shipped("dome")
+    changes = {"pattern.keep": 0.5}
+    assert preset_from(tomllib.loads(now.toml(changes))) == now.changed(changes)
+    assert now.reopened(now.toml(changes)).preset == now.changed(changes)
+
+
+def test_the_page_names_no_file_here(tmp_path):
+    now = opened_shipped("dome")
+    with pytest.raises(PresetError, match=r"surface\.file"):
+        now.changed({"surface": {"file": "/etc/passwd", "support": [], "load": []}})
+    text = now.toml({}).replace('shape = "dome"', 'file = "/etc/hostname"')
+    with pytest.raises(PresetError, match="drop that mesh"):
+        now.reopened(text)
+    with pytest.raises(PresetError, match="no preset"):
+        opened_shipped("../presets/dome")
+
+
+def test_a_mesh_stands_and_carries_itself(tmp_path):
+    path = write(load_preset("dome", COARSE).surface.build(), tmp_path / "my mesh.obj")
+    now = opened_mesh(path, "my mesh.obj", "mm")
+    assert now.preset.name == "my_mesh"
+    made = draft(now.preset)
+    assert made.load.held.any()
+    again = now.reopened(now.toml({"pattern.keep": 0.001}))  # the file says 'my mesh.obj', as the person knows it
+    assert tomllib.loads(now.toml({}))["surface"]["file"] == "my mesh.obj"
+    assert again.preset.surface == now.preset.surface
+
+
+# --- controls and arrays
+
+
+def leaves(values, prefix=""):
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from leaves(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key
+
+
+def test_every_number_of_the_pattern_has_a_control():
+    preset = load_preset("dome", COARSE)
+    listed = {control["key"] for control in controls(preset, preset.surface.build())}
+    assert {f"pattern.{key}" for key in leaves(preset.pattern.model_dump())} <= listed
+    assert {"diffusion.r", "diffusion.gamma", "statics.thickness"} <= listed
+    whole = preset.model_dump(mode="json")
+    for key in listed:  # each is a key of a preset
+        where = whole
+        for part in key.split("."):
+            where = where[part]
+
+
+def unpacked(content):
+    long = int.from_bytes(content[:4], "little")
+    facts = json.loads(content[4 : 4 + long])
+    arrays = {
+        name: np.frombuffer(content, told["type"], int(np.prod(told["shape"])), 4 + long + told["at"]).reshape(
+            told["shape"]
+        )
+        for name, told in facts["arrays"].items()
+    }
+    return facts, arrays
+
+
+def test_what_is_packed_comes_out_again():
+    given = {"a": np.arange(5.0).reshape(5, 1), "b": np.array([True, False, True]), "c": np.arange(6).reshape(2, 3)}
+    facts, arrays = unpacked(packed({"name": "ü"}, given))
+    assert facts["name"] == "ü"
+    assert [told["at"] % 4 for told in facts["arrays"].values()] == [0, 0, 0]  # browsers read whole words only
+    for name, array in given.items():
+        np.testing.assert_array_equal(arrays[name], array)
+
+
+@pytest.fixture(scope="module")
+def dome():
+    return draft(load_preset("dome", COARSE))
+
+
+def test_the_page_gets_the_draft(dome):
+    facts, arrays = unpacked(packed(*model(dome)))
+    n = dome.surface.n
+    np.testing.assert_allclose(arrays["V"] + facts["centre"], dome.surface.V, atol=1e-5)
+    np.testing.assert_array_equal(arrays["F"], dome.surface.F)
+    np.testing.assert_allclose(arrays["minor"][4], dome.diffusion.minor.mode(5), rtol=1e-6)
+    assert arrays["kept"].shape == (n, 2)
+    assert np.isfinite(arrays["kept"]).all()
+    balance = arrays["reactions"][:, 3:].sum(axis=0) + dome.load.force.sum(axis=0)
+    assert np.abs(balance).max() < 1e-3 * np.abs(dome.load.force.sum(axis=0)).max()
+    points = arrays["points"]
+    assert points.shape == (1, 6)
+    assert points[0, 5] < -50e3  # the crown carries its own weight too
+    for name in ("major", "minor"):  # frequency times spacing
+        assert facts["lines"][name][0] > 0
+
+
+def test_widths_are_those_that_are_cut(dome):
+    facts, arrays = unpacked(packed(*widths(dome)))
+    half = dict(zip(dome.pattern.names, dome.pattern.half_widths, strict=True))
+    np.testing.assert_allclose(arrays["half"][:, 0], half["major"], rtol=1e-6)
+    # constant widths: d is slope x frequency x width / 2, unless stripes touch
+    reached = arrays["slope"][:, 0] * facts["frequency"][0] * facts["factor"] * facts["member"] / 2
+    free = half["major"] < 0.5
+    np.testing.assert_allclose(reached[free], half["major"][free], rtol=1e-5)
+
+
+def test_figures_are_those_of_the_built_sheet(dome):
+    told, design = figures(dome), run(dome.preset)
+    assert told["area"] == pytest.approx(design.sheet.surface.area)
+    assert told["pieces"] == len(design.slicing.pieces)
+    assert told["mass"] == pytest.approx(design.mass, rel=0.05)
+    assert sum(told["widths"]) == pytest.approx(1)
+    assert told["limits"][0] == 0
+    assert 0 < told["narrowest"] < told["limits"][-1]
+
+
+def test_colour_scales_have_64_steps():
+    assert {len(scale) for scale in colours().values()} == {64}
+
+
+# --- jobs
+
+
+def wait(jobs, number, states=("done", "failed", "cancelled")):
+    end = time.monotonic() + 60
+    while jobs.job(number).state not in states:
+        assert time.monotonic() < end
+        time.sleep(0.005)
+    return jobs.job(number)
+
+
+def test_a_job_tells_its_way_and_its_end():
+    with Jobs() as jobs:
+        news = jobs.listen()
+        number = jobs.ask("solve", lambda progress: progress("statics", "solving") or {"answer": 42})
+        assert wait(jobs, number).result == {"answer": 42}
+        states = [news.get(timeout=5)["state"] for _ in range(4)]
+        assert states == ["waiting", "running", "running", "done"]
+        jobs.leave(news)
+
+
+def test_mistakes_are_told_and_the_worker_lives_on(caplog):
+    def refuse(progress):
+        raise DsfabError("no support")
+
+    with Jobs() as jobs:
+        assert wait(jobs, jobs.ask("solve", refuse)).text == "no support"
+        assert "ZeroDivisionError" in wait(jobs, jobs.ask("solve", lambda progress: 1 / 0)).text
+        assert wait(jobs, jobs.ask("solve", lambda progress: {})).state == "done"
+
+
+def test_cancel_stops_at_the_next_progress():
+    begun = threading.Event()
+
+    def long(progress):
+        begun.set()
+        while True:
+            progress("statics", "again")
+            time.sleep(0.001)
+
+    with Jobs() as jobs:
+        number = jobs.ask("build", long)
+        begun.wait(5)
+        waiting = jobs.ask("figures", lambda progress: {})
+        assert jobs.cancel(waiting)
+        assert jobs.job(waiting).state == "cancelled"
+        assert jobs.cancel(number)
+        assert wait(jobs, number).state == "cancelled"
+        assert not jobs.cancel(number)
+        assert not jobs.cancel(999)
+
+
+def test_a_newer_wish_ends_the_older_one():
+    begun = threading.Event()
+
+    def long(progress):
+        begun.set()
+        while True:
+            progress("statics", "again")
+            time.sleep(0.001)
+
+    with Jobs() as jobs:
+        old = jobs.ask("solve", long)
+        begun.wait(5)
+        skipped = jobs.ask("solve", lambda progress: {})
+        new = jobs.ask("solve", lambda progress: {})
+        assert wait(jobs, new).state == "done"
+        assert wait(jobs, old).state == "cancelled"
+        assert jobs.job(skipped).state == "cancelled"
+
+
+# --- session
+
+
+def test_a_change_of_stripes_solves_nothing_again():
+    with Session(opened("dome", COARSE)) as session:
+        first = wait(session.jobs, session.ask_solve({}))
+        second = wait(session.jobs, session.ask_solve({"pattern.major.phase": 0.1}))
+        third = wait(session.jobs, session.ask_solve({"diffusion.r": 10.0}))
+        assert [job.result["version"] for job in (first, second, third)] == [1, 1, 2]
+        whole, part = session.model(0), session.model(2)
+        assert unpacked(whole)[0]["whole"]
+        assert not unpacked(part)[0]["whole"]
+        assert len(part) < 0.2 * len(whole)
+
+
+def test_what_cannot_be_is_refused_in_a_sentence():
+    with Session(opened("dome", COARSE)) as session:
+        with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
+            session.ask_solve({"pattern.major.threshold": 7})
+        with pytest.raises(DsfabError, match="not arrive whole"):
+            session.open_mesh("a.obj", "m", "%%%")
+        with pytest.raises(DsfabError, match="no mesh"):
+            session.open_mesh("a.exe", "m", "")
+        broken = base64.b64encode(b"v 0 0 0\n").decode()
+        with pytest.raises(DsfabError, match=r"^\S*part\.obj") as refused:
+            session.open_mesh("../../part.obj", "m", broken)
+        assert "dsfab-edit" not in str(refused.value)
+
+
+def test_a_build_writes_what_the_command_line_writes(monkeypatch):
+    import trimesh
+
+    monkeypatch.setattr("dsfab.app.editor.building._can_draw", lambda: False)  # seconds, and tested elsewhere
+
+    with Session(opened("dome", COARSE)) as session:
+        wait(session.jobs, session.ask_solve({}))
+        job = wait(session.jobs, session.ask_build({}, ["stl", "3mf"]))
+        assert job.state == "done", job.text
+        names = [file["name"] for file in job.result["files"]]
+        assert names[:2] == ["dome.stl", "dome.3mf"]
+        assert {"design.json", "preset.toml", "sheet.ply"} < set(names)
+        path = session.file(job.result["build"], 0)
+        assert trimesh.load(path).is_volume
+        saved = session.file(job.result["build"], names.index("preset.toml"))
+        assert preset_from(tomllib.loads(saved.read_text())).pattern == session.opened.preset.pattern
+        assert session.file(job.result["build"], 99) is None
+        folder = path.parent.parent
+    assert not folder.exists()  # nothing stays behind
+
+
+# --- doors
+
+
+@contextmanager
+def serving(first=None):
+    with Session(first or Opened(load_preset("dome", COARSE), ("dome",))) as session:
+        server = EditorServer(session)
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+            server.server_close()
+
+
+@pytest.fixture(scope="module")
+def server():
+    with serving() as made:
+        yield made
+
+
+def ask(server, method, path, body=None, **headers):
+    """Status, headers and body of a request; headers of None are left out."""
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=10)
+    given = {"X-Dsfab-Token": server.token, "Content-Type": "application/json" if body is not None else None}
+    given |= {name.replace("_", "-"): value for name, value in headers.items()}
+    data = json.dumps(body).encode() if isinstance(body, dict) else body
+    connection.request(method, path, data, {k: v for k, v in given.items() if v is not None})
+    answer = connection.getresponse()
+    content = answer.read()
+    connection.close()
+    return answer.status, dict(answer.getheaders()), content
+
+
+def test_it_answers_itself(server):
+    status, headers, content = ask(server, "GET", f"/?token={server.token}", X_Dsfab_Token=None)
+    assert status == 200
+    assert "script-src 'self' 'nonce-" in headers["Content-Security-Policy"]
+    assert "unsafe" not in headers["Content-Security-Policy"]
+    assert headers["Referrer-Policy"] == "no-referrer"
+    assert server.token.encode() in content
+    status, _, content = ask(server, "POST", "/api/preset", {"changes": {}})
+    assert status == 200
+    assert json.loads(content)["command"] == "dsfab build dome"
+    assert ask(server, "GET", "/api/start")[0] == 200
+
+
+def test_it_listens_on_this_machine_alone(server):
+    assert server.server_address[0] == "127.0.0.1"
+
+
+def test_every_file_that_the_page_names_is_there(server):
+    import re
+
+    page = doors.static_files()
+    named = re.findall(r'(?:src|href)="/static/([^"]+)"', page["index.html"].decode())
+    named += re.findall(r'"/static/([^"]+)"', page["index.html"].decode())
+    for name, content in page.items():
+        if name.endswith(".js") and "/" not in name:
+            named += [
+                at.removeprefix("./").removeprefix("/static/")
+                for at in re.findall(r" from '([./][^']+)'", content.decode())
+            ]
+    assert len(set(named)) > 15
+    for name in set(named):
+        assert ask(server, "GET", f"/static/{name}", X_Dsfab_Token=None)[0] == 200, name
+
+
+def test_three_js_is_as_its_authors_published_it():
+    """Of the npm package three 0.187.0; whoever takes another version writes its sums here."""
+    known = {
+        "vendor/three.core.js": "613e370f76638fdef83926642bf256dc9615684922de1ce1f63a8583e5d78578",
+        "vendor/three.module.js": "104f56145899722094556490d787aae0617cc2fc3382f31df02d724ea1aee341",
+        "vendor/OrbitControls.js": "e7fca2fe9e7670a828af9b28084669a5909445b7f36f1f26cee9bf8f2961c32c",
+        "vendor/LICENSE.three": "8b378ebe60e2fe500158cb0ac71cb5e8b7d92953c2abcc63a0eb90499653b5bc",
+    }
+    found = {name: hashlib.sha256(content).hexdigest() for name, content in doors.static_files().items()}
+    assert {name: found[name] for name in found if name.startswith("vendor/")} == known
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "headers", "status"),
+    [
+        ("GET", "/api/start", None, {"Host": "evil.example"}, 403),
+        ("GET", "/static/main.js", None, {"Host": "evil.example:80"}, 403),
+        ("POST", "/api/preset", {"changes": {}}, {"Origin": "http://evil.example"}, 403),
+        ("POST", "/api/preset", {"changes": {}}, {"Origin": "null"}, 403),
+        ("GET", "/api/start", None, {"X_Dsfab_Token": None}, 403),
+        ("GET", "/api/start", None, {"X_Dsfab_Token": "guess"}, 403),
+        ("GET", "/", None, {"X_Dsfab_Token": None}, 403),
+        ("GET", "/?token=guess", None, {"X_Dsfab_Token": None}, 403),
+        ("GET", "/api/events", None, {"X_Dsfab_Token": None}, 403),
+        ("GET", "/api/file?build=1&index=0", None, {"X_Dsfab_Token": None}, 403),
+        ("POST", "/api/build", {"changes": {}, "formats": []}, {"X_Dsfab_Token": None}, 403),
+        ("POST", "/api/preset", {"changes": {}}, {"Content_Type": "text/plain"}, 415),
+        ("POST", "/api/preset", {"changes": {}}, {"Content_Type": None}, 415),
+        ("POST", "/api/preset", b"{", {}, 400),
+        ("POST", "/api/preset", b"[]", {}, 400),
+        ("POST", "/api/preset", {"changes": [1]}, {}, 400),
+        ("POST", "/api/preset", {"changes": {"pattern.keep": "x"}}, {}, 422),
+        ("POST", "/api/nothing", {}, {}, 404),
+        ("POST", "/api/preset", {"changes": {}}, {"Content_Length": str(doors.LARGEST + 1)}, 413),
+        ("POST", "/api/preset", {"changes": {}}, {"Content_Length": "-1"}, 411),
+        ("GET", "/static/../server.py", None, {}, 404),
+        ("GET", "/static/..%2fserver.py", None, {}, 404),
+        ("GET", "/static//etc/passwd", None, {}, 404),
+        ("GET", "/static/index.html", None, {}, 404),
+        ("GET", "/api/file?build=../1&index=0", None, {}, 400),
+        ("GET", "/api/file?build=1&index=7", None, {}, 404),
+        ("POST", "/api/open", {"preset": "/etc/passwd"}, {}, 422),
+        ("POST", "/api/picture", {"changes": {}, "size": [10**6, 64], "show": "structure", "view": "iso"}, {}, 400),
+        ("PUT", "/api/preset", {"changes": {}}, {}, 501),
+    ],
+)  # fmt: skip
+def test_what_is_turned_away(server, method, path, body, headers, status):
+    got, told, content = ask(server, method, path, body, **headers)
+    assert got == status, content
+    assert "Access-Control-Allow-Origin" not in told
+    assert b"Traceback" not in content
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals are others there")
+def test_ctrl_c_ends_it_cleanly():
+    command = [sys.executable, "-m", "dsfab.app.cli", "edit", "dome", "--no-open"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    address = process.stdout.readline().split(": ", 1)[1].strip()
+    assert urllib.request.urlopen(address, timeout=10).status == 200
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert said == ""
+
+
+def test_a_port_in_use_is_told(server, capsys):
+    from dsfab.app.cli import main
+
+    assert main(["edit", "dome", "--no-open", "--port", str(server.server_address[1])]) == 1
+    assert "leave --port out" in capsys.readouterr().err
+
+
+def test_news_of_jobs_arrive(server):
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=30)
+    connection.request("GET", f"/api/events?token={server.token}")
+    stream = connection.getresponse()
+    assert stream.getheader("Content-Type").startswith("text/event-stream")
+    assert stream.readline() == b": here\n"
+    job = json.loads(ask(server, "POST", "/api/solve", {"changes": {}})[2])["job"]
+    while True:
+        line = stream.readline()
+        if line.startswith(b"data: ") and (news := json.loads(line[6:]))["job"] == job and news["state"] == "done":
+            break
+    facts, arrays = unpacked(ask(server, "GET", "/api/model?have=0")[2])
+    assert facts["triangles"] == len(arrays["F"])
+    connection.close()
