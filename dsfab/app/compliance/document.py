@@ -107,7 +107,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """title, subject : what it is, and of what.    facts : of the title block, name and value.   footer : on all pages."""
+    """title, subject : what it is, and of what.  facts : of the title block, name and value.  footer : of all pages."""
 
     title: str
     subject: str
@@ -125,12 +125,12 @@ class Numbers:
     names: dict[str, int] = field(default_factory=dict)
 
     def figure(self, text: str) -> str:
-        """'<b>Figure 3.</b> ...' """
+        """'<b>Figure 3.</b> ...'"""
         self.figures += 1
         return f"<b>Figure {self.figures}.</b> {text}"
 
     def table(self, text: str) -> str:
-        """'<b>Table 2.</b> ...' """
+        """'<b>Table 2.</b> ...'"""
         self.tables += 1
         return f"<b>Table {self.tables}.</b> {text}"
 

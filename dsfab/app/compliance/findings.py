@@ -7,14 +7,15 @@ from functools import cached_property
 from typing import Literal
 
 from dsfab.app.compliance.words import length, percent, quantity, times, within
-from dsfab.pipeline.log import Progress
+from dsfab.app.report import mass
 from dsfab.study import Comparison
 from dsfab.study.baselines import Brief, Structure
 from dsfab.study.competitors import Competitor
 from dsfab.study.judging import Answered, Carried, Judgement, answered
 from dsfab.study.verdict import rules
 
-Status = Literal["pass", "fail", "unknown"]
+Status = Literal["pass", "fail", "unknown", "note"]
+"""As for verdicts; a note does not count."""
 
 RESIDUAL, IMBALANCE = 1e-8, 1e-6
 """What equations and forces may be off by."""
@@ -152,9 +153,7 @@ class Findings:
         fine = check.per_member >= rules.MEMBER
         told = f"{check.per_member:.2g} edges of the uncut mesh across a member"
         more = "" if fine else "; the outline is coarse, the structure as drawn is what was checked"
-        return Checked(
-            "Outline of the members", "pass" if fine else "unknown", told + more, f"{rules.MEMBER:g} or more"
-        )
+        return Checked("Outline of the members", "pass" if fine else "note", told + more, f"{rules.MEMBER:g} or more")
 
     def _faceted(self) -> Checked | None:
         check = self.judged.check
@@ -162,7 +161,7 @@ class Findings:
             return None
         return Checked(
             "Flat faces for the curved surface",
-            "pass" if check.facets <= rules.FACETS else "unknown",
+            "pass" if check.facets <= rules.FACETS else "note",
             f"L<sup>2</sup> / (R h) = {check.facets:.2g}",
             f"{rules.FACETS:g} or less",
         )
@@ -202,10 +201,4 @@ class Findings:
     def extent(self) -> str:
         """Mass, share of the surface and thickness."""
         made = self.design
-        return f"{quantity(1000 * made.mass, 'g')}, {made.area_fraction:.0%} of the surface, {length(made.thickness)} thick"
-
-
-def standing(progress: Progress | None, text: str) -> None:
-    """Say what is being done."""
-    if progress:
-        progress("report", text)
+        return f"{mass(made.mass)}, {made.area_fraction:.0%} of the surface, {length(made.thickness)} thick"

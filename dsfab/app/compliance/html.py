@@ -42,9 +42,8 @@ def _css_text(text: str) -> str:
 
 def _title(document: Document) -> str:
     facts = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in document.facts)
-    return (
-        f"<header><p class=over>{escape(document.title)}</p><h1>{escape(document.subject)}</h1><dl>{facts}</dl></header>"
-    )
+    over, title = escape(document.title), escape(document.subject)
+    return f'<header><p class="over">{over}</p><h1>{title}</h1><dl>{facts}</dl></header>'
 
 
 def _section(number: int, section: Section) -> str:
@@ -73,9 +72,7 @@ def _block(block: Block) -> str:
 
 def _table(table: Table) -> str:
     def cells(row: Sequence[str], tag: str) -> str:
-        return "".join(
-            f"<{tag}{_kind(cell, i < table.left)}>{cell}</{tag}>" for i, cell in enumerate(row)
-        )
+        return "".join(f"<{tag}{_kind(cell, i < table.left)}>{cell}</{tag}>" for i, cell in enumerate(row))
 
     rows = "".join(
         f"<tr{' class=strong' if i in table.strong else ''}>{cells(row, 'td')}</tr>" for i, row in enumerate(table.rows)
@@ -88,7 +85,7 @@ def _table(table: Table) -> str:
 
 
 def _kind(cell: str, left: bool) -> str:
-    names = [name for name, true in (("left", left), (cell, cell in ("pass", "fail", "unknown"))) if true]
+    names = [name for name, true in (("left", left), (cell, cell in ("pass", "fail", "unknown", "note"))) if true]
     return f' class="{" ".join(names)}"' if names else ""
 
 

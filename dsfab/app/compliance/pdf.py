@@ -19,7 +19,7 @@ from dsfab.app.compliance.document import (
     Table,
     escaped,
 )
-from dsfab.app.compliance.pdf_style import COLOURS, MM, Styles, colour
+from dsfab.app.compliance.pdf_style import COLOURS, MM, Styles, colour, hexed
 from dsfab.errors import ExportError
 
 WIDTH = 174.0
@@ -114,8 +114,12 @@ def _title(document: Document, styles: Styles) -> list[Any]:
     ]
     cells += [[""]] * (-len(cells) % 4)
     rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
-    return [rule, *words, _grid(rows, [WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
-            Spacer(1, 5 * MM)]
+    return [
+        rule,
+        *words,
+        _grid(rows, [WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
+        Spacer(1, 5 * MM),
+    ]
 
 
 def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequence[tuple[Any, ...]] = ()) -> Any:
@@ -130,7 +134,7 @@ def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequenc
 def _section(number: int, section: Section, styles: Styles) -> list[Any]:
     from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
 
-    accent = "#{:02x}{:02x}{:02x}".format(*COLOURS["accent"])
+    accent = hexed(COLOURS["accent"])
     head = styles.text(f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped(section.title)}', "heading")
     begin = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
     first, *rest = [_block(block, styles) for block in section.blocks]
@@ -152,7 +156,7 @@ def _block(block: Block, styles: Styles) -> list[Any]:
         case Across(figures):
             return _across(figures, styles)
         case Figure():
-            return [_figure(block, styles, WIDTH * block.width)]
+            return [_together(_figure(block, styles, WIDTH * block.width))]
 
 
 def _code(text: str, styles: Styles) -> Any:
@@ -166,8 +170,10 @@ def _banner(banner: Banner, styles: Styles) -> Any:
     from reportlab.platypus import Table as Cells
 
     shade = colour(COLOURS[banner.status])
-    hexed = "#{:02x}{:02x}{:02x}".format(*COLOURS[banner.status])
-    words = [styles.text(f'<font color="{hexed}">{banner.title}</font>', "banner"), styles.text(banner.text, "body")]
+    words = [
+        styles.text(f'<font color="{hexed(COLOURS[banner.status])}">{banner.title}</font>', "banner"),
+        styles.text(banner.text, "body"),
+    ]
     look = [
         ("BACKGROUND", (0, 0), (-1, -1), colour(COLOURS["band"])),
         ("LINEBEFORE", (0, 0), (0, -1), 3, shade),
@@ -207,21 +213,28 @@ def _table(table: Table, styles: Styles) -> list[Any]:
 
 def _across(figures: Sequence[Figure], styles: Styles) -> list[Any]:
     half = WIDTH / 2 - 3
-    cells = [_figure(one, styles, half) for one in figures] + [""] * (len(figures) % 2)
+    cells = [_figure(one, styles, half) for one in figures] + [[]] * (len(figures) % 2)
     return [_grid([cells[i : i + 2]], [WIDTH / 2] * 2) for i in range(0, len(cells), 2)]
 
 
-def _figure(figure: Figure, styles: Styles, width: float) -> Any:
+def _together(parts: list[Any]) -> Any:
+    """On one page."""
+    from reportlab.platypus import KeepTogether
+
+    return KeepTogether(parts)
+
+
+def _figure(figure: Figure, styles: Styles, width: float) -> list[Any]:
     """width : mm."""
-    from reportlab.platypus import Image, KeepTogether
+    from reportlab.platypus import Image
 
     caption = styles.text(figure.caption, "figure_caption")
     if figure.missing:
-        return KeepTogether([styles.text(escaped(figure.missing), "missing"), caption])
+        return [styles.text(escaped(figure.missing), "missing"), caption]
     wide, high = figure.size
     height = min(width * high / wide, TALLEST)
     image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM)
-    return KeepTogether([image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption])
+    return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
 
 
 def _scale(scale: Scale, styles: Styles, width: float) -> list[Any]:

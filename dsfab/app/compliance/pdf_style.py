@@ -19,8 +19,12 @@ COLOURS: Mapping[str, Colour] = {
     "pass": (28, 110, 66),
     "fail": (168, 50, 26),
     "unknown": (138, 90, 0),
+    "note": (93, 101, 112),
 }
 """Those of the page on a screen."""
+
+
+VERDICTS = ("pass", "fail", "unknown", "note")
 
 
 def colour(rgb: Colour) -> Any:
@@ -28,6 +32,11 @@ def colour(rgb: Colour) -> Any:
     from reportlab.lib.colors import Color
 
     return Color(*(part / 255 for part in rgb))
+
+
+def hexed(rgb: Colour) -> str:
+    """'#2054a8'."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)
 
 
 @dataclass(frozen=True)
@@ -56,8 +65,8 @@ class Styles:
 
     def cell(self, markup: str, kind: str, left: bool) -> Any:
         """Of a table; verdicts are coloured."""
-        if markup in ("pass", "fail", "unknown"):
-            markup = '<font color="#{:02x}{:02x}{:02x}"><b>{}</b></font>'.format(*COLOURS[markup], markup)
+        if markup in VERDICTS:
+            markup = f'<font color="{hexed(COLOURS[markup])}"><b>{markup}</b></font>'
         return self.text(markup, f"{kind}_{'left' if left else 'right'}")
 
     def gap(self, millimetres: float) -> Any:

@@ -11,8 +11,8 @@ from dsfab.app.colouring import rising
 from dsfab.app.compliance.document import Figure, Scale
 from dsfab.app.compliance.findings import Findings
 from dsfab.app.compliance.words import digits_of, nice, unit_for
-from dsfab.app.palette import PAPER, Colour, Palette
-from dsfab.app.scene import Bytes
+from dsfab.app.palette import PAPER, Palette
+from dsfab.app.scene import Bytes, Colour
 from dsfab.app.view import up_axis
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import DsfabError
@@ -87,7 +87,7 @@ class Pictures:
     def _banded(self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, what: str) -> Figure:
         step = nice(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
-        bands = [tuple(int(part) for part in colour) for colour in rising(np.linspace(0.04, 1, count))]
+        bands = [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
         palette = replace(WHITE, families=tuple(bands))
         band = np.minimum((value / step).astype(np.int64), count - 1)
         factor, name = unit_for(limit, unit)
@@ -113,9 +113,7 @@ class Pictures:
 
         if self.missing:
             return Figure(caption, b"", size, missing=self.missing)
-        pixels = picture(
-            V, F, surface=surface, load=load, family=family, size=size, up=self.up, palette=palette
-        )
+        pixels = picture(V, F, surface=surface, load=load, family=family, size=size, up=self.up, palette=palette)
         pixels = trimmed(pixels, palette.paper)
         high, wide = pixels.shape[:2]
         return Figure(caption, jpeg(pixels), (wide, high), width, scale)

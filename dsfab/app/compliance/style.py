@@ -11,8 +11,8 @@ body { margin: 2rem auto; padding: 18mm 20mm; max-width: 210mm; background: #fff
 header { border-top: 3px solid var(--accent); padding-top: 4mm; margin-bottom: 7mm; }
 .over { margin: 0; color: var(--soft); font-size: 9pt; letter-spacing: .08em; text-transform: uppercase; }
 h1 { margin: 0 0 4mm; font-size: 22pt; line-height: 1.15; font-weight: 600; letter-spacing: -.01em; }
-dl { display: grid; grid-template-columns: repeat(4, auto); gap: 1.5mm 6mm; margin: 0; border-top: 1px solid var(--line);
-  border-bottom: 1px solid var(--line); padding: 2.5mm 0; }
+dl { display: grid; grid-template-columns: repeat(4, auto); gap: 1.5mm 6mm; margin: 0;
+  border-top: 1px solid var(--line); border-bottom: 1px solid var(--line); padding: 2.5mm 0; }
 dt { color: var(--soft); font-size: 7.5pt; } dd { margin: 0; }
 h2 { margin: 9mm 0 2.5mm; font-size: 13.5pt; line-height: 1.25; font-weight: 600; break-after: avoid; }
 h2 .no { display: inline-block; min-width: 9mm; color: var(--accent); }

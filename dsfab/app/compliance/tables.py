@@ -11,14 +11,13 @@ from dsfab.app.compliance.findings import LABELS, Checked, Findings
 from dsfab.app.compliance.words import (
     digits_of,
     length,
-    listed,
     percent,
     point,
     quantity,
-    times,
     unit_for,
     within,
 )
+from dsfab.app.report import mass
 from dsfab.statics import resultant
 from dsfab.study.competitors import Competitor
 
@@ -35,7 +34,7 @@ def key_table(found: Findings, number: Numbers) -> Table:
     """The numbers of the first page."""
     case = found.governing
     rows = [
-        ("Mass", quantity(1000 * found.design.mass, "g"), f"{found.design.area_fraction:.1%} of the surface kept"),
+        ("Mass", mass(found.design.mass), f"{found.design.area_fraction:.1%} of the surface kept"),
         ("Compliance", within(found.judged.compliance, found.judged.bound, "J"), _over_full(found)),
         ("Largest displacement", length(case.displacement.value), f"at {point(case.displacement.place)}"),
         (
@@ -51,7 +50,7 @@ def key_table(found: Findings, number: Numbers) -> Table:
 
 def _over_full(found: Findings) -> str:
     full = found.compared.full
-    return f"{found.design.compliance / full.compliance:.3g} times that of the whole sheet of {quantity(1000 * full.mass, 'g')}"
+    return f"{found.design.compliance / full.compliance:.3g} times that of the whole sheet of {mass(full.mass)}"
 
 
 def structure_table(found: Findings, number: Numbers) -> Table:
@@ -60,10 +59,10 @@ def structure_table(found: Findings, number: Numbers) -> Table:
     statics, sheet = preset.statics, found.structure.sheet.surface
     size = [length(float(x)) for x in np.ptp(brief.surface.V, axis=0)]
     rows = [
-        ("Surface", f"{quantity(brief.surface.area, 'm²')}, {' x '.join(size)}".replace("kilom", "km")),
-        ("Kept", f"{quantity(sheet.area, 'm²')} ({design.area_fraction:.1%}), in {_count(design.pieces, 'piece')}"),
+        ("Surface", f"{digits_of(brief.surface.area)} m², {' x '.join(size)}"),
+        ("Kept", f"{digits_of(sheet.area)} m² ({design.area_fraction:.1%}), in {_count(design.pieces, 'piece')}"),
         ("Thickness", length(statics.thickness)),
-        ("Mass", quantity(1000 * design.mass, "g")),
+        ("Mass", mass(design.mass)),
         ("Smallest member", length(design.smallest_member)),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
@@ -118,12 +117,20 @@ def acting_table(found: Findings, number: Numbers) -> Table:
     )  # fmt: skip
 
 
-UNITS = {"force": "N", "pressure": "Pa", "per_metre": "N/m", "spring": "N/m", "radius": "m", "center": "m", "load": "Pa"}
+UNITS = {
+    "force": "N",
+    "pressure": "Pa",
+    "per_metre": "N/m",
+    "spring": "N/m",
+    "radius": "m",
+    "center": "m",
+    "load": "Pa",
+}
 
 
 def _places(thing: Any) -> str:
     """'axis x, end min; force (0, -1000, 0) N' of a load or a support."""
-    told = []
+    told: list[str] = []
     for one in fields(thing):
         value = getattr(thing, one.name)
         if one.name in ("kind", "case", "hold") or value is None or value is False:
@@ -138,7 +145,7 @@ def _places(thing: Any) -> str:
 def _picker(at: Any) -> str:
     parts = [f"{one.name} {_value(getattr(at, one.name))}" for one in fields(at) if one.name != "pick"]
     kept = [part for part in parts if not part.endswith(" None")]
-    return f"{at.pick}{f' ({', '.join(kept)})' if kept else ''}"
+    return f"{at.pick} ({', '.join(kept)})" if kept else str(at.pick)
 
 
 def _value(value: Any) -> str:
@@ -217,7 +224,9 @@ def cases_table(found: Findings, number: Numbers) -> Table:
         )
     head = ("Load case", "Compliance", "Verdict", "Moves at most", "von Mises", "Tension", "Compression")
     note = "Stress: what 99.9 % of the area does not exceed, of the top, the middle and the bottom of the sheet."
-    return Table(number.table("Load cases, the governing one first."), head, rows, 1, note, (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6))
+    return Table(
+        number.table("Load cases, the governing one first."), head, rows, 1, note, (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
+    )
 
 
 def stress_table(found: Findings, number: Numbers) -> Table:
@@ -249,7 +258,9 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
 
     rows = [line(f"Support {k}", force) for k, force in enumerate(case.reactions, start=1)]
     rows += [line("All supports", held), line("Loads", loads)]
-    note = f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."
+    note = (
+        f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."
+    )
     head = ("", *(f"R<sub>{axis}</sub>, {unit}" for axis in "xyz"), f"Size, {unit}")
     told = f"Reactions{'' if len(found.cases) == 1 else f', load case {escaped(name)}'}."
     return Table(number.table(told), head, rows, 1, note, (2, 1, 1, 1, 1), (len(rows) - 2,))
@@ -258,7 +269,7 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
 def rivals_table(found: Findings, number: Numbers) -> Table:
     """All competitors, how they carry the loads, and how they were judged."""
     rows = [_rival(found, one) for one in found.compared.competitors]
-    factor, unit = unit_for(found.design.compliance, "J")
+    _, unit = unit_for(found.design.compliance, "J")
     head = (
         "Structure", "Mass", "Kept", f"Compliance, {unit}", "Over whole sheet", "Over design", "Moves", "99.9 % stress",
         "Level",
@@ -266,7 +277,9 @@ def rivals_table(found: Findings, number: Numbers) -> Table:
     names = [one.name for one in found.compared.competitors]
     asked = {one.judgement.level for one in found.compared.competitors if one.judgement}
     note = "Ratios of compliance: above 1 is softer. Level full: two meshes or three, extrapolated. "
-    note += "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in asked else ""
+    note += (
+        "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in asked else ""
+    )
     return Table(
         number.table("The design and others under the same loads, on the same supports, with the same kept regions."),
         head, rows, 1, note, (2.8, 1.1, 0.9, 1.9, 1.1, 1.1, 1.1, 1.3, 0.8), (names.index("design"),),
@@ -281,7 +294,7 @@ def _rival(found: Findings, one: Competitor) -> tuple[str, ...]:
     worst = one.judgement.worst
     return (
         name,
-        quantity(1000 * one.mass, "g"),
+        mass(one.mass),
         f"{one.area_fraction:.1%}",
         f"{digits_of(one.compliance / factor)} ± {percent(one.judgement.bound or 0)}",
         f"{one.compliance / found.compared.full.compliance:.3g}",
@@ -298,7 +311,7 @@ def volumes_table(found: Findings, number: Numbers) -> Table:
     rows = []
     for share, compared in found.volumes:
         cells = [_ratio(compared[name], compared.full.compliance) for name in names]
-        rows.append((f"{share:.0%}", quantity(1000 * share * compared.full.mass, "g"), *cells))
+        rows.append((f"{share:.0%}", mass(share * compared.full.mass), *cells))
     head = ("Share", "Mass", *(LABELS[name] for name in names))
     note = "Compliance over that of the whole sheet; - : carries nothing at that share. Judged by one solve each."
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)
@@ -324,9 +337,3 @@ def _thousands(count: int) -> str:
 def _small(value: float) -> str:
     """Four digits, and 0 for what is dust."""
     return "0" if abs(value) < 5e-5 else digits_of(value, 4)
-
-
-__all__ = [
-    "acting_table", "cases_table", "checks_table", "found_order", "key_table", "levels_table", "listed", "loads_table",
-    "reactions_table", "rivals_table", "stress_table", "structure_table", "times", "versions_table", "volumes_table",
-]  # fmt: skip
