@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-from dsfab.app.compliance.words import length, percent, quantity, times, within
+from dsfab.app.compliance.words import length, percent, quantity, share_of, times, within
 from dsfab.app.report import mass
+from dsfab.statics import flat_axis
 from dsfab.study import Comparison
 from dsfab.study.baselines import Brief, Structure
 from dsfab.study.competitors import Competitor
@@ -90,6 +91,11 @@ class Findings:
         if self.judged.check:
             return [case.name for case in self.judged.check.cases]
         return sorted(self.judged.cases, key=lambda name: -self.judged.cases[name].compliance)
+
+    @property
+    def plane(self) -> bool:
+        """Whether the sheet is loaded in its own plane, and solved there."""
+        return flat_axis(self.brief.surface, *self.brief.all_loads.values()) is not None
 
     @property
     def governing(self) -> Carried:
@@ -201,4 +207,4 @@ class Findings:
     def extent(self) -> str:
         """Mass, share of the surface and thickness."""
         made = self.design
-        return f"{mass(made.mass)}, {made.area_fraction:.0%} of the surface, {length(made.thickness)} thick"
+        return f"{mass(made.mass)}, {share_of(made.area_fraction)} of the surface, {length(made.thickness)} thick"

@@ -25,10 +25,13 @@ from dsfab.errors import ExportError
 WIDTH = 174.0
 """Of the text, mm: A4 less its margins."""
 
+PADDING = 6.0
+"""Points that reportlab leaves within its frames."""
+
 TALLEST = 150.0
 """Of a picture, mm."""
 
-TYPE = 88
+TYPE = 112
 """Characters of a line of code."""
 
 
@@ -50,10 +53,10 @@ def pdf(document: Document) -> bytes:
     made = SimpleDocTemplate(
         written,
         pagesize=(210 * MM, 297 * MM),
-        leftMargin=18 * MM,
-        rightMargin=18 * MM,
-        topMargin=20 * MM,
-        bottomMargin=18 * MM,
+        leftMargin=18 * MM - PADDING,
+        rightMargin=18 * MM - PADDING,
+        topMargin=18 * MM,
+        bottomMargin=16 * MM,
         title=f"{document.title}: {document.subject}",
         author="dsfab",
         invariant=1,
@@ -138,7 +141,9 @@ def _section(number: int, section: Section, styles: Styles) -> list[Any]:
     head = styles.text(f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped(section.title)}', "heading")
     begin = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
     first, *rest = [_block(block, styles) for block in section.blocks]
-    return [*begin, KeepTogether([head, *first[:1]]), *first[1:], *(part for parts in rest for part in parts)]
+    # what is kept together with the heading must not be nested
+    kept = first[0]._content if isinstance(first[0], KeepTogether) else first[:1]
+    return [*begin, KeepTogether([head, *kept]), *first[1:], *(part for parts in rest for part in parts)]
 
 
 def _block(block: Block, styles: Styles) -> list[Any]:
@@ -205,7 +210,7 @@ def _table(table: Table, styles: Styles) -> list[Any]:
         *((f"{side}PADDING", (0, 0), (-1, -1), 2.2) for side in ("TOP", "BOTTOM")),
         *(("BACKGROUND", (0, i + 1), (-1, i + 1), colour(COLOURS["band"])) for i in table.strong),
     ]
-    cells = Cells([line(table.head, "head"), *body], widths, style=look, repeatRows=1)
+    cells = Cells([line(table.head, "head"), *body], widths, style=look, repeatRows=1, hAlign="LEFT")
     after = [styles.text(table.note, "note")] if table.note else [styles.gap(4)]
     whole = [styles.text(table.caption, "caption"), cells, *after]
     return [KeepTogether(whole)] if len(body) < 20 else whole

@@ -67,6 +67,8 @@ class Styles:
         """Of a table; verdicts are coloured."""
         if markup in VERDICTS:
             markup = f'<font color="{hexed(COLOURS[markup])}"><b>{markup}</b></font>'
+        if not left and kind != "head" and "<" not in markup:
+            markup = markup.replace(" ", "\u00a0")  # a number stays beside its unit
         return self.text(markup, f"{kind}_{'left' if left else 'right'}")
 
     def gap(self, millimetres: float) -> Any:

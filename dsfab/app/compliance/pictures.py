@@ -64,12 +64,12 @@ class Pictures:
         sheet, brief = self.found.structure.sheet.surface, self.found.brief
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, brief.surface, brief.statics.load)
 
-    def case(self, name: str, caption: str) -> Figure:
+    def case(self, name: str, caption: str, width: float) -> Figure:
         """The uncut surface with the loads and supports of one case."""
         surface = self.found.brief.surface
         load = self.found.brief.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
-        return self._figure(caption, 1.0, SMALL, surface.V, surface.F, surface, load, palette)
+        return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette)
 
     def stress(self, shown: Answered, limit: float, caption: str) -> Figure:
         """The largest von Mises stress of both sides and the middle, on the cut sheet. limit : Pa, of the colours."""
@@ -94,7 +94,7 @@ class Pictures:
         labels = [f"{k * step / factor:.4g}" for k in range(count + 1)]
         over = ", and above" if float(value.max()) > count * step else ""
         scale = Scale(f"{what}, {name} (darkest band: up to {labels[-1]} {name}{over})", bands, labels)
-        return self._figure(caption, 1.0, SIZE, V, F, None, None, palette, band, scale)
+        return self._figure(caption, 0.86, SIZE, V, F, None, None, palette, band, scale)
 
     def _figure(
         self,
@@ -120,11 +120,15 @@ class Pictures:
 
 
 def trimmed(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Without empty rows at the top and at the bottom."""
+    """Without empty rows at the top and at the bottom, and with few between the structure and the words below it."""
     drawn = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(drawn):
         return pixels
-    return pixels[max(drawn[0] - margin, 0) : drawn[-1] + margin]
+    gap = 3 * margin
+    keep = [np.arange(max(drawn[0] - margin, 0), drawn[0])]
+    for before, row in zip(drawn, [*drawn[1:], drawn[-1] + margin], strict=True):
+        keep.append(np.arange(before, min(row, before + gap)))
+    return np.asarray(pixels[np.concatenate(keep)])
 
 
 def jpeg(pixels: Bytes) -> bytes:

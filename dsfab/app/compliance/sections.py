@@ -20,6 +20,8 @@ from dsfab.app.compliance.verdict_words import banner, standing, thinner_at_volu
 from dsfab.app.compliance.words import length, percent, quantity
 from dsfab.study.verdict import calibration, rules
 
+PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
+
 
 def summary(found: Findings, drawn: Pictures, number: Numbers) -> Section:
     """One page."""
@@ -49,17 +51,24 @@ def checks(found: Findings, number: Numbers) -> Section:
 
 def subject(found: Findings, number: Numbers) -> Section:
     """What was checked."""
-    return Section("Structure", [tables.structure_table(found, number)])
+    return Section("The structure", [tables.structure_table(found, number)])
 
 
 def loads(found: Findings, drawn: Pictures, number: Numbers) -> Section:
     """Loads and supports, drawn for each case."""
+    names = tables.found_order(found)
+    several = len(names) > 1
     figures = []
-    for name in tables.found_order(found):
-        figures.append(drawn.case(name, number.figure(f"Load case {escaped(name)}: loads (blue) and supports (dark).")))
+    for name in names:
+        told = f"Load case {escaped(name)}: loads (blue) and supports (dark)." if several else "Loads and supports."
+        figures.append(drawn.case(name, number.figure(told), 1.0 if several else 0.7))
     return Section(
         "Loads and supports",
-        [tables.acting_table(found, number), tables.loads_table(found, number), Across(figures)],
+        [
+            tables.acting_table(found, number),
+            tables.loads_table(found, number),
+            *([Across(figures)] if several else figures),
+        ],
     )
 
 
@@ -80,6 +89,7 @@ def convergence(found: Findings, number: Numbers) -> Section:
             f"extrapolated and counts as known when its bound is {percent(rules.CONVERGED)} or less."
         ),
         levels,
+        *([Paragraph(PLANE, "quiet")] if found.plane else []),
         tables.cases_table(found, number),
     ]
     blocks += [Paragraph(escaped(f"{told[0].upper()}{told[1:]}.")) for told in check.warnings]

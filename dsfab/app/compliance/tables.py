@@ -14,6 +14,7 @@ from dsfab.app.compliance.words import (
     percent,
     point,
     quantity,
+    share_of,
     unit_for,
     within,
 )
@@ -34,7 +35,7 @@ def key_table(found: Findings, number: Numbers) -> Table:
     """The numbers of the first page."""
     case = found.governing
     rows = [
-        ("Mass", mass(found.design.mass), f"{found.design.area_fraction:.1%} of the surface kept"),
+        ("Mass", mass(found.design.mass), f"{share_of(found.design.area_fraction)} of the surface kept"),
         ("Compliance", within(found.judged.compliance, found.judged.bound, "J"), _over_full(found)),
         ("Largest displacement", length(case.displacement.value), f"at {point(case.displacement.place)}"),
         (
@@ -45,7 +46,7 @@ def key_table(found: Findings, number: Numbers) -> Table:
     ]
     if len(found.cases) > 1:
         rows.insert(0, ("Governing load case", escaped(found.cases[0]), f"of {len(found.cases)}"))
-    return Table(number.table("Key results."), ("", "Value", "Remark"), rows, 3, "", (2.2, 2.2, 5))
+    return Table(number.table("Key results."), ("Result", "Value", "Remark"), rows, 3, "", (2.2, 2.2, 5))
 
 
 def _over_full(found: Findings) -> str:
@@ -59,8 +60,8 @@ def structure_table(found: Findings, number: Numbers) -> Table:
     statics, sheet = preset.statics, found.structure.sheet.surface
     size = [length(float(x)) for x in np.ptp(brief.surface.V, axis=0)]
     rows = [
-        ("Surface", f"{digits_of(brief.surface.area)} m², {' x '.join(size)}"),
-        ("Kept", f"{digits_of(sheet.area)} m² ({design.area_fraction:.1%}), in {_count(design.pieces, 'piece')}"),
+        ("Surface", f"{digits_of(brief.surface.area)} m², {' × '.join(size)}"),
+        ("Kept", f"{digits_of(sheet.area)} m² ({share_of(design.area_fraction)}), in {_count(design.pieces, 'piece')}"),
         ("Thickness", length(statics.thickness)),
         ("Mass", mass(design.mass)),
         ("Smallest member", length(design.smallest_member)),
@@ -70,7 +71,7 @@ def structure_table(found: Findings, number: Numbers) -> Table:
         ("Mesh of the surface", f"{_thousands(brief.surface.n)} vertices, edges of {length(brief.surface.mean_edge)}"),
         ("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"),
     ]
-    return Table(number.table("Structure and material."), ("", ""), rows, 2, "", (2, 5))
+    return Table(number.table("Structure and material."), ("Property", "Value"), rows, 2, "", (2, 5))
 
 
 def loads_table(found: Findings, number: Numbers) -> Table:
@@ -79,17 +80,18 @@ def loads_table(found: Findings, number: Numbers) -> Table:
     surface, cases = brief.surface, brief.statics.cases
     sums = {name: resultant(surface, case.load.force).force for name, case in cases.items()}
     factor, unit = unit_for(max(float(np.abs(force).max()) for force in sums.values()), "N")
+    combined = any(case.factors for case in cases.values())
     for name in found_order(found):
         case = cases[name]
         made = " + ".join(f"{k:g} {escaped(part)}" for part, k in case.factors.items()) if case.factors else ""
         followed = "yes" if name in brief.preset.followed else "no"
         judged = "yes" if name in found.judged.cases else "no"
-        rows.append((escaped(name), made, *(_small(x / factor) for x in sums[name]), followed, judged))
-    head = ("Load case", "Made of", f"F<sub>x</sub>, {unit}", f"F<sub>y</sub>, {unit}", f"F<sub>z</sub>, {unit}")
-    return Table(
-        number.table("Sums of the loads."), (*head, "Pattern follows", "Checked"), rows, 2, "",
-        (2, 2.4, 1.3, 1.3, 1.3, 1.3, 1.2),
-    )  # fmt: skip
+        made_of = (made,) if combined else ()
+        rows.append((escaped(name), *made_of, *(_small(x / factor) for x in sums[name]), followed, judged))
+    more, wide = (("Made of",), (2.4,)) if combined else ((), ())
+    head = ("Load case", *more, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "Checked")
+    widths = (2, *wide, 1.3, 1.3, 1.3, 1.5, 1.2)
+    return Table(number.table("Sums of the loads."), head, rows, 2 if combined else 1, "", widths)
 
 
 def found_order(found: Findings) -> list[str]:
@@ -261,7 +263,7 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
     note = (
         f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."
     )
-    head = ("", *(f"R<sub>{axis}</sub>, {unit}" for axis in "xyz"), f"Size, {unit}")
+    head = ("", *(f"R{axis}, {unit}" for axis in "xyz"), f"Size, {unit}")
     told = f"Reactions{'' if len(found.cases) == 1 else f', load case {escaped(name)}'}."
     return Table(number.table(told), head, rows, 1, note, (2, 1, 1, 1, 1), (len(rows) - 2,))
 
@@ -295,7 +297,7 @@ def _rival(found: Findings, one: Competitor) -> tuple[str, ...]:
     return (
         name,
         mass(one.mass),
-        f"{one.area_fraction:.1%}",
+        share_of(one.area_fraction),
         f"{digits_of(one.compliance / factor)} ± {percent(one.judgement.bound or 0)}",
         f"{one.compliance / found.compared.full.compliance:.3g}",
         f"{one.compliance / found.design.compliance:.3g}",
@@ -311,7 +313,7 @@ def volumes_table(found: Findings, number: Numbers) -> Table:
     rows = []
     for share, compared in found.volumes:
         cells = [_ratio(compared[name], compared.full.compliance) for name in names]
-        rows.append((f"{share:.0%}", mass(share * compared.full.mass), *cells))
+        rows.append((percent(share), mass(share * compared.full.mass), *cells))
     head = ("Share", "Mass", *(LABELS[name] for name in names))
     note = "Compliance over that of the whole sheet; - : carries nothing at that share. Judged by one solve each."
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)

@@ -40,6 +40,11 @@ def within(value: float, bound: float | None, unit: str) -> str:
     return f"{quantity(value, unit, 4 if bound < 0.005 else 3)} ± {percent(bound)}"
 
 
+def share_of(part: float) -> str:
+    """'41.3 %', of the surface."""
+    return f"{100 * part:.1f} %"
+
+
 def percent(share: float) -> str:
     """'1.8 %', '0.3 %', '12 %'."""
     return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
