@@ -145,7 +145,7 @@ def _compared(
     found: list[Compared] = []
     reporter("compare", "solving the design")
     try:
-        own, rival = _judges(making, len(names), level, asked, reporter)
+        own, rival = _judges(making, names, level, asked, reporter)
         found.append((None, compared(making, names, own, lambda name: reporter("compare", name), rival)))
     except DsfabError as error:
         if not shares:
@@ -160,7 +160,7 @@ def _compared(
 
 
 def _judges(
-    making: "Making", rivals: int, level: str | None, asked: tuple[bool, bool], reporter: Reporter
+    making: "Making", names: tuple[str, ...], level: str | None, asked: tuple[bool, bool], reporter: Reporter
 ) -> "tuple[Judge, Judge]":
     """Of the design, each case, and of its competitors; says where these are judged by one solve only."""
     from dsfab.statics import flat_axis
@@ -169,8 +169,9 @@ def _judges(
     made = making.draft
     if level is None:
         plane = flat_axis(made.surface, *(case.load for case in made.statics.cases.values())) is not None
-        # half of the structures are whole sheets, whose meshes are smaller
-        seconds = seconds_needed(making.sheet.surface.m, plane) * (2 + rivals)
+        whole = 1 + ("thinner" in names)
+        triangles = whole * made.surface.m + (2 + len(names) - whole) * making.sheet.surface.m
+        seconds = seconds_needed(triangles, plane)
         if seconds > PATIENCE:
             told = f"full checks of all would take about {seconds:.0f} s: competitors are judged by one solve each"
             reporter.say(f"compare     {told} (--level full checks all)")

@@ -160,7 +160,7 @@ def _carried(brief: Brief, structure: Structure, found: Answered, ask: Ask) -> C
     strength = statics.strength
     return Carried(
         answer.compliance,
-        Extreme(float(moved.max()), _point(surface.V[moved.argmax()]), _quantile(moved, surface.vertex_areas)),
+        Extreme(float(moved.max()), _point(surface.V[moved.argmax()]), quantile(moved, surface.vertex_areas)),
         _extreme(surface, np.maximum(principal[..., 0].max(axis=1), 0)),
         _extreme(surface, np.maximum(-principal[..., 1].min(axis=1), 0)),
         largest,
@@ -175,14 +175,14 @@ def _carried(brief: Brief, structure: Structure, found: Answered, ask: Ask) -> C
 def _extreme(surface: Surface, value: Floats) -> Extreme:
     """Of values of faces (m,)."""
     worst = int(value.argmax())
-    return Extreme(float(value[worst]), _point(surface.centroids[worst]), _quantile(value, surface.areas))
+    return Extreme(float(value[worst]), _point(surface.centroids[worst]), quantile(value, surface.areas))
 
 
-def _quantile(value: Floats, weight: Floats) -> float:
-    """What `QUANTILE` of the weights does not exceed."""
+def quantile(value: Floats, weight: Floats, share: float = QUANTILE) -> float:
+    """What a share of the weights does not exceed."""
     order = np.argsort(value)
     upto = np.cumsum(weight[order])
-    return float(value[order][min(np.searchsorted(upto, QUANTILE * upto[-1]), len(order) - 1)])
+    return float(value[order][min(np.searchsorted(upto, share * upto[-1]), len(order) - 1)])
 
 
 def _point(x: Floats) -> tuple[float, float, float]:

@@ -198,7 +198,7 @@ class Findings:
     def _claim(self, rival: Competitor) -> Checked:
         name = f"Stiffer than: {LABELS[rival.name].lower().replace('simp', 'SIMP').replace('von mises', 'von Mises')}"
         if rival.judgement is None:
-            return Checked(name, "unknown", f"no such structure was found: {rival.error}", "above 1")
+            return Checked(name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1")
         low, middle, high = self.gain(rival)
         status: Status = "pass" if low > 1 else "fail" if high < 1 else "unknown"
         return Checked(name, status, f"{times(low, middle, high)} times", "above 1")

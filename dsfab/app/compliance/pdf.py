@@ -238,7 +238,7 @@ def _figure(figure: Figure, styles: Styles, width: float) -> list[Any]:
         return [styles.text(escaped(figure.missing), "missing"), caption]
     wide, high = figure.size
     height = min(width * high / wide, TALLEST)
-    image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM)
+    image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM, hAlign="LEFT")
     return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
 
 
@@ -247,12 +247,12 @@ def _scale(scale: Scale, styles: Styles, width: float) -> list[Any]:
 
     count, share = len(scale.colours), width * MM
     look: list[Any] = [("BACKGROUND", (i, 0), (i, 0), colour(one)) for i, one in enumerate(scale.colours)]
-    bands = Cells([[""] * count], [share / count] * count, [3.2 * MM], style=look)
+    bands = Cells([[""] * count], [share / count] * count, [3.2 * MM], style=look, hAlign="LEFT")
     ends = len(scale.labels)
     kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
     words = [styles.text(escaped(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
     bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
     # the words in between stand at borders of the bands: half a cell is left for the first and the last
     step = share / (ends - 1)
-    labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare)
+    labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
     return [styles.text(escaped(scale.title), "scale_title"), bands, labels]

@@ -16,7 +16,7 @@ from dsfab.app.scene import Bytes, Colour
 from dsfab.app.view import up_axis
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import DsfabError
-from dsfab.study.judging import Answered
+from dsfab.study.judging import Answered, quantile
 from dsfab.surface import LoadCase, Surface
 
 SIZE = (1500, 1000)
@@ -26,6 +26,9 @@ SMALL = (1050, 760)
 
 BANDS = 10
 """Of colour, or a few less."""
+
+STEEPEST = 0.98
+"""Colours of stress end at what this share of the area does not exceed: peaks would hide the rest."""
 
 MOVES = 0.07
 """Displacements are exaggerated until the largest is this share of the surface's size, or a little less."""
@@ -71,10 +74,11 @@ class Pictures:
         palette = replace(WHITE, members=WHITE.plain)
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette)
 
-    def stress(self, shown: Answered, limit: float, caption: str) -> Figure:
-        """The largest von Mises stress of both sides and the middle, on the cut sheet. limit : Pa, of the colours."""
-        sheet = self.found.structure.sheet.surface
-        return self._banded(caption, sheet.V, sheet.F, shown.stress.largest, limit, "Pa", "von Mises stress")
+    def stress(self, shown: Answered, caption: str) -> Figure:
+        """The largest von Mises stress of both sides and the middle, on the cut sheet."""
+        sheet, value = self.found.structure.sheet.surface, shown.stress.largest
+        limit = quantile(value, sheet.areas, STEEPEST) or 1.0
+        return self._banded(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, shown: Answered, limit: float, caption: str) -> Figure:
         """The deformed sheet, coloured by how far it moved; `caption` is given the factor as {factor}."""
@@ -90,7 +94,7 @@ class Pictures:
         bands = [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
         palette = replace(WHITE, families=tuple(bands))
         band = np.minimum((value / step).astype(np.int64), count - 1)
-        factor, name = unit_for(limit, unit)
+        factor, name = (1e-3, "mm") if unit == "m" and limit < 1 else unit_for(limit, unit)
         labels = [f"{k * step / factor:.4g}" for k in range(count + 1)]
         over = ", and above" if float(value.max()) > count * step else ""
         scale = Scale(f"{what}, {name} (darkest band: up to {labels[-1]} {name}{over})", bands, labels)

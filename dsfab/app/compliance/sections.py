@@ -100,6 +100,9 @@ def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[byte
     """Beside others of the same mass."""
     blocks: list[Block] = [Paragraph(text) for text in standing(found)]
     blocks.append(tables.rivals_table(found, number))
+    blocks += [
+        Paragraph(f"{LABELS[one.name]}: {escaped(one.error)}.", "quiet") for one in found.compared.rivals if one.error
+    ]
     spreads = [one for one in found.compared.rivals if one.spread and one.judgement]
     full = found.compared.full.compliance
     for one in spreads:
@@ -141,7 +144,6 @@ def answers(found: Findings, drawn: Pictures, number: Numbers) -> Section:
     )
     stressed = drawn.stress(
         shown,
-        case.stress.quantile,
         number.figure(
             f"von Mises stress{under}, the largest of top, middle and bottom of the sheet; peak "
             f"{quantity(case.stress.value, 'Pa')}."

@@ -284,7 +284,7 @@ def rivals_table(found: Findings, number: Numbers) -> Table:
     )
     return Table(
         number.table("The design and others under the same loads, on the same supports, with the same kept regions."),
-        head, rows, 1, note, (2.8, 1.1, 0.9, 1.9, 1.1, 1.1, 1.1, 1.3, 0.8), (names.index("design"),),
+        head, rows, 1, note, (2.6, 1.1, 1.1, 1.9, 1, 1, 1.4, 1.4, 0.8), (names.index("design"),),
     )  # fmt: skip
 
 

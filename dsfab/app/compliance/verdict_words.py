@@ -41,7 +41,7 @@ def _against(found: Findings, rival: Competitor) -> str:
     label = LABELS[rival.name]
     label = label if label.startswith("SIMP") else label[0].lower() + label[1:]
     if rival.judgement is None:
-        return f"No structure was found for <b>{label}</b>: {escaped(rival.error)}."
+        return f"No structure was found for <b>{label}</b>: {escaped(shortly(rival.error))}."
     low, middle, high = found.gain(rival)
     if rival.name == "thinner":
         return _against_thinner(found, rival)
@@ -52,6 +52,11 @@ def _against(found: Findings, rival: Competitor) -> str:
     if high < 1:
         return f"{at} <b>softer</b>: {times(low, middle, high)} times as stiff."
     return f"{at} {times(low, middle, high)} times as stiff: too close to call within what is known."
+
+
+def shortly(error: str) -> str:
+    """Why there is no structure, without the example that follows."""
+    return error.split("; the first: ")[0]
 
 
 def _against_thinner(found: Findings, rival: Competitor) -> str:
