@@ -10,13 +10,13 @@ import dsfab
 from dsfab.app.verify import verify
 from dsfab.slicing import cut
 from dsfab.statics import Material
-from dsfab.study.verdict import Sheeting, Setting, check, whole_sheet
+from dsfab.study.verdict import Setting, Sheeting, check, whole_sheet
 from dsfab.study.verdict.calibration import read_table, shipped_table, summary, table_text
 from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import HHJ, level
 from dsfab.study.verdict.rules import QUICK, estimate
-from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.setting import attached
+from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.trials import KINDS, calibrate, measured, random_design
 from dsfab.surface import LoadCase, Surface, shapes
 from tests.zoo import grid, jittered, lifted, moebius, sphere

@@ -17,7 +17,7 @@ from dsfab.app.compliance.document import (
 from dsfab.app.compliance.findings import LABELS, Findings
 from dsfab.app.compliance.pictures import Pictures
 from dsfab.app.compliance.verdict_words import banner, standing, thinner_at_volumes
-from dsfab.app.compliance.words import length, percent, quantity
+from dsfab.app.compliance.words import digits_of, length, percent, quantity
 from dsfab.study.verdict import calibration, rules
 
 PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
@@ -107,15 +107,13 @@ def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[byte
     full = found.compared.full.compliance
     for one in spreads:
         assert one.spread is not None
-        blocks.append(
-            Paragraph(
-                f"{LABELS[one.name]}: {one.spread.carried} of {one.spread.tried} variants carry the loads, by "
-                f"one solve each from {one.spread.best / full:.3g} to {one.spread.worst / full:.3g} times the "
-                f"compliance of the whole sheet, {one.spread.mean / full:.3g} times in the mean; the table has the "
-                "stiffest.",
-                "quiet",
-            )
+        best, mean, worst = (digits_of(getattr(one.spread, name) / full) for name in ("best", "mean", "worst"))
+        told = (
+            f"{LABELS[one.name]}: {one.spread.carried} of {one.spread.tried} variants carry the loads, by one solve "
+            f"each from {best} to {worst} times the compliance of the whole sheet, {mean} times in the mean; the table "
+            "has the stiffest."
         )
+        blocks.append(Paragraph(told, "quiet"))
     if "bars" in charts:
         blocks.append(
             _chart(number.figure("Compliance of structures of one mass; thin lines are bounds."), charts["bars"])

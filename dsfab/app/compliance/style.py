@@ -24,13 +24,15 @@ p { margin: 0 0 2.5mm; } .lead { font-size: 11.5pt; line-height: 1.45; } .quiet,
 .banner.pass { border-color: var(--good); } .banner.fail { border-color: var(--bad); }
 .banner.pass b, td.pass { color: var(--good); } .banner.fail b, td.fail { color: var(--bad); }
 td.unknown { color: var(--open); } td.pass, td.fail, td.unknown { font-weight: 600; }
-.table { margin: 3mm 0 4.5mm; overflow-x: auto; break-inside: avoid; } table { border-collapse: collapse; width: 100%; font-size: 8.5pt; }
+.table { margin: 3mm 0 4.5mm; overflow-x: auto; break-inside: avoid; }
+table { border-collapse: collapse; width: 100%; font-size: 8.5pt; }
 caption, figcaption { text-align: left; font-size: 8.5pt; color: var(--ink); padding: 0 0 1.5mm; }
 figcaption { padding: 1.5mm 0 0; }
 thead { display: table-header-group; } tr { break-inside: avoid; }
 th, td { text-align: right; padding: .9mm 1.6mm; vertical-align: top; border-bottom: 1px solid var(--line); }
 th { font-weight: 600; border-top: 1px solid var(--ink); border-bottom: 1px solid var(--ink); vertical-align: bottom; }
-td { white-space: nowrap; } .left { text-align: left; white-space: normal; } .strong td { background: var(--band); font-weight: 600; }
+td { white-space: nowrap; } .left { text-align: left; white-space: normal; }
+.strong td { background: var(--band); font-weight: 600; }
 tbody tr:last-child td { border-bottom: 1px solid var(--ink); }
 figure { margin: 3mm 0 4.5mm; break-inside: avoid; } img { display: block; width: 100%; height: auto; }
 .across { display: grid; grid-template-columns: repeat(2, 1fr); gap: 0 6mm; } .across figure { width: auto !important; }

@@ -28,6 +28,7 @@ def digits_of(value: float, digits: int = 3) -> str:
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
     after = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
+    value = round(value, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
     return f"{value:,.{after}f}".replace(",", " ")
 
 
@@ -52,7 +53,7 @@ def percent(share: float) -> str:
 
 def times(low: float, middle: float, high: float) -> str:
     """'1.92 (1.87 to 1.97)'."""
-    return f"{middle:.3g} ({low:.3g} to {high:.3g})"
+    return f"{digits_of(middle)} ({digits_of(low)} to {digits_of(high)})"
 
 
 def point(place: Sequence[float]) -> str:
