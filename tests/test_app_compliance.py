@@ -35,6 +35,7 @@ CASES = {
         {**TIP, "case": "out", "force": [0, 0, 4]},
     ],
     "surface.support": [{"at": {"pick": "side", "axis": "x", "end": "min"}, "hold": "xyz", "clamp": True}],
+    "statics.bending": "midedge",
     "diffusion.follow": "down",
 }
 
@@ -113,7 +114,10 @@ def told(tmp_path_factory):
     from dsfab.preset_file import preset_toml
 
     preset.write_text(preset_toml(load_preset("cantilever", CASES)))
-    assert main(["compare", str(preset), "--against", "thinner", "-o", str(folder / "out"), "--quiet"]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("SIZE", "SMALL"):
+            patch.setattr(pictures, name, (240, 180))
+        assert main(["compare", str(preset), "--against", "thinner", "-o", str(folder / "out"), "--quiet"]) == 0
     return folder / "out"
 
 
@@ -127,7 +131,12 @@ def read(told):
 
 @pytest.fixture(scope="module")
 def drafted():
-    return draft(load_preset("cantilever", {"surface.edge": 0.1}))
+    return draft(load_preset("cantilever", {"surface.edge": 0.06}))
+
+
+@pytest.fixture(scope="module")
+def compared(drafted):
+    return compare(Making(drafted), ("thinner",), full)
 
 
 def test_html_has_every_section_in_order_and_fetches_nothing(read):
@@ -240,8 +249,7 @@ def test_without_reportlab_one_sentence_tells_and_the_rest_is_written(tmp_path, 
         pdf(Document("a", "b", [], [], "c"))
 
 
-def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(drafted):
-    compared = compare(Making(drafted), ("thinner",))
+def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(drafted, compared):
     found = Findings(compared, [], "dsfab compare cantilever")
     (told,) = standing(found)
     assert told.startswith("It must be said plainly: a <b>whole sheet without openings, 5 mm thick</b>")
@@ -253,8 +261,7 @@ def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(drafted):
     assert "At 40% and 70% of the material a thinner whole sheet" in thinner_at_volumes(replace(found, volumes=at))
 
 
-def test_verdicts_follow_what_was_found(drafted):
-    compared = compare(Making(drafted), (), full)
+def test_verdicts_follow_what_was_found(compared):
     found = Findings(compared, [], "")
     assert (found.status, banner(found).status) == ("pass", "pass")
     assert {one.name: one.status for one in found.checks}["Outline of the members"] == "note"
@@ -276,8 +283,8 @@ def test_verdicts_follow_what_was_found(drafted):
     assert "case wind is lost" in banner(Findings(replace(compared, design=lost), [], "")).text
 
 
-def test_the_full_judge_tells_the_value_of_the_verdict_within_its_bound(drafted):
-    judged = compare(Making(drafted), (), full).design.judgement
+def test_the_full_judge_tells_the_value_of_the_verdict_within_its_bound(drafted, compared):
+    judged = compared.design.judgement
     assert judged.level == "full"
     assert judged.check.case("load").value == judged.compliance
     assert judged.bound == judged.check.bound <= 0.02

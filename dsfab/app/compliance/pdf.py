@@ -115,7 +115,7 @@ def _title(document: Document, styles: Styles) -> list[Any]:
     cells = [
         [styles.text(escaped(name), "fact_name"), styles.text(escaped(value), "fact")] for name, value in document.facts
     ]
-    cells += [[""]] * (-len(cells) % 4)
+    cells += [[]] * (-len(cells) % 4 or 4 * (not cells))
     rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
     return [
         rule,

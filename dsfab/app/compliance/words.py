@@ -27,8 +27,8 @@ def digits_of(value: float, digits: int = 3) -> str:
     """So many digits, without an exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
+    value = float(f"{value:.{digits - 1}e}")  # 9.996 has become 10.00 before its digits are counted
     after = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
-    value = round(value, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
     return f"{value:,.{after}f}".replace(",", " ")
 
 
