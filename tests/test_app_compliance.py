@@ -32,10 +32,12 @@ CASES = {
     "surface.edge": 0.1,
     "surface.load": [
         {**TIP, "case": "down", "force": [0, -1000, 0]},
-        {**TIP, "case": "out", "force": [0, 0, 4]},
+        {**TIP, "case": "out", "force": [0, 0, 400]},
     ],
     "surface.support": [{"at": {"pick": "side", "axis": "x", "end": "min"}, "hold": "xyz", "clamp": True}],
     "statics.bending": "midedge",
+    "statics.thickness": 0.1,
+    "slicing.snap": 0.2,
     "diffusion.follow": "down",
 }
 
