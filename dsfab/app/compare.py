@@ -173,21 +173,26 @@ def _judges(
         triangles = whole * made.surface.m + (2 + len(names) - whole) * making.sheet.surface.m
         seconds = seconds_needed(triangles, plane)
         if seconds > PATIENCE:
-            told = f"full checks of all would take about {seconds:.0f} s: competitors are judged by one solve each"
+            told = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
             reporter.say(f"compare     {told} (--level full checks all)")
-            return _judge("full", asked, reporter, True), _judge("quick", asked, reporter)
+            return _judge("full", asked, reporter, True), _judge("whole", asked, reporter)
     depth = level or "full"
     return _judge(depth, asked, reporter, True), _judge(depth, asked, reporter)
 
 
 def _judge(depth: str, asked: tuple[bool, bool], reporter: Reporter, every: bool = False) -> "Judge":
-    """asked : for buckling, and for the frequency.      every : whether all cases are judged."""
+    """depth : quick, full, or whole: full for whole sheets, on whose meshes one solve is far off, quick for others.
+    asked : for buckling, and for the frequency.      every : whether all cases are judged.
+    """
     from dsfab.statics import Ask
     from dsfab.study.full_check import full
     from dsfab.study.judging import quick
 
     with_buckling, with_frequency = asked
     ask = Ask(frequencies=int(with_frequency), buckling=int(with_buckling))
+    if depth == "whole":
+        whole, cut = _judge("full", asked, reporter), _judge("quick", asked, reporter)
+        return lambda brief, made: (whole if made.cells is made.sheet else cut)(brief, made)
     if depth == "full":
         return partial(full, ask=ask, every=every, progress=reporter)
     return partial(quick, ask=ask, every=every) if ask or every else quick

@@ -93,7 +93,9 @@ def thinner_at_volumes(found: Findings) -> str:
 def one_line(found: Findings) -> str:
     """'pass: compliance 59.9 J ± 1.8 % ...' for the terminal."""
     told = within(found.judged.compliance, found.judged.bound, "J")
-    reason = next((one.found for one in found.checks if one.status == found.status != "pass"), found.judged.reason)
+    bad = next((one for one in found.checks if one.status == found.status != "pass"), None)
+    known = bad is None or bad.name == "Compliance is known"
+    reason = found.judged.reason if known or bad is None else f"{bad.name}: {bad.found}"
     return f"{found.status}: compliance {told}, {mass(found.design.mass)}; {_bare(reason)}"
 
 
