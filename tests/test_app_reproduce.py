@@ -266,3 +266,20 @@ def test_the_recorded_comparison_on_the_sphere_says_what_the_paper_claims():
     assert min(gains[0.4], gains[0.5]) > 4
     masses = [row["mass_kg"] for row in told["competitors"] if row["volume"] == 0.4 and row["name"] != "full"]
     assert max(masses) / min(masses) < 1.002
+
+
+def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
+    from dsfab.app.paper_page import About, page
+    from dsfab.app.reproduce import _volumes
+
+    folder = Path(__file__).parent.parent / "outputs" / "paper"
+    rows = _volumes(folder)
+    text = page([], About(1.0, "a machine"), rows)
+    assert 'src="sphere_volumes.svg"' in text
+    own, iso = (
+        next(row["compliance_J"] for row in rows if row["name"] == name and row["volume"] == 0.5)
+        for name in ("design", "isotropic")
+    )
+    assert f"{iso / own:.1f} times at 50%" in text
+    assert _volumes(folder / "nowhere") == []
+    assert "sphere_volumes" not in page([], About(1.0, "a machine"))

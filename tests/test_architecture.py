@@ -66,6 +66,7 @@ HOME = {
     "rich": {"app"},
     "PIL": {"app"},
     "matplotlib": {"app"},
+    "reportlab": {"app"},
 }
 """Libraries that may be imported in these parts only."""
 

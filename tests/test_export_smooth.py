@@ -162,7 +162,7 @@ def test_a_folded_sheet_is_refused_and_says_why(tmp_path, here):
     flat = grid(16, 8, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1)], flat.F)
     sheet = holed(surface, [[0.5, 0.5, 0.5]], 0.2)
-    with pytest.raises(ExportError, match="no spline surface follows chart .*step = 'faceted'"):
+    with pytest.raises(ExportError, match=r"no spline surface follows chart .*step = 'faceted'"):
         written(surface, sheet, tmp_path / "b.step")
 
 

@@ -10,13 +10,13 @@ import dsfab
 from dsfab.app.verify import verify
 from dsfab.slicing import cut
 from dsfab.statics import Material
-from dsfab.study.verdict import Sheeting, Structure, check, whole_sheet
+from dsfab.study.verdict import Setting, Sheeting, check, whole_sheet
 from dsfab.study.verdict.calibration import read_table, shipped_table, summary, table_text
 from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import HHJ, level
 from dsfab.study.verdict.rules import QUICK, estimate
+from dsfab.study.verdict.setting import attached
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.structure import attached
 from dsfab.study.verdict.trials import KINDS, calibrate, measured, random_design
 from dsfab.surface import LoadCase, Surface, shapes
 from tests.zoo import grid, jittered, lifted, moebius, sphere
@@ -31,7 +31,7 @@ def plate(cells=10, pressure=1e3, thickness=0.01):
     edge[surface.edges.ends[surface.edges.boundary]] = True
     force = np.outer(surface.vertex_areas, [0.0, 0.0, -pressure])
     load = LoadCase(np.repeat(edge[:, None], 3, axis=1), force, np.zeros(surface.n, dtype=bool))
-    return Structure(surface, Sheeting(STEEL, thickness), {"load": load})
+    return Setting(surface, Sheeting(STEEL, thickness), {"load": load})
 
 
 def navier(pressure, thickness):
@@ -55,8 +55,8 @@ def cantilever():
 
 
 def test_the_compliance_of_a_full_plate_lies_inside_the_bound():
-    structure = plate()
-    verdict = check(structure, whole_sheet(structure.surface))
+    setting = plate()
+    verdict = check(setting, whole_sheet(setting.surface))
     known = navier(1e3, 0.01)
     assert verdict.status == "pass"
     assert verdict.bound < 0.02
@@ -78,8 +78,8 @@ def test_a_strip_that_is_pulled_is_known_to_the_floor_of_the_bound():
     fixed = np.zeros((surface.n, 3), dtype=bool)
     fixed[x < 0.01, 0] = True
     fixed[0] = True
-    structure = Structure(surface, Sheeting(Material(1e9, 0.0, 1.0), 0.01), {"load": LoadCase(fixed, force, x > 1.99)})
-    verdict = check(structure, whole_sheet(surface))
+    setting = Setting(surface, Sheeting(Material(1e9, 0.0, 1.0), 0.01), {"load": LoadCase(fixed, force, x > 1.99)})
+    verdict = check(setting, whole_sheet(surface))
     # the load is spread over the last cells and its middle lies a third of a cell before the end: up to L / 24 less
     assert verdict.value == pytest.approx(1e6 * 2.0 / (1e9 * 1.0 * 0.01), rel=0.08)
     assert verdict.levels[0].midedge == {}
@@ -106,24 +106,24 @@ def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
     fixed = np.repeat((x < x.min() + 0.15 * np.ptp(x))[:, None], 3, axis=1)
     ways = {"along": [0.0, -1.0, 0.0], "across": [0.0, 0.0, -1.0]}
     cases = {way: LoadCase(fixed, np.outer(surface.vertex_areas, load), free) for way, load in ways.items()}
-    structure = Structure(surface, Sheeting(Material(1e9, 0.3, 1.0), surface.size / 100), cases)
+    setting = Setting(surface, Sheeting(Material(1e9, 0.3, 1.0), surface.size / 100), cases)
     found = []
     for material in (whole_sheet(surface), whole):
-        sheet, dropped, loads = attached(structure, material)
+        sheet, dropped, loads = attached(setting, material)
         assert dropped == ()
-        given = on_mesh(surface, sheet, structure.loads, shares(sheet, loads))
-        found.append(level(sheet.surface, structure.made, *given, (HHJ,)))
+        given = on_mesh(surface, sheet, setting.loads, shares(sheet, loads))
+        found.append(level(sheet.surface, setting.made, *given, (HHJ,)))
     for way in ways:
         assert found[1].compliance[way] == pytest.approx(found[0].compliance[way], rel=0.007)
     assert found[1].residual < 1e-8
 
 
 def test_finer_meshes_carry_exactly_the_load_and_hold_the_same_vertices(cantilever):
-    structure = Structure.of(cantilever)
-    sheet, _, loads = attached(structure, cantilever.slicing.cells.kept())
+    setting = Setting.of(cantilever)
+    sheet, _, loads = attached(setting, cantilever.slicing.cells.kept())
     forces, total = shares(sheet, loads), cantilever.load.force.sum(axis=0)
     for _, mesh in zip(range(3), meshes(sheet, SmoothSurface.through(cantilever.surface)), strict=False):
-        cases, spreads = on_mesh(cantilever.surface, mesh, structure.loads, forces)
+        cases, spreads = on_mesh(cantilever.surface, mesh, setting.loads, forces)
         assert cases["load"].force.sum(axis=0) == pytest.approx(total, rel=1e-12)
         assert (spreads["load"].face * mesh.surface.areas[:, None]).sum(axis=0) == pytest.approx(total, rel=1e-12)
         assert mesh.surface.area == pytest.approx(sheet.surface.area, rel=1e-12)
@@ -186,23 +186,23 @@ def test_a_dome_is_judged_and_agrees_with_the_table():
 
 
 def test_cases_are_judged_one_by_one_and_the_governing_one_comes_first():
-    structure = plate(6)
-    load = structure.loads["load"]
-    both = replace(structure, loads={"light": load, "heavy": load.loading(2 * load.force)})
-    verdict = check(both, whole_sheet(structure.surface))
+    setting = plate(6)
+    load = setting.loads["load"]
+    both = replace(setting, loads={"light": load, "heavy": load.loading(2 * load.force)})
+    verdict = check(both, whole_sheet(setting.surface))
     assert [case.name for case in verdict.cases] == ["heavy", "light"]
     assert verdict.value == pytest.approx(4 * verdict.case("light").value)
     assert verdict.reason.startswith("heavy: ")
 
 
 def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_with_them():
-    structure = plate(10)
-    surface = structure.surface
+    setting = plate(10)
+    surface = setting.surface
     x = surface.V[:, 0]
     # strips across the plate; the boundary holds all, so hold one side only
     one_side = np.repeat((x < 0.01)[:, None], 3, axis=1)
-    load = replace(structure.loads["load"], fixed=one_side, clamped=(x[surface.edges.ends] < 0.01).all(axis=1))
-    apart = replace(structure, loads={"load": load})
+    load = replace(setting.loads["load"], fixed=one_side, clamped=(x[surface.edges.ends] < 0.01).all(axis=1))
+    apart = replace(setting, loads={"load": load})
     drawn = cut(surface, [x], [[-1.0, 0.35, 0.55, 0.85]]).kept()
     force = np.where((x < 0.3)[:, None], load.force, 0.0)
     near = replace(apart, loads={"load": load.loading(force)})
@@ -219,31 +219,31 @@ def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_wi
 
 
 def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
-    structure = plate(10)
-    surface, load = structure.surface, structure.loads["load"]
+    setting = plate(10)
+    surface, load = setting.surface, setting.loads["load"]
     x = surface.V[:, 0]
     one_side = replace(load, fixed=np.repeat((x < 0.01)[:, None], 3, axis=1))
-    far = replace(structure, loads={"load": one_side.loading(np.where((x > 0.9)[:, None], load.force, 0.0), x > 0.9)})
+    far = replace(setting, loads={"load": one_side.loading(np.where((x > 0.9)[:, None], load.force, 0.0), x > 0.9)})
     nothing = check(far, cut(surface, [x], [[-1.0, 0.5]]).kept())
     assert nothing.status == "fail"
     assert "finds no material within" in nothing.reason
     unheld = check(far, cut(surface, [x], [[0.5]]).kept())
     assert unheld.status == "fail"
     assert "no piece of material reaches a support" in unheld.reason
-    hinged = check(replace(structure, loads={"load": one_side}), whole_sheet(surface))
+    hinged = check(replace(setting, loads={"load": one_side}), whole_sheet(surface))
     assert hinged.status == "fail"
     assert "can turn about y" in hinged.reason
-    large = check(structure, whole_sheet(surface), budget=1e6)
+    large = check(setting, whole_sheet(surface), budget=1e6)
     assert large.status == "unknown"
     assert "the budget is 0.0 GB" in large.reason
     assert np.isnan(large.value)
-    some = check(structure, whole_sheet(surface), budget=1e7)
+    some = check(setting, whole_sheet(surface), budget=1e7)
     assert some.status == "unknown"
     assert "by the recovery error of one mesh, which alone shows no convergence; the next mesh, of 800" in some.reason
     assert abs(some.value - navier(1e3, 0.01)) <= some.bound * some.value
     assert len(some.levels) == 1
     with pytest.raises(ValueError, match="no sheet of its own"):
-        check(structure)
+        check(setting)
 
 
 def test_the_bound_follows_the_largest_of_what_is_known():

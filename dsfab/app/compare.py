@@ -1,26 +1,32 @@
 """`dsfab compare`: a design against others of the same mass under the same loads."""
 
-import csv
-import io
-import json
+import shlex
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from cyclopts import Parameter
 
-from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset, versions
+from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
+from dsfab.app.compare_files import write_results
 from dsfab.app.folder import whole_or_nothing
-from dsfab.app.report import Reporter, length, mass, out, table
+from dsfab.app.report import Reporter, out
 from dsfab.errors import DsfabError
 
 if TYPE_CHECKING:
+    from dsfab.app.compliance import Findings
     from dsfab.preset import Preset
     from dsfab.study import Comparison
-    from dsfab.study.competitors import Competitor
     from dsfab.study.judging import Judge
+    from dsfab.study.sweeps.making import Making
 
-HEAD = ("structure", "variant", "mass", "kept", "compliance J", "over full", "over design", "moves", "pieces", "s")
+PATIENCE = 60.0
+"""Seconds that full checks may take in all where no level is asked for."""
+
+Compared = tuple[float | None, "Comparison"]
+"""A share of the surface, None for the design as it is, and the comparison there."""
 
 
 def compare(
@@ -35,20 +41,30 @@ def compare(
         Parameter(help="Comma list: isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
     ] = None,
     volumes: Annotated[
-        str | None, Parameter(help="LOW:HIGH:COUNT shares of the surface, such as 0.2:0.8:7: compare at each.")
+        str | None,
+        Parameter(help="LOW:HIGH:COUNT shares of the surface, such as 0.2:0.8:7: compare at each of them too."),
+    ] = None,
+    level: Annotated[
+        Literal["quick", "full"] | None,
+        Parameter(
+            help="quick: one solve each. full: finer and finer meshes, for a compliance with a tested bound [full for "
+            "the design, and for the best of each competitor if all take less than a minute; quick for --volumes]."
+        ),
     ] = None,
     buckling: Annotated[bool, Parameter(negative=(), help="Also the lowest load factor of each.")] = False,
     frequency: Annotated[bool, Parameter(negative=(), help="Also the lowest natural frequency of each.")] = False,
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="Folder for the results [outputs/NAME/compliance].")
     ] = None,
+    report: Annotated[bool, Parameter(help="Also write report.html and report.pdf.")] = True,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print results.json, no table.")] = False,
     quiet: Quiet = False,
 ) -> int:
     """Compare a design with others of the same mass: a thinner full sheet, stripes that ignore the stress, and more.
 
-    Each is solved on its own cut mesh under the same loads. The smaller the compliance, the stiffer. Writes results.csv
-    and results.json, and with --volumes a chart of compliance over mass.
+    Each is solved on its own cut mesh under the same loads. The smaller the compliance, the stiffer. Writes a report
+    for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of compliance
+    over mass.
 
     Parameters
     ----------
@@ -62,23 +78,34 @@ def compare(
     shares = shares_of(volumes)
     given = read_preset(preset, set_, mesh, unit)
     folder = output if output is not None else Path("outputs") / given.name / "compliance"
+    options = {"mesh": mesh, "unit": unit, "against": against, "volumes": volumes, "level": level}
+    command = _command(preset, set_, options, {"buckling": buckling, "frequency": frequency})
     reporter = Reporter(quiet or json_)
+    files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(shares) > 1 else ())]
     try:
-        with whole_or_nothing(folder) as partial:
-            found = _compared(given, names, shares, _judge(buckling, frequency), reporter)
+        found = _compared(given, names, shares, level, (buckling, frequency), reporter)
+        subject = _findings(found, command) if report else None
+        with whole_or_nothing(folder) as partial_folder:
             reporter("write", str(folder))
-            document = _write(given, found, partial)
+            document = write_results(given, found, partial_folder)
+            if subject:
+                reporter("report", "drawing and writing report.html and report.pdf")
+                files = [*_reported(subject, found, partial_folder, reporter), *files]
         reporter.done()
     finally:
         reporter.stop()
     if json_:
         out(document)
     elif not quiet:
-        out("\n\n".join(_text(share, comparison) for share, comparison in found))
-        out("one solve each on the cut mesh: fit for comparing, not a verdict on safety")
-        files = ("results.csv", "results.json", *(("chart.svg", "chart.png") if len(shares) > 1 else ()))
-        out("\n".join(f"  {folder / name}" for name in files))
+        _say(found, subject, [folder / name for name in files])
     return 0
+
+
+def _command(preset: str, set_: tuple[str, ...], options: Mapping[str, object], flags: dict[str, bool]) -> str:
+    """The command line that makes the same again, wherever it writes."""
+    words = ["dsfab", "compare", preset, *(word for text in set_ for word in ("--set", text))]
+    words += [word for name, value in options.items() if value is not None for word in (f"--{name}", str(value))]
+    return shlex.join([*words, *(f"--{name}" for name, asked in flags.items() if asked)])
 
 
 def shares_of(text: str | None) -> list[float]:
@@ -97,108 +124,114 @@ def shares_of(text: str | None) -> list[float]:
     return shares
 
 
-def _judge(with_buckling: bool, with_frequency: bool) -> "Judge":
-    from functools import partial
-
-    from dsfab.statics import Ask
-    from dsfab.study.judging import quick
-
-    if not (with_buckling or with_frequency):
-        return quick
-    return partial(quick, ask=Ask(frequencies=int(with_frequency), buckling=int(with_buckling)))
-
-
 def _compared(
-    preset: "Preset", names: tuple[str, ...], shares: list[float], judge: "Judge", reporter: Reporter
-) -> "list[tuple[float | None, Comparison]]":
-    """The comparison at each share of the surface; without any, that of the design as it is."""
+    preset: "Preset",
+    names: tuple[str, ...],
+    shares: list[float],
+    level: str | None,
+    asked: tuple[bool, bool],
+    reporter: Reporter,
+) -> list[Compared]:
+    """The comparison of the design as it is, then those at each share of the surface.
+
+    Raises DsfabError where the design as it is cannot be judged; with shares that is told, and they are made.
+    """
     from dsfab.pipeline import draft
     from dsfab.study import compare as compared
     from dsfab.study import compare_at
     from dsfab.study.sweeps.making import Making
 
-    made = draft(preset, reporter)
-    if not shares:
-        reporter("compare", "solving the design")
-        return [(None, compared(Making(made), names, judge, lambda name: reporter("compare", name)))]
-    found: list[tuple[float | None, Comparison]] = []
+    making = Making(draft(preset, reporter))
+    found: list[Compared] = []
+    reporter("compare", "solving the design")
+    try:
+        own, rival = _judges(making, names, level, asked, reporter)
+        found.append((None, compared(making, names, own, lambda name: reporter("compare", name), rival)))
+    except DsfabError as error:
+        if not shares:
+            raise
+        reporter.say(f"compare     the design as its preset draws it is left out: {error}")
+    judge = _judge("full" if level == "full" else "quick", asked, reporter)
     for share in shares:
         reporter("compare", f"{share:.0%} of the material: the design")
         told = lambda name, share=share: reporter("compare", f"{share:.0%} of the material: {name}")  # noqa: E731
-        found.append((share, compare_at(made, share, names, judge, told)))
+        found.append((share, compare_at(making.draft, share, names, judge, told)))
     return found
 
 
-def _write(preset: "Preset", found: "list[tuple[float | None, Comparison]]", folder: Path) -> str:
-    """results.csv and results.json, whose text is returned."""
-    from dsfab.preset_file import preset_toml
+def _judges(
+    making: "Making", names: tuple[str, ...], level: str | None, asked: tuple[bool, bool], reporter: Reporter
+) -> "tuple[Judge, Judge]":
+    """Of the design, each case, and of its competitors; says where these are judged by one solve only."""
+    from dsfab.statics import flat_axis
+    from dsfab.study.full_check import seconds_needed
 
-    rows = [{"volume": share, **row} for share, one in found for row in one.record()["competitors"]]
-    about = {"name": preset.name, "versions": versions(), "preset": preset_toml(preset)}
-    document = json.dumps({**about, "competitors": rows}, indent=2)
-    (folder / "results.json").write_text(document + "\n", encoding="utf-8")
-    (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
-    if len({row["volume"] for row in rows}) > 1:
-        from dsfab.app.compare_chart import write_chart
-
-        write_chart(rows, f"{preset.name}: compliance over mass", folder / "chart")
-    return document
-
-
-def _csv(rows: list[dict[str, Any]]) -> str:
-    """A line each; points as 'x y z', reactions as JSON."""
-    columns = list(dict.fromkeys(key for row in rows for key in row))
-    text = io.StringIO()
-    writer = csv.DictWriter(text, columns, restval="")
-    writer.writeheader()
-    writer.writerows({key: _cell(value) for key, value in row.items()} for row in rows)
-    return text.getvalue()
+    made = making.draft
+    if level is None:
+        plane = flat_axis(made.surface, *(case.load for case in made.statics.cases.values())) is not None
+        whole = 1 + ("thinner" in names)
+        triangles = whole * made.surface.m + (2 + len(names) - whole) * making.sheet.surface.m
+        seconds = seconds_needed(triangles, plane)
+        if seconds > PATIENCE:
+            told = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
+            reporter.say(f"compare     {told} (--level full checks all)")
+            return _judge("full", asked, reporter, True), _judge("whole", asked, reporter)
+    depth = level or "full"
+    return _judge(depth, asked, reporter, True), _judge(depth, asked, reporter)
 
 
-def _cell(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return " ".join(f"{x:.9g}" for x in value)
-    return json.dumps(value) if isinstance(value, dict) else value
+def _judge(depth: str, asked: tuple[bool, bool], reporter: Reporter, every: bool = False) -> "Judge":
+    """depth : quick, full, or whole: full for whole sheets, on whose meshes one solve is far off, quick for others.
+    asked : for buckling, and for the frequency.      every : whether all cases are judged.
+    """
+    from dsfab.statics import Ask
+    from dsfab.study.full_check import full
+    from dsfab.study.judging import quick
+
+    with_buckling, with_frequency = asked
+    ask = Ask(frequencies=int(with_frequency), buckling=int(with_buckling))
+    if depth == "whole":
+        whole, cut = _judge("full", asked, reporter), _judge("quick", asked, reporter)
+        return lambda brief, made: (whole if made.cells is made.sheet else cut)(brief, made)
+    if depth == "full":
+        return partial(full, ask=ask, every=every, progress=reporter)
+    return partial(quick, ask=ask, every=every) if ask or every else quick
 
 
-def _text(share: float | None, result: "Comparison") -> str:
-    """A table of those that carry the loads, then what is to be said in words."""
-    lines = [] if share is None else [f"{share:.0%} of the material"]
-    lines.append(table(HEAD, (_cells(one, result) for one in result.competitors if one.judgement)))
-    for one in result.competitors:
-        if one.error:
-            lines.append(f"{one.name} does not carry the loads: {one.error}")
-        elif one.spread:
-            lines.append(_spread(one, result))
-    for one in result.rivals:
-        gain = result.gain(one.name)
-        if one.judgement and result.design.judgement:
-            best = "best " if one.spread else ""
-            lines.append(f"the design is {gain:.3g} x as stiff as the {best}{one.name} structure of the same mass")
-    return "\n".join(lines)
+def _findings(found: list[Compared], command: str) -> "Findings":
+    """What the report is about: the design as it is, or else at the largest share at which it carries its loads."""
+    from dsfab.app.compliance import Findings
+
+    volumes = [(share, one) for share, one in found if share is not None]
+    carrying = [(share, one) for share, one in reversed(found) if one.design.judgement]
+    if not carrying:
+        raise DsfabError(
+            f"the design carries its loads at no share of the surface that was tried: {found[-1][1].design.error}; "
+            "--no-report writes the numbers of its competitors"
+        )
+    share, subject = next(((share, one) for share, one in carrying if share is None), carrying[0])
+    return Findings(subject, volumes, command, share)
 
 
-def _cells(one: "Competitor", result: "Comparison") -> tuple[str, ...]:
-    gain = result.gain(one.name)
-    moved = one.judgement.worst("displacement").value if one.judgement else float("nan")
-    return (
-        one.name,
-        one.variant,
-        mass(one.mass),
-        f"{one.area_fraction:.1%}",
-        f"{one.compliance:.4g}",
-        f"{one.compliance / result.full.compliance:.2f}",
-        f"{gain:.2f}" if result.design.judgement else "-",
-        length(moved),
-        str(one.pieces),
-        f"{one.seconds:.1f}",
-    )
+def _reported(subject: "Findings", found: list[Compared], folder: Path, reporter: Reporter) -> list[str]:
+    """Write the report; returns the names of its files, and says what could not be done."""
+    from dsfab.app.compliance import write_report
+
+    rows = [
+        {"volume": share, **row} for share, one in found if share is not None for row in one.record()["competitors"]
+    ]
+    files, missing = write_report(subject, rows, folder)
+    for told in missing:
+        reporter.say(f"report      {told}")
+    return files
 
 
-def _spread(one: "Competitor", result: "Comparison") -> str:
-    spread, full = one.spread, result.full.compliance
-    assert spread is not None
-    return (
-        f"{one.name}: {spread.carried} of {spread.tried} variants carry the loads, from {spread.best / full:.3g} to "
-        f"{spread.worst / full:.3g} x the full sheet, {spread.mean / full:.3g} x in the mean"
-    )
+def _say(found: list[Compared], subject: "Findings | None", files: list[Path]) -> None:
+    from dsfab.app.compare_text import comparison_text
+
+    out("\n\n".join(comparison_text(share, comparison) for share, comparison in found))
+    if subject:
+        from dsfab.app.compliance.verdict_words import one_line
+
+        out(one_line(subject))
+    out("\n".join(f"  {path}" for path in files))

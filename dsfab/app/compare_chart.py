@@ -44,13 +44,19 @@ def write_chart(rows: Sequence[Row], title: str, path: Path) -> None:
     rows : of several volumes; those that carry nothing leave a gap in their line.
     """
     import matplotlib as mpl
-    from matplotlib.figure import Figure
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
     with mpl.rc_context(settings):
-        figure = Figure(figsize=(7.6, 4.6), layout="constrained")
-        _draw(figure.add_subplot(), rows, title)
-        _save(figure, path)
+        _save(drawn(rows, title), path)
+
+
+def drawn(rows: Sequence[Row], title: str) -> "Figure":
+    """The chart itself."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.6, 4.6), layout="constrained")
+    _draw(figure.add_subplot(), rows, title)
+    return figure
 
 
 def _save(figure: "Figure", path: Path) -> None:
@@ -81,7 +87,8 @@ def _draw(axes: "Axes", rows: Sequence[Row], title: str) -> None:
         formatter(lambda value, _: f"{value:g}" if f"{value:g}".strip("0.")[:1] in "1235" else "")
     axes.set_xlabel(f"mass, {unit}")
     axes.set_ylabel("compliance over that of the full sheet")
-    axes.set_title(title, fontsize=11, loc="left")
+    if title:
+        axes.set_title(title, fontsize=11, loc="left")
     share = axes.secondary_xaxis("top", functions=(partial(_times, 100 / whole), partial(_times, whole / 100)))
     share.set_xlabel("share of the surface, %", fontsize=9)
     axes.grid(True, which="both", color="#dddddd", linewidth=0.5)

@@ -1,10 +1,11 @@
 """The page of `dsfab reproduce`: every figure of the paper step by step, its parameters and its seconds."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from dsfab.app.colouring import Bar
 from dsfab.app.palette import PAPER
@@ -44,8 +45,8 @@ class About:
     machine: str
 
 
-def page(figures: Sequence[Made], about: About) -> str:
-    """The whole page; its pictures are files beside it."""
+def page(figures: Sequence[Made], about: About, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
+    """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
     from dsfab.app.paper_style import STYLE
 
     paper, text = (f"rgb{colour}" for colour in (PAPER.paper, PAPER.text))
@@ -57,7 +58,15 @@ def page(figures: Sequence[Made], about: About) -> str:
     )
     sections = [_section(figure, about.coarser) for figure in figures]
     return "\n".join(
-        [head, _header(about), _overview(figures), *sections, *map(_comparison, compared), "</body></html>\n"]
+        [
+            head,
+            _header(about),
+            _overview(figures),
+            *sections,
+            *map(_comparison, compared),
+            _claim(volumes),
+            "</body></html>\n",
+        ]
     )
 
 
@@ -166,6 +175,22 @@ def _timing(who: str, vertices: int, triangles: int, seconds: dict[str, float | 
     known = [value for value in seconds.values() if value is not None]
     cells = "".join("<td>n/a</td>" if value is None else f"<td>{value:.3f}</td>" for value in seconds.values())
     return f"<tr><th>{who}</th><td>{vertices:,}</td><td>{triangles:,}</td>{cells}<td>{sum(known):.3f}</td></tr>"
+
+
+def _claim(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The chart of compliance over mass on the sphere, and what it says in words."""
+    if not rows:
+        return ""
+    own = {row["volume"]: row["compliance_J"] for row in rows if row["name"] == "design" and row["compliance_J"]}
+    other = {row["volume"]: row["compliance_J"] for row in rows if row["name"] == "isotropic" and row["compliance_J"]}
+    told = [f"{other[share] / own[share]:.1f} times at {share:.0%}" for share in sorted(own.keys() & other.keys())]
+    words = (
+        "The paper's claim, tested: how stiff a sphere of one mass is, held at one pole and pressed at the other. "
+        "Compliance of the best isotropic stripes over that of the design, of the share of the surface that is kept: "
+        f'{", ".join(told)}. The numbers are in <a href="sphere_volumes.json">sphere_volumes.json</a>.'
+    )
+    image = '<img src="sphere_volumes.svg" alt="Compliance over mass on the sphere" style="max-width: 54rem">'
+    return f'<section id="volumes"><h2>Compliance over mass</h2><p>{words}</p>{image}</section>'
 
 
 def _comparison(one: Comparison) -> str:

@@ -1,9 +1,10 @@
 """`dsfab reproduce`: the paper's figures, made again, on one page that opens offline."""
 
+import json
 import os
 import platform
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -93,11 +94,21 @@ def _write(
             from dsfab.app.paper_volumes import sphere_volumes
 
             sphere_volumes(partial, reporter, coarser)
-        (partial / PAGE_NAME).write_text(page(figures, About(coarser, _machine())), encoding="utf-8")
+        text = page(figures, About(coarser, _machine()), _volumes(partial) or _volumes(folder))
+        (partial / PAGE_NAME).write_text(text, encoding="utf-8")
         stale = pictures_of(folder) - pictures_of(partial)
     for name in stale:
         (folder / name).unlink(missing_ok=True)
     return figures
+
+
+def _volumes(folder: Path) -> list[dict[str, Any]]:
+    """The rows of sphere_volumes.json in a folder, whose chart lies beside it; none where it is not there."""
+    try:
+        told = json.loads((folder / "sphere_volumes.json").read_text(encoding="utf-8"))
+        return list(told["competitors"]) if (folder / "sphere_volumes.svg").exists() else []
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def _machine() -> str:

@@ -74,8 +74,9 @@ def prepare(part: Part) -> Part:
 def attempts(part: Part) -> Iterator[Part]:
     """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted, simplified.
 
-    Smooth is made when it is asked for: single points of its edges lie up to a fifth of the thickness off the mesh (11 mm
-    on a dome 60 mm thick, measured), which nothing here refuses yet. A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
+    Smooth is made when it is asked for: single points of its edges lie up to a fifth of the thickness off the mesh (11
+    mm on a dome 60 mm thick, measured), which nothing here refuses yet. A solid is simplified before it is faceted when
+    a tolerance was asked for, else only when nothing else is accepted.
     """
     if part.step in ("auto", "planar"):
         planar = replace(part, step="planar", tolerance=part.tolerance or default_tolerance(part))

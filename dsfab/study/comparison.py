@@ -30,10 +30,11 @@ class Comparison:
     """The design against its competitors; the smaller the compliance, the stiffer.
 
     The loads are those that the pattern follows: one case or combination, or several, whose compliances are then added
-    with the weights of [diffusion] (1 each when left out).
+    with the weights of [diffusion] (1 each when left out). `brief` is what all of them share.
     """
 
     name: str
+    brief: Brief
     full: Competitor
     design: Competitor
     rivals: tuple[Competitor, ...]
@@ -61,11 +62,16 @@ class Comparison:
 
 
 def compare(
-    design: Design | Making, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
+    design: Design | Making,
+    against: Iterable[str] = DEFAULT,
+    judge: Judge = quick,
+    told: Told | None = None,
+    rival_judge: Judge | None = None,
 ) -> Comparison:
     """The design's compliance on its own cut sheet, beside competitors of the same mass.
 
     against : names of `BASELINES`.     judge : what each is judged by; the stiffest of variants is found by `quick`.
+    rival_judge : what competitors are judged by, if it is not that.
 
     Raises StaticsError when the design itself does not carry its loads: a concentrated load that stands on a piece
     which reaches no support counts as not carried. DsfabError for names of no baseline.
@@ -76,7 +82,7 @@ def compare(
     slicing, thickness = design.slicing, made.preset.statics.thickness
     own = Structure(slicing.cells, made.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
     entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse=True)
-    return _compared(brief, entered, rivals, judge, told)
+    return _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
 
 
 def compare_at(
@@ -93,14 +99,15 @@ def compare_at(
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
     brief = Brief.of(made, share * made.surface.area)
     variant = Variant("", lambda: striped(brief, brief.preset, brief.diffusion))
-    return _compared(brief, _entered(brief, "design", [variant], judge), rivals, judge, told)
+    return _compared(brief, _entered(brief, "design", [variant], judge), rivals, (judge, judge), told)
 
 
 def _compared(
-    brief: Brief, design: Competitor, rivals: dict[str, Baseline], judge: Judge, told: Told | None
+    brief: Brief, design: Competitor, rivals: dict[str, Baseline], judges: tuple[Judge, Judge], told: Told | None
 ) -> Comparison:
+    """judges : of the full sheet, and of the competitors."""
     whole = Variant("", lambda: Structure.uncut(brief.surface, brief.preset.statics.thickness))
-    full = _entered(brief, "full", [whole], judge, refuse=True)
+    full = _entered(brief, "full", [whole], judges[0], refuse=True)
     entered = []
     for name, baseline in rivals.items():
         if told:
@@ -112,9 +119,9 @@ def _compared(
             entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
             continue
         late = time.perf_counter() - start
-        one = _entered(brief, name, variants, judge)
+        one = _entered(brief, name, variants, judges[1])
         entered.append(replace(one, seconds_made=one.seconds_made + late, seconds=one.seconds + late))
-    return Comparison(brief.preset.name, full, design, tuple(entered))
+    return Comparison(brief.preset.name, brief, full, design, tuple(entered))
 
 
 def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False) -> Competitor:
@@ -155,6 +162,7 @@ def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge,
         spread,
         making,
         time.perf_counter() - start,
+        structure=structure,
     )
 
 

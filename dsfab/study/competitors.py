@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dsfab.study.baselines import Structure
 from dsfab.study.judging import Judgement
 
 
@@ -42,6 +43,7 @@ class Competitor:
     smallest_member : metres; None where there is none to be measured.
     spread          : over the variants, where there are several.
     seconds_made, seconds : of making all variants, and of making and judging them.
+    structure       : what was judged, for those who want to draw it.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Competitor:
     seconds_made: float = 0.0
     seconds: float = 0.0
     error: str = ""
+    structure: Structure | None = None
 
     @property
     def compliance(self) -> float:
@@ -91,6 +94,7 @@ class Competitor:
 def _judged(judgement: Judgement) -> dict[str, Any]:
     """The columns of a judgement: the worst over the cases, and all reactions."""
     found: dict[str, Any] = {"bound": judgement.bound, "verdict": judgement.verdict, "reason": judgement.reason}
+    found["level"] = judgement.level
     for name, unit in (("displacement", "m"), ("tension", "Pa"), ("compression", "Pa"), ("stress", "Pa")):
         worst = judgement.worst(name)
         found |= {f"{name}_{unit}": worst.value, f"{name}_at_m": worst.place, f"{name}_999_{unit}": worst.quantile}

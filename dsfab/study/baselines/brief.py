@@ -49,6 +49,11 @@ class Brief:
         """The loads that the pattern follows, on the uncut surface."""
         return {name: self.statics.cases[name].load for name in self.preset.followed}
 
+    @property
+    def all_loads(self) -> dict[str, LoadCase]:
+        """Every case and combination, on the uncut surface."""
+        return {name: case.load for name, case in self.statics.cases.items()}
+
     @cached_property
     def kept(self) -> Sequence[Layer]:
         """What every competitor that is cut keeps: the discs around loads and supports, and the rim."""

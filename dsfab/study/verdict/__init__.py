@@ -1,6 +1,6 @@
 """A calibrated verdict: the compliance of a cut sheet with a bound that was tested on random designs.
 
-check ─► attached          pieces and loads (structure.py)
+check ─► attached          pieces and loads (setting.py)
       ─► Climb.up ─► finer, on_mesh ─► level        mesh after mesh (climb.py, finer.py, levels.py)
                   ─► estimate                       value and bound (rules.py)
       ─► Verdict                                    what is told (verdict.py)
@@ -8,7 +8,7 @@ check ─► attached          pieces and loads (structure.py)
 
 from dsfab.study.verdict.check import BUDGET, check
 from dsfab.study.verdict.levels import Level
-from dsfab.study.verdict.structure import Dropped, Sheeting, Structure, whole_sheet
+from dsfab.study.verdict.setting import Dropped, Setting, Sheeting, whole_sheet
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Status, Verdict
 
 __all__ = [
@@ -17,9 +17,9 @@ __all__ = [
     "Depth",
     "Dropped",
     "Level",
+    "Setting",
     "Sheeting",
     "Status",
-    "Structure",
     "Verdict",
     "check",
     "whole_sheet",

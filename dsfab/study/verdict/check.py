@@ -11,8 +11,8 @@ from dsfab.pipeline.log import Progress
 from dsfab.slicing import Sheet
 from dsfab.study.verdict import rules
 from dsfab.study.verdict.climb import Climb
+from dsfab.study.verdict.setting import Dropped, Setting, attached
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.structure import Dropped, Structure, attached
 from dsfab.study.verdict.verdict import SEVERITY, CaseVerdict, Depth, Verdict
 from dsfab.surface import Surface
 
@@ -21,7 +21,7 @@ BUDGET = 4e9
 
 
 def check(
-    subject: Design | Structure,
+    subject: Design | Setting,
     sheet: Sheet | None = None,
     depth: Depth = "full",
     budget: float = BUDGET,
@@ -29,7 +29,7 @@ def check(
 ) -> Verdict:
     """The compliance of a cut sheet under its loads, with a bound; or why it is not known, or that nothing is carried.
 
-    subject : a design, or the `Structure` that competitors share.
+    subject : a design, or the `Setting` that competitors share.
     sheet   : the material, loose pieces included; that of the design when left out. It lies in the subject's surface.
     depth   : quick, one solve by quadratic + midedge on the mesh as it is cut; or full, quadratic + hhj on the cut mesh
               and on its refinement with all points on the smooth surface, extrapolated, and on one more where the
@@ -37,18 +37,18 @@ def check(
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
 
     Nothing is raised for a sheet that does not carry its loads: that is a verdict. Raises ValueError when `sheet` is
-    left out of a `Structure`.
+    left out of a `Setting`.
     """
     start = time.perf_counter()
-    structure = Structure.of(subject) if isinstance(subject, Design) else subject
+    setting = Setting.of(subject) if isinstance(subject, Design) else subject
     if sheet is None:
         if not isinstance(subject, Design):
-            raise ValueError("a structure has no sheet of its own: give one")
+            raise ValueError("a setting has no sheet of its own: give one")
         sheet = subject.slicing.cells.kept()
-    climb = Climb(structure, SmoothSurface.through(structure.surface), depth, budget, progress)
+    climb = Climb(setting, SmoothSurface.through(setting.surface), depth, budget, progress)
     dropped: tuple[Dropped, ...] = ()
     try:
-        sheet, dropped, loads = attached(structure, sheet)
+        sheet, dropped, loads = attached(setting, sheet)
         climb.up(sheet, loads)
     except DsfabError as error:
         climb.stopped = "fail", str(error)
@@ -56,7 +56,7 @@ def check(
 
 
 def _verdict(climb: Climb, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: float) -> Verdict:
-    surface, thickness = climb.structure.surface, climb.structure.made.thickness
+    surface, thickness = climb.setting.surface, climb.setting.made.thickness
     if climb.levels:
         cases = climb.cases()
         if climb.stopped:
@@ -67,7 +67,7 @@ def _verdict(climb: Climb, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: 
             ]
     else:
         status, why = climb.stopped or ("unknown", "nothing was solved")
-        cases = [CaseVerdict(name, np.nan, np.inf, status, why) for name in climb.structure.loads]
+        cases = [CaseVerdict(name, np.nan, np.inf, status, why) for name in climb.setting.loads]
     cases.sort(key=lambda case: (-SEVERITY.index(case.status), -case.value if np.isfinite(case.value) else 0.0))
     first = cases[0]
     reason = first.reason if len(cases) == 1 else f"{first.name}: {first.reason}"

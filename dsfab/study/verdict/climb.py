@@ -13,8 +13,8 @@ from dsfab.statics import Elements, flat_axis
 from dsfab.study.verdict import rules
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.levels import HHJ, MIDEDGE, Level, level, memory_needed
+from dsfab.study.verdict.setting import Setting
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.structure import Structure
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Status
 from dsfab.surface import LoadCase, Surface
 
@@ -31,7 +31,7 @@ class Climb:
     stopped : why no more were, with the status that follows; None where enough is known, or all were solved.
     """
 
-    structure: Structure
+    setting: Setting
     smooth: SmoothSurface
     depth: Depth
     budget: float
@@ -58,12 +58,12 @@ class Climb:
 
     def cases(self) -> list[CaseVerdict]:
         """What the meshes that were solved say of each case."""
-        return [self._case(name) for name in self.structure.loads]
+        return [self._case(name) for name in self.setting.loads]
 
     @property
     def plane(self) -> bool:
         """Whether the sheet is solved in its plane."""
-        return flat_axis(self.structure.surface, *self.structure.loads.values()) is not None
+        return flat_axis(self.setting.surface, *self.setting.loads.values()) is not None
 
     @property
     def _pair(self) -> Elements:
@@ -83,10 +83,10 @@ class Climb:
     def _solve(self, mesh: Sheet, forces: Mapping[str, Floats]) -> None:
         if self.progress:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
-        loads, spreads = on_mesh(self.structure.surface, mesh, self.structure.loads, forces)
+        loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         # the third mesh is there for the last step alone
         pairs = (MIDEDGE,) if self.depth == "quick" else (HHJ, MIDEDGE) if len(self.levels) < 2 else (HHJ,)
-        self.levels.append(level(mesh.surface, self.structure.made, loads, spreads, pairs))
+        self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs))
 
     def _case(self, name: str) -> CaseVerdict:
         last, values = self.levels[-1], [one.compliance[name] for one in self.levels]

@@ -17,8 +17,8 @@ from dsfab.study.verdict.calibration import Row
 from dsfab.study.verdict.check import facets_of, members
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.levels import HHJ, MIDEDGE, Level, level
+from dsfab.study.verdict.setting import Setting, attached
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.structure import Structure, attached
 
 SEEDS = 8
 """Designs of each kind."""
@@ -80,13 +80,13 @@ def measured(kind: str, seed: int, count: int = 4) -> Row:
     Raises DsfabError for a draw that cannot be made or does not carry its loads.
     """
     design = random_design(kind, seed)
-    structure = Structure.of(design)
-    sheet, _, loads = attached(structure, design.slicing.cells.kept())
+    setting = Setting.of(design)
+    sheet, _, loads = attached(setting, design.slicing.cells.kept())
     forces, smooth = shares(sheet, loads), SmoothSurface.through(design.surface)
-    quick = _solved(structure, sheet, forces, MIDEDGE)
+    quick = _solved(setting, sheet, forces, MIDEDGE)
     finer = meshes(sheet, smooth)
-    levels = [_solved(structure, next(finer), forces, *pairs) for pairs in ((HHJ,), (HHJ, MIDEDGE), (HHJ,))[:count]]
-    case = next(iter(structure.loads))
+    levels = [_solved(setting, next(finer), forces, *pairs) for pairs in ((HHJ,), (HHJ, MIDEDGE), (HHJ,))[:count]]
+    case = next(iter(setting.loads))
     row = Row(
         kind,
         seed,
@@ -95,22 +95,22 @@ def measured(kind: str, seed: int, count: int = 4) -> Row:
         design.surface.n,
         sheet.surface.m,
         members(sheet) / design.surface.mean_edge,
-        facets_of(smooth, structure.made.thickness),
+        facets_of(smooth, setting.made.thickness),
         quick.compliance[case],
         levels[1].midedge.get(case, levels[1].compliance[case]),
         tuple(one.compliance[case] for one in levels),
         tuple(one.zz_membrane[case] + one.zz_bending[case] for one in levels),
     )
     if count > 3 and (64 * row.triangles <= LARGEST or not row.tested):
-        last = _solved(structure, next(finer), forces, HHJ)
+        last = _solved(setting, next(finer), forces, HHJ)
         recovery = last.zz_membrane[case] + last.zz_bending[case]
         return replace(row, compliance=(*row.compliance, last.compliance[case]), recovery=(*row.recovery, recovery))
     return row
 
 
-def _solved(structure: Structure, mesh: Sheet, forces: Mapping[str, Floats], *pairs: Elements) -> Level:
-    given = on_mesh(structure.surface, mesh, structure.loads, forces)
-    return level(mesh.surface, structure.made, *given, pairs)
+def _solved(setting: Setting, mesh: Sheet, forces: Mapping[str, Floats], *pairs: Elements) -> Level:
+    given = on_mesh(setting.surface, mesh, setting.loads, forces)
+    return level(mesh.surface, setting.made, *given, pairs)
 
 
 def calibrate(count: int = SEEDS, told: Callable[[str, int], None] | None = None) -> Iterator[Row]:

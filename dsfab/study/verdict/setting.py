@@ -28,7 +28,7 @@ class Sheeting:
 
 
 @dataclass(frozen=True, eq=False)
-class Structure:
+class Setting:
     """All that competitors share: the uncut surface, what the sheet is made of, and the loads on the uncut surface by
     case, with the same supports in each."""
 
@@ -37,7 +37,7 @@ class Structure:
     loads: Mapping[str, LoadCase]
 
     @classmethod
-    def of(cls, design: Design, share: float = 1.0) -> "Structure":
+    def of(cls, design: Design, share: float = 1.0) -> "Setting":
         """That of a design, its cases and combinations, with `share` of its thickness."""
         statics = design.preset.statics
         made = Sheeting(statics.material, share * statics.thickness, statics.law)
@@ -57,13 +57,13 @@ def whole_sheet(surface: Surface) -> Sheet:
     return Sheet(surface, np.arange(m), np.zeros(m, dtype=np.int64), csr_array(eye_array(n)))
 
 
-def attached(structure: Structure, material: Sheet) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
+def attached(setting: Setting, material: Sheet) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """What of the material reaches a support over edges, what does not (largest first), and the loads on what does.
 
     Raises StaticsError when nothing is held, when a load stands on a piece that is not or finds no material, and when
     the supports leave a motion free.
     """
-    s, held = material.surface, next(iter(structure.loads.values())).held
+    s, held = material.surface, next(iter(setting.loads.values())).held
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
     reach = np.bincount(label, material.between(held)[s.F].any(axis=1), count) > 0
@@ -75,7 +75,7 @@ def attached(structure: Structure, material: Sheet) -> tuple[Sheet, tuple[Droppe
         x, y, z = s.centroids[int((label == k).argmax())].tolist()
         dropped.append(Dropped(float(area[k]), (x, y, z)))
     sheet = material.kept(reach[label]) if loose else material
-    loads = sheet_loads(structure.surface, material, sheet, structure.loads)
+    loads = sheet_loads(setting.surface, material, sheet, setting.loads)
     _require_held(sheet.surface, loads)
     return sheet, tuple(dropped), loads
 

@@ -1,0 +1,68 @@
+"""The report of `dsfab compare`: what an architect hands to an engineer, as one HTML file and as a PDF.
+
+Findings (findings.py) ─► sections.py ─► Document ─► html.py ─► report.html
+       with tables.py, pictures.py, charts.py    └─► pdf.py ──► report.pdf
+"""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from dsfab.app.build import versions
+from dsfab.app.compliance import sections
+from dsfab.app.compliance.charts import charts
+from dsfab.app.compliance.document import Document, Numbers
+from dsfab.app.compliance.findings import Findings
+from dsfab.app.compliance.html import page
+from dsfab.app.compliance.pdf import pdf
+from dsfab.app.compliance.pictures import Pictures
+from dsfab.errors import ExportError
+
+FILES = ("report.html", "report.pdf")
+
+__all__ = ["FILES", "Findings", "report", "write_report"]
+
+
+def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Pictures) -> Document:
+    """Everything that was found. rows : those of `results.json`, at several volumes."""
+    from dsfab.preset_file import preset_toml
+
+    number, preset = Numbers(), found.brief.preset
+    known = versions()
+    parts = [
+        sections.summary(found, pictures, number),
+        sections.checks(found, number),
+        sections.subject(found, number),
+        sections.loads(found, pictures, number),
+        sections.convergence(found, number),
+        sections.reactions(found, number),
+        sections.comparison(found, number, charts(found, rows)),
+        sections.answers(found, pictures, number),
+        *sections.scope(found),
+        sections.calibrated(number),
+        sections.reproduction(found, known, preset_toml(preset), number),
+    ]
+    facts = [
+        ("Design", preset.name),
+        ("Date", datetime.now(UTC).strftime("%d %B %Y")),
+        ("Checked by", f"dsfab {known['dsfab']}"),
+        ("Verdict", found.status),
+    ]
+    subject = preset.name.replace("_", " ").capitalize()
+    if found.share is not None:
+        subject += f", at {found.share:.0%} of the material"
+    footer = f"Made by dsfab {known['dsfab']}; about stiffness, no proof of safety under a code"
+    return Document("Structural compliance report", subject, facts, parts, footer)
+
+
+def write_report(found: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
+    """Write both files; returns their names, and what could not be done, a sentence each."""
+    pictures = Pictures(found)
+    document, told = report(found, rows, pictures), [pictures.missing] if pictures.missing else []
+    (folder / FILES[0]).write_text(page(document), encoding="utf-8")
+    try:
+        (folder / FILES[1]).write_bytes(pdf(document))
+    except ExportError as error:
+        return [FILES[0]], [*told, str(error)]
+    return list(FILES), told

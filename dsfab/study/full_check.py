@@ -1,0 +1,63 @@
+"""`full`: the judge that solves a structure on finer and finer meshes, for a compliance with a calibrated bound."""
+
+from dataclasses import replace
+
+from dsfab.errors import StaticsError
+from dsfab.pipeline.log import Progress
+from dsfab.statics import Ask
+from dsfab.study.baselines import Brief, Structure
+from dsfab.study.judging import Judgement, quick
+from dsfab.study.verdict import BUDGET, Setting, Sheeting, Verdict, check
+
+TRIANGLE = {True: 4e-4, False: 1.7e-3}
+"""Seconds of a full check for each triangle of the mesh as it is cut, in the plane and bent: measured on two meshes."""
+
+
+def seconds_needed(triangles: int, plane: bool) -> float:
+    """What a full check takes on one core, about; four times as much where a third mesh is needed."""
+    return TRIANGLE[plane] * triangles
+
+
+def full(
+    brief: Brief,
+    structure: Structure,
+    ask: Ask | None = None,
+    every: bool = False,
+    budget: float = BUDGET,
+    progress: Progress | None = None,
+) -> Judgement:
+    """`quick`, whose compliance is replaced by the verdict of `dsfab.study.verdict.check`.
+
+    Stress, displacements and reactions stay those of the mesh as it is cut. Where nothing could be solved within the
+    budget, the compliance stays too, with its bound.
+
+    every : judge each case and combination. One that is not carried, and that the pattern does not follow, makes the
+            verdict `fail`.
+    ask   : as for `quick`.         budget : bytes.
+
+    Raises StaticsError when the structure does not carry the loads that its pattern follows.
+    """
+    try:
+        first = quick(brief, structure, ask, every)
+    except StaticsError as error:
+        if not every or set(brief.all_loads) == set(brief.loads):
+            raise
+        told = f"it carries what its pattern follows, but not every load case: {error}"
+        return replace(full(brief, structure, ask, False, budget, progress), verdict="fail", reason=told)
+    statics = brief.preset.statics
+    made = Sheeting(statics.material, structure.thickness, statics.law)
+    loads = brief.all_loads if every else brief.loads
+    found = check(Setting(brief.surface, made, loads), structure.drawn, "full", budget, progress)
+    if found.status == "fail":
+        raise StaticsError(found.reason)
+    if not found.levels:
+        return replace(first, verdict="unknown", reason=f"{found.reason}; {first.reason}")
+    value, bound = _together(brief, found)
+    return replace(first, compliance=value, bound=bound, verdict=found.status, reason=found.reason, check=found)
+
+
+def _together(brief: Brief, found: Verdict) -> tuple[float, float]:
+    """Compliance, J, of what the pattern follows, with its weights; and the bound, a share."""
+    cases = [(weight, found.case(name)) for name, weight in brief.preset.followed.items()]
+    value = sum(weight * case.value for weight, case in cases)
+    return value, sum(weight * case.value * case.bound for weight, case in cases) / value

@@ -1,0 +1,322 @@
+"""The report of `dsfab compare`: the same in HTML and in PDF, whole, offline, and true to results.json."""
+
+import base64
+import builtins
+import json
+import re
+import zlib
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+
+import pytest
+
+from dsfab.app.cli import main
+from dsfab.app.compliance import findings, pictures
+from dsfab.app.compliance.document import Document, Paragraph, Section, Table
+from dsfab.app.compliance.findings import Findings
+from dsfab.app.compliance.html import page
+from dsfab.app.compliance.pdf import pdf
+from dsfab.app.compliance.verdict_words import banner, standing, thinner_at_volumes
+from dsfab.app.compliance.words import digits_of, nice, percent, quantity, within
+from dsfab.app.gl import require_rendering
+from dsfab.errors import DsfabError, ExportError
+from dsfab.pipeline import draft
+from dsfab.preset_file import load_preset
+from dsfab.study import compare, compare_at
+from dsfab.study.full_check import full
+from dsfab.study.sweeps.making import Making
+
+TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}
+CASES = {
+    "surface.edge": 0.1,
+    "surface.load": [
+        {**TIP, "case": "down", "force": [0, -1000, 0]},
+        {**TIP, "case": "out", "force": [0, 0, 400]},
+    ],
+    "surface.support": [{"at": {"pick": "side", "axis": "x", "end": "min"}, "hold": "xyz", "clamp": True}],
+    "statics.bending": "midedge",
+    "statics.thickness": 0.1,
+    "slicing.snap": 0.2,
+    "diffusion.follow": "down",
+}
+
+SECTIONS = (
+    "Summary",
+    "Checks",
+    "The structure",
+    "Loads and supports",
+    "Compliance and its convergence",
+    "Reactions and balance",
+    "The same mass spent otherwise",
+    "Displacements and stress",
+    "What was assumed",
+    "What was not checked",
+    "Can the bound be believed?",
+    "Making it again",
+)
+
+
+class Reader(HTMLParser):
+    """Checks that every tag is closed, and keeps text by element, addresses and tables."""
+
+    VOID = ("meta", "img", "br", "hr", "link", "input")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+        self.headings: list[str] = []
+        self.rows: list[list[str]] = []
+        self.text: list[str] = []
+
+    def handle_starttag(self, tag, attributes):
+        self.addresses += [value or "" for name, value in attributes if name in ("src", "href")]
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "h2":
+            self.headings.append("")
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "style" in self.open:
+            return
+        self.text.append(data)
+        if "h2" in self.open:
+            self.headings[-1] += data
+        if {"td", "th"} & set(self.open):
+            self.rows[-1][-1] += data
+
+
+def pdf_words(data: bytes) -> str:
+    """The text of a PDF, by a reader of a few lines: streams in base 85 and deflate, strings before Tj."""
+    found = []
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", data, re.DOTALL):
+        try:
+            text = zlib.decompress(base64.a85decode(b"<~" + stream.strip(), adobe=True))
+        except (ValueError, zlib.error):
+            continue
+        found += re.findall(rb"\(((?:\\.|[^()\\])*)\) Tj", text)
+    plain = b" ".join(found)
+    plain = re.sub(rb"\\([0-7]{3})", lambda match: bytes([int(match[1], 8)]), plain)
+    return re.sub(r"\\(.)", r"\1", plain.decode("cp1252")).replace("\u00a0", " ")
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """A whole run by the command line, on a coarse mesh with two load cases."""
+    folder = tmp_path_factory.mktemp("report")
+    preset = folder / "two.toml"
+    from dsfab.preset_file import preset_toml
+
+    preset.write_text(preset_toml(load_preset("cantilever", CASES)))
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("SIZE", "SMALL"):
+            patch.setattr(pictures, name, (240, 180))
+        assert main(["compare", str(preset), "--against", "thinner", "-o", str(folder / "out"), "--quiet"]) == 0
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def read(told):
+    reader = Reader()
+    reader.feed((told / "report.html").read_text(encoding="utf-8"))
+    assert reader.open == []
+    return reader
+
+
+@pytest.fixture(scope="module")
+def drafted():
+    return draft(load_preset("cantilever", {"surface.edge": 0.06}))
+
+
+@pytest.fixture(scope="module")
+def compared(drafted):
+    return compare(Making(drafted), ("thinner",), full)
+
+
+def test_html_has_every_section_in_order_and_fetches_nothing(read):
+    assert [heading.lstrip("0123456789") for heading in read.headings] == list(SECTIONS)
+    assert all(address.startswith("data:image/") for address in read.addresses)
+    assert len(read.addresses) >= 6 - 5 * bool(_missing())  # design, two cases, chart, two fields
+
+
+def _missing() -> str:
+    try:
+        require_rendering()
+    except DsfabError as error:
+        return str(error)
+    return ""
+
+
+def test_numbers_are_those_of_results_json(told, read):
+    results = json.loads((told / "results.json").read_text())
+    rows = {row["name"]: row for row in results["competitors"]}
+    text = " ".join(read.text)
+    design = rows["design"]
+    assert within(design["compliance_J"], design["bound"], "J") in text
+    table = next(row for row in read.rows if row[0] == "This design")
+    scale = 1000 if design["compliance_J"] < 0.9995 else 1
+    assert table[3] == f"{digits_of(scale * design['compliance_J'])} ± {percent(design['bound'])}"
+    assert float(table[4].replace(" ", "")) == pytest.approx(design["ratio_to_full"], rel=5e-3)
+    assert table[7] == quantity(design["stress_999_Pa"], "Pa")
+    levels = results["verdict"]["levels"]
+    governing = results["verdict"]["cases"][0]["name"]
+    shown = [row for row in read.rows if row[0].isdigit() and len(row) == 11]
+    assert [int(row[1].replace(" ", "")) for row in shown] == [level["triangles"] for level in levels]
+    for row, level in zip(shown, levels, strict=True):
+        unit = 1000 if results["verdict"]["value"] < 0.9995 else 1
+        assert float(row[3].replace(" ", "")) == pytest.approx(unit * level["compliance"][governing], rel=1e-4)
+
+
+def test_the_governing_case_comes_first_and_reactions_of_each_case_balance(told, read):
+    results = json.loads((told / "results.json").read_text())
+    cases = results["verdict"]["cases"]
+    assert {case["name"] for case in cases} == {"down", "out"}
+    values = [case["value"] for case in cases]
+    assert values == sorted(values, reverse=True)
+    heads = [row for row in read.rows if row and row[0] in ("All supports", "Loads")]
+    assert len(heads) == 4
+    for held, load in zip(heads[::2], heads[1::2], strict=True):
+        sums = [
+            float(a.replace(" ", "")) + float(b.replace(" ", "")) for a, b in zip(held[1:4], load[1:4], strict=True)
+        ]
+        assert sums == pytest.approx([0, 0, 0], abs=2e-3 * float(load[4].replace(" ", "")))
+
+
+def test_pdf_says_the_same_as_html(told, read):
+    data = (told / "report.pdf").read_bytes()
+    assert data.startswith(b"%PDF-")
+    pages = len(re.findall(rb"/Type /Page\b", data))
+    words = pdf_words(data)
+    assert pages >= 5
+    assert f"{pages} / {pages}" in words
+    for title in SECTIONS:
+        assert title in words
+    squeezed = re.sub(r"\s", "", words)
+    for row in read.rows:
+        if row[0] in ("This design", "Whole sheet, thinner", "Compliance", "Mass"):
+            for cell in row:
+                assert re.sub(r"\s", "", unescape(cell)) in squeezed
+
+
+def test_two_runs_of_one_document_give_the_same_bytes():
+    document = Document("Title", "Subject", [("a", "b")], [Section("One", [Paragraph("words")])], "foot")
+    assert pdf(document) == pdf(document)
+    assert page(document) == page(document)
+
+
+def test_letters_that_are_not_western_are_set_and_markup_is_escaped():
+    table = Table("t", ("Ωμέγα", "<b>n</b>"), [("Кровля", "1")])
+    document = Document("Отчёт <i>", 'Δ "quoted" </style>', [], [Section("a < b", [table])], "foot & all")
+    assert b"DejaVu" in pdf(document)
+    reader = Reader()
+    reader.feed(page(document))
+    assert reader.open == []
+    assert "1a < b" in reader.headings
+
+
+def test_without_a_renderer_the_report_is_whole_and_says_so(tmp_path, capsys, monkeypatch):
+    def broken() -> None:
+        raise DsfabError("nothing to draw with; install it")
+
+    monkeypatch.setattr("dsfab.app.gl.require_rendering", broken)
+    arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "", "--level", "quick"]
+    assert main([*arguments, "-o", str(tmp_path / "out")]) == 0
+    captured = capsys.readouterr()
+    assert "no picture: nothing to draw with; install it" in captured.err
+    assert "unknown: compliance" in captured.out
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "nothing to draw with" in text
+    assert "It shows no convergence" in text
+    assert (tmp_path / "out" / "report.pdf").exists()
+
+
+def test_without_reportlab_one_sentence_tells_and_the_rest_is_written(tmp_path, capsys, monkeypatch):
+    real = builtins.__import__
+
+    def refusing(name, *given, **named):
+        if name.startswith("reportlab"):
+            raise ImportError(name)
+        return real(name, *given, **named)
+
+    monkeypatch.setattr(builtins, "__import__", refusing)
+    with pytest.raises(ExportError, match="needs reportlab, which is not installed"):
+        pdf(Document("a", "b", [], [], "c"))
+
+
+def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(drafted, compared):
+    found = Findings(compared, [], "dsfab compare cantilever")
+    (told,) = standing(found)
+    assert told.startswith("It must be said plainly: a <b>whole sheet without openings, 5 mm thick</b>")
+    assert found.claims[0].status == "fail"
+    low, middle, high = found.gain(compared["thinner"])
+    assert low < middle < high < 1
+    assert middle == pytest.approx(compared.gain("thinner"))
+    at = [(share, compare_at(drafted, share, ("thinner",))) for share in (0.4, 0.7)]
+    assert "At 40% and 70% of the material a thinner whole sheet" in thinner_at_volumes(replace(found, volumes=at))
+
+
+def test_verdicts_follow_what_was_found(compared):
+    found = Findings(compared, [], "")
+    assert (found.status, banner(found).status) == ("pass", "pass")
+    assert {one.name: one.status for one in found.checks}["Outline of the members"] == "note"
+    judged = compared.design.judgement
+
+    def with_case(**changes):
+        cases = {name: replace(case, **changes) for name, case in judged.cases.items()}
+        design = replace(compared.design, judgement=replace(judged, cases=cases))
+        return Findings(replace(compared, design=design), [], "")
+
+    assert with_case(utilisation=(1.2, 3.0)).status == "fail"
+    assert with_case(utilisation=(0.8, 1.4)).status == "unknown"
+    assert with_case(utilisation=(0.8, 0.9)).status == "pass"
+    assert with_case(buckling=0.9).status == "fail"
+    assert with_case(buckling=3.0).status == "unknown"
+    assert with_case(buckling=findings.KNOCKED_DOWN).status == "pass"
+    assert with_case(imbalance=1e-3).status == "fail"
+    lost = replace(compared.design, judgement=replace(judged, verdict="fail", reason="case wind is lost"))
+    assert "case wind is lost" in banner(Findings(replace(compared, design=lost), [], "")).text
+
+
+def test_the_full_judge_tells_the_value_of_the_verdict_within_its_bound(drafted, compared):
+    judged = compared.design.judgement
+    assert judged.level == "full"
+    assert judged.check.case("load").value == judged.compliance
+    assert judged.bound == judged.check.bound <= 0.02
+    assert judged.verdict == "pass"
+    rough = compare(Making(drafted), ()).design.judgement
+    assert (rough.level, rough.verdict, rough.bound) == ("quick", "unknown", 0.08)
+    assert rough.compliance == pytest.approx(judged.compliance, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("value", "says"), [(0.09582, "95.8 mJ"), (12.344, "12.3 J"), (999.96, "1.00 kJ"), (0.0, "0 J"), (None, "n/a")]
+)
+def test_quantities_have_a_prefix_and_three_digits(value, says):
+    assert quantity(value, "J") == says
+
+
+def test_digits_follow_the_bound():
+    assert within(59.93, 0.018, "J") == "59.9 J ± 1.8 %"
+    assert within(59.93, 0.003, "J") == "59.93 J ± 0.3 %"
+    assert digits_of(5592.4) == "5 590"
+    assert [nice(value) for value in (0.9, 1.1, 2.2, 3.0, 6.0)] == [1.0, 2.0, 2.5, 5.0, 10.0]
+
+
+def test_pictures_lose_empty_rows_only():
+    import numpy as np
+
+    paper = (255, 255, 255)
+    pixels = np.full((400, 10, 3), 255, dtype=np.uint8)
+    pixels[100:120] = pixels[300:310] = 0
+    kept = pictures.trimmed(pixels, paper)
+    assert (kept == 0).all(axis=(1, 2)).sum() == 30
+    assert len(kept) < 120
+    assert pictures.trimmed(pixels[:50], paper).shape == (50, 10, 3)
