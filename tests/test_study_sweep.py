@@ -1,11 +1,14 @@
 """Sweeps: every combination, in order, as single builds give it, with shared stages made once and failures recorded."""
 
+from dataclasses import replace
+
 import pytest
 
 import dsfab
-from dsfab.errors import PresetError
+from dsfab.errors import PresetError, StaticsError
 from dsfab.study.sweeps import BASIC, METRICS
 from dsfab.study.sweeps.making import Making
+from dsfab.study.verdict import check
 
 COARSE_KEYS = {"surface.edge": 1.2, "pattern.keep": 0.5}
 COARSE = dsfab.load_preset("dome", COARSE_KEYS)
@@ -95,6 +98,29 @@ def test_compliance_is_that_of_the_comparison(whole):
     from dsfab.study import compare
 
     assert METRICS["compliance"](whole) == compare(whole, against=()).design.compliance
+
+
+def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
+    from dsfab.statics import solve_cases
+
+    full = dsfab.load_preset(
+        "dome", {**COARSE_KEYS, "pattern.width": {"rule": "plain"}, "pattern.major.threshold": -1.0}
+    )
+    made, statics = Making.of(full), full.statics
+    loads = {"": made.load}
+    whole = solve_cases(made.surface, statics.material, loads, statics.thickness, statics.law, "constant", "midedge")
+    assert METRICS["ersatz"](made) == pytest.approx(whole[""].compliance, rel=1e-6)
+    assert METRICS["ersatz"](Making.of(COARSE)) > 1.2 * whole[""].compliance
+
+
+def test_the_verdict_is_that_of_the_check_and_a_failed_one_is_told(whole, monkeypatch):
+    found = check(whole)
+    assert METRICS["verdict"](whole) == pytest.approx(found.value)
+    assert METRICS["verdict_bound"](whole) == pytest.approx(found.bound)
+    failed = replace(found, status="fail", reason="a load finds no material")
+    monkeypatch.setattr("dsfab.study.sweeps.metrics.verdict", lambda made: failed)
+    with pytest.raises(StaticsError, match="finds no material"):
+        METRICS["verdict"](whole)
 
 
 def test_members_of_constant_width_have_that_width():

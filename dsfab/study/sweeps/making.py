@@ -12,6 +12,7 @@ from dsfab.pipeline.log import Log
 from dsfab.preset import STAGES, Preset
 from dsfab.slicing import Sheet
 from dsfab.statics import Bending, Equilibrium, Membrane, solve_cases
+from dsfab.study.verdict import Setting, Sheeting, Verdict, check
 from dsfab.surface import LoadCase, Surface
 from dsfab.thickening import Solid
 
@@ -79,6 +80,11 @@ class Making:
         """How the cut sheet carries the loads, by the elements that compare well; made once for all who ask."""
         return carried(self)
 
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The full verdict on the cut sheet; made once for all who ask."""
+        return verdict(self)
+
     @property
     def design(self) -> Design:
         """The whole design, solid and all."""
@@ -112,3 +118,11 @@ def carried(
     """
     statics, sheet = made.preset.statics, made.sheet.surface
     return solve_cases(sheet, statics.material, loads_on(made), statics.thickness, statics.law, membrane, bending)
+
+
+def verdict(made: Design | Making) -> Verdict:
+    """The full verdict on a design's cut sheet under the loads that its pattern follows."""
+    statics = made.preset.statics
+    loads = {name: made.statics.cases[name].load for name in made.preset.followed}
+    setting = Setting(made.surface, Sheeting(statics.material, statics.thickness, statics.law), loads)
+    return check(setting, made.slicing.cells.kept())

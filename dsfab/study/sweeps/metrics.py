@@ -7,8 +7,9 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.design import Design
-from dsfab.statics import VERDICT, Equilibrium, buckling
-from dsfab.study.sweeps.making import Making, carried, loads_on
+from dsfab.errors import StaticsError
+from dsfab.statics import VERDICT, Equilibrium, FaceStiffness, buckling
+from dsfab.study.sweeps.making import Making, carried, loads_on, verdict
 from dsfab.surface.hats import hat_gradients
 
 Metric = Callable[[Design], float]
@@ -90,6 +91,34 @@ def _buckling(made: Design | Making) -> float:
     return lowest
 
 
+ERSATZ = 1e-6
+"""Stiffness of nothing over that of material, for `ersatz`."""
+
+
+def _ersatz(made: Design | Making) -> float:
+    """Compliance of the uncut surface, every face as stiff as the share of it that is kept."""
+    statics, surface = made.preset.statics, made.surface
+    kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
+    loads = [made.statics.cases[name].load for name in made.preset.followed]
+    sheet = FaceStiffness.of(surface, statics.material, statics.thickness, loads, statics.law)
+    u = sheet.factor(ERSATZ + (1 - ERSATZ) * np.clip(kept, 0, 1))(sheet.force)
+    return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))
+
+
+def _verdict(made: Design | Making) -> float:
+    """The weighted sum over what the pattern follows; raises StaticsError for a verdict of failure."""
+    found = made.verdict if isinstance(made, Making) else verdict(made)
+    if found.status == "fail":
+        raise StaticsError(found.reason)
+    return float(sum(weight * found.case(name).value for name, weight in made.preset.followed.items()))
+
+
+def _verdict_bound(made: Design | Making) -> float:
+    """The largest over what the pattern follows; infinite for a verdict of failure."""
+    found = made.verdict if isinstance(made, Making) else verdict(made)
+    return max(found.case(name).bound for name in made.preset.followed)
+
+
 METRICS: dict[str, Named] = {
     "area": lambda made: made.sheet.surface.area,
     "kept_share": _kept_share,
@@ -106,6 +135,9 @@ METRICS: dict[str, Named] = {
     "compliance_quick": lambda made: _compliance(made, carried(made, "constant")),
     "displacement": lambda made: max(answer.largest_displacement for answer in _answers(made).values()),
     "buckling": _buckling,
+    "verdict": _verdict,
+    "verdict_bound": _verdict_bound,
+    "ersatz": _ersatz,
 }
 """What a sweep can measure, in SI units: functions of a Design; see `ABOUT` for what each is worth."""
 
@@ -146,6 +178,11 @@ ABOUT: Mapping[str, About] = {
     "displacement": About("m", "less", "slicing", f"largest displacement of the solve of `compliance`, {_CUT}"),
     "buckling": About(
         "", "more", "slicing", f"lowest factor of linear buckling {_CUT}; shells buckle at a fifth to a half of it"
+    ),
+    "verdict": About("J", "less", "slicing", "compliance by the full verdict, refined and extrapolated: ten solves"),
+    "verdict_bound": About("", "less", "slicing", "share that `verdict` may be off; over .02 it has not converged"),
+    "ersatz": About(
+        "J", "less", "slicing", "a hint: the uncut mesh with thinned faces, blind to gaps under four elements wide"
     ),
 }
 """What each metric is."""
