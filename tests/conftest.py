@@ -1,0 +1,9 @@
+"""The order of the tests: the files that take longest first, so that no core is idle at the end."""
+
+import pytest
+
+LONGEST = ("test_readme.py", "test_study_sweep_folder.py", "test_thickening_zoo.py", "test_targets.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
