@@ -216,7 +216,8 @@ def test_mistakes_are_told_and_the_worker_lives_on(caplog):
         assert wait(jobs, jobs.ask("solve", lambda progress: {})).state == "done"
 
 
-def test_cancel_stops_at_the_next_progress():
+def endless():
+    """A job that never ends by itself, and the event of its beginning."""
     begun = threading.Event()
 
     def long(progress):
@@ -225,6 +226,11 @@ def test_cancel_stops_at_the_next_progress():
             progress("statics", "again")
             time.sleep(0.001)
 
+    return begun, long
+
+
+def test_cancel_stops_at_the_next_progress():
+    begun, long = endless()
     with Jobs() as jobs:
         number = jobs.ask("build", long)
         begun.wait(5)
@@ -238,14 +244,7 @@ def test_cancel_stops_at_the_next_progress():
 
 
 def test_a_newer_wish_ends_the_older_one():
-    begun = threading.Event()
-
-    def long(progress):
-        begun.set()
-        while True:
-            progress("statics", "again")
-            time.sleep(0.001)
-
+    begun, long = endless()
     with Jobs() as jobs:
         old = jobs.ask("solve", long)
         begun.wait(5)
@@ -288,7 +287,7 @@ def test_what_cannot_be_is_refused_in_a_sentence():
 def test_a_build_writes_what_the_command_line_writes(monkeypatch):
     import trimesh
 
-    monkeypatch.setattr("dsfab.app.editor.building._can_draw", lambda: False)  # seconds, and tested elsewhere
+    monkeypatch.setattr("dsfab.app.editor.building.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
 
     with Session(opened("dome", COARSE)) as session:
         wait(session.jobs, session.ask_solve({}))

@@ -222,7 +222,7 @@ def test_a_reload_restores_everything(tab, server):
 def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
     import trimesh
 
-    monkeypatch.setattr("dsfab.app.editor.building._can_draw", lambda: False)
+    monkeypatch.setattr("dsfab.app.editor.building.why_no_pictures", lambda: "not now")
     tab.run("document.getElementById('build').click()")
     until(tab, "document.querySelectorAll('#built a').length > 0", 120)
     link = tab.run("document.querySelector('#built a').href")

@@ -18,7 +18,7 @@ from dsfab.app.fabrication import fabrication_facts, fabrication_lines
 from dsfab.app.folder import whole_or_nothing
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
-from dsfab.errors import DsfabError, ExportError
+from dsfab.errors import ExportError
 
 if TYPE_CHECKING:
     from dsfab.design import Design
@@ -133,14 +133,11 @@ def _require(formats: Sequence[str]) -> None:
 
 def _can_draw(reporter: Reporter) -> bool:
     """Whether pictures can be drawn here, asked before the work begins; without them everything else is still built."""
-    from dsfab.app.gl import require_rendering
+    from dsfab.app.gl import why_no_pictures
 
-    try:
-        require_rendering()
-    except DsfabError as error:
-        reporter.say(f"preview     no picture: {error}")
-        return False
-    return True
+    if why := why_no_pictures():
+        reporter.say(f"preview     no picture: {why}")
+    return not why
 
 
 def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool, made: dict[str, Any]) -> str:

@@ -45,6 +45,15 @@ def require_rendering() -> None:
         os.environ.setdefault(WINDOW, working)
 
 
+def why_no_pictures() -> str:
+    """Why nothing can be drawn here, or '': for whoever goes on without."""
+    try:
+        require_rendering()
+    except DsfabError as error:
+        return str(error)
+    return ""
+
+
 def _candidates(chosen: str) -> tuple[str, ...]:
     """Kinds of window to try, best first; '' is VTK's own choice: Cocoa, Win32, or X11 where there is a screen."""
     if chosen:

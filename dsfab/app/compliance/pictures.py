@@ -15,7 +15,6 @@ from dsfab.app.palette import PAPER, Palette
 from dsfab.app.scene import Bytes, Colour
 from dsfab.app.view import up_axis
 from dsfab.arrays import Floats, Ints
-from dsfab.errors import DsfabError
 from dsfab.study.judging import Answered, quantile
 from dsfab.surface import LoadCase, Surface
 
@@ -48,13 +47,10 @@ class Pictures:
     @cached_property
     def missing(self) -> str:
         """Why nothing can be drawn, or ''."""
-        from dsfab.app.gl import require_rendering
+        from dsfab.app.gl import why_no_pictures
 
-        try:
-            require_rendering()
-        except DsfabError as error:
-            return f"no picture: {error}"
-        return ""
+        why = why_no_pictures()
+        return f"no picture: {why}" if why else ""
 
     @cached_property
     def up(self) -> Floats:

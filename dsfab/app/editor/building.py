@@ -8,9 +8,9 @@ from typing import Any
 from dsfab.app.build import caption, write_all
 from dsfab.app.editor.jobs import Progress
 from dsfab.app.fabrication import fabrication_facts
+from dsfab.app.gl import why_no_pictures
 from dsfab.app.report import Reporter
 from dsfab.design import Draft
-from dsfab.errors import DsfabError
 from dsfab.pipeline import draft, revise, run
 from dsfab.preset import Preset
 
@@ -48,7 +48,7 @@ def built(preset: Preset, old: Draft | None, folder: Path, progress: Progress) -
     design = revise(old, preset, teller) if old else run(preset, teller)
     teller("fabrication", "measuring members, gaps and walls")
     made = fabrication_facts(fabrication(design))
-    refused = write_all(design, folder, teller, _can_draw(), made)
+    refused = write_all(design, folder, teller, not why_no_pictures(), made)
     asked = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
     first = [path for path in asked if path.exists()]
     rest = sorted(path for path in folder.iterdir() if path not in first)
@@ -79,13 +79,3 @@ def drawn(preset: Preset, old: Draft | None, view: str, show: str, size: tuple[i
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, format="PNG")
     return file.getvalue()
-
-
-def _can_draw() -> bool:
-    from dsfab.app.gl import require_rendering
-
-    try:
-        require_rendering()
-    except DsfabError:
-        return False
-    return True
