@@ -24,7 +24,6 @@ of 30 000 faces keeps usual solids under half a minute on a quiet machine, and f
 
 import json
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -38,6 +37,7 @@ from dsfab.export.part import Part, settled
 from dsfab.export.planar import polyhedron
 from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
+from dsfab.export.program import ProgramError, last_line
 from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
@@ -211,19 +211,15 @@ def check(part: Part, path: Path) -> None:
 def inspection(part: Part, path: Path) -> dict[str, Any]:
     """What `step_check` says about the file, in a process with a time limit; raises ExportError if it says nothing."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step == "faceted" else 0)
-    command = [sys.executable, "-P", step_check.__file__, str(path)]
     try:
-        run = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+        answer: dict[str, Any] = json.loads(last_line(step_check.__file__, str(path), seconds=limit))
     except subprocess.TimeoutExpired as error:
         raise ExportError(
             f"reading back the STEP file of {part.name!r} did not end within {limit:.0f} s, so nobody knows whether it "
             "is valid; write STL or 3MF instead, or coarsen the mesh"
         ) from error
-    lines = run.stdout.splitlines()
-    if run.returncode or not lines:
-        reason = (run.stderr.strip().splitlines() or [f"exit code {run.returncode}"])[-1]
+    except ProgramError as error:
         raise ExportError(
-            f"build123d could not read the STEP file of {part.name!r} ({reason}); write STL or 3MF instead"
-        )
-    answer: dict[str, Any] = json.loads(lines[-1])
+            f"build123d could not read the STEP file of {part.name!r} ({error}); write STL or 3MF instead"
+        ) from error
     return answer

@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export import step_mesh
+from dsfab.export.program import ProgramError, last_line
 
 SECONDS, SECONDS_PER_MB = 60.0, 10.0
 """How long reading may take."""
@@ -32,14 +32,11 @@ def read_step(path: Path) -> StepMesh:
     limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
     with tempfile.TemporaryDirectory() as folder:
         arrays = Path(folder) / "mesh.npz"
-        command = [sys.executable, "-P", step_mesh.__file__, str(path), str(arrays)]
         try:
-            run = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
+            found = json.loads(last_line(step_mesh.__file__, str(path), str(arrays), seconds=limit))
         except subprocess.TimeoutExpired:
             raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
-        if run.returncode or not run.stdout.strip():
-            reason = (run.stderr.strip().splitlines() or [f"exit code {run.returncode}"])[-1][:160]
-            raise ExportError(f"{path} cannot be read as STEP ({reason}); export it again")
-        found = json.loads(run.stdout.splitlines()[-1])
+        except ProgramError as error:
+            raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
         with np.load(arrays) as mesh:
             return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["volume"]))

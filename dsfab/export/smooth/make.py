@@ -11,7 +11,6 @@ it calls edges valid within whatever tolerance they have.
 
 import json
 import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,6 +26,7 @@ from dsfab.errors import ExportError
 from dsfab.export.part import Part
 from dsfab.export.planar import Polyhedron, polyhedron
 from dsfab.export.plate_text import Entities
+from dsfab.export.program import ProgramError, last_line
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth import check
 from dsfab.export.smooth.charts import charts_of, excess
@@ -318,10 +318,7 @@ def _tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> None:
 
 def answers(path: Path, limit: float) -> list[dict[str, Any]]:
     """What `check` says about each solid of a file; nothing when it takes longer than `limit` seconds, or fails."""
-    command = [sys.executable, "-P", check.__file__, str(path)]
     try:
-        run = subprocess.run(command, capture_output=True, text=True, timeout=limit, check=False)
-    except subprocess.TimeoutExpired:
+        return list(json.loads(last_line(check.__file__, str(path), seconds=limit))["solids"])
+    except (subprocess.TimeoutExpired, ProgramError):
         return []
-    lines = run.stdout.splitlines()
-    return list(json.loads(lines[-1])["solids"]) if not run.returncode and lines else []
