@@ -252,3 +252,10 @@ def test_the_wall_of_a_shell_follows_its_radii():
 def test_a_solid_without_opposite_faces_has_no_wall():
     corner = Solid([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], 0, 1)
     assert thinnest_wall(corner) is None
+
+
+def test_the_wall_of_a_very_small_solid_is_found_too():
+    """Its triangles are smaller than libigl's rays see at that size."""
+    plate = grid(2, 2, 4e-4, 4e-4)
+    solid = thicken(plate, np.tile([0.0, 0.0, 5e-5], (plate.n, 1)))
+    assert thinnest_wall(solid).thickness == pytest.approx(1e-4, rel=1e-9)

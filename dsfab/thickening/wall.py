@@ -14,6 +14,8 @@ LIFT = 1e-9
 """And this share of the solid's size under the face, or they would meet the face itself."""
 OPPOSED = float(np.cos(np.radians(20)))
 """Faces count as opposite where they are parallel to 20 degrees; others make an edge, where the way through is zero."""
+LARGE = 1e6
+"""Size that a mesh is scaled to: libigl's rays overlook triangles of less than 1e-6 or so in area, in any unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,22 @@ class Wall:
 
     def __post_init__(self) -> None:
         lock(self, "place", np.float64, (3,))
+
+
+class Rays:
+    """Straight lines against the triangles V (n, 3), F (m, 3)."""
+
+    def __init__(self, V: Floats, F: Ints) -> None:
+        self._middle = V.mean(axis=0)
+        self._scale = LARGE / float(np.linalg.norm(np.ptp(V, axis=0)))
+        self._V, self._F = (V - self._middle) * self._scale, np.array(F)
+        self._tree = igl.AABB()
+        self._tree.init(self._V, self._F)
+
+    def first(self, start: Floats, way: Floats) -> Ints:
+        """(k,) the first face met from a little after `start` (k, 3) along unit vectors `way`, or -1."""
+        start = (start - self._middle) * self._scale + LIFT * LARGE * way
+        return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, way)[0], dtype=np.int64)
 
 
 def thinnest_wall(solid: Solid) -> Wall | None:
@@ -39,10 +57,7 @@ def thinnest_wall(solid: Solid) -> Wall | None:
     face = face[face >= 0]
     N = _normals(V, F)
     start = (1 - INSIDE) * V[corner] + INSIDE * V[F[face]].mean(axis=1)
-    lift = LIFT * float(np.linalg.norm(np.ptp(V, axis=0)))
-    tree = igl.AABB()
-    tree.init(V, F)
-    hit = np.asarray(tree.intersect_ray_first(V, F, start - lift * N[face], -N[face])[0], dtype=np.int64)
+    hit = Rays(V, F).first(start, -N[face])
     opposed = (hit >= 0) & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
     depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # libigl's own distance has six digits
     thickness = np.where(opposed, depth, np.inf)

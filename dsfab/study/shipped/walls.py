@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.surface.topology import edge_table
-from dsfab.thickening.wall import INSIDE, LIFT, OPPOSED
+from dsfab.thickening.wall import INSIDE, OPPOSED, Rays
 
 FLAT = 64 * float(np.finfo(np.float32).eps)
 """Triangles lower than this share of the size of the mesh say nothing of a direction: single precision moved them."""
@@ -15,9 +14,6 @@ FLAT = 64 * float(np.finfo(np.float32).eps)
 
 PARALLEL = float(np.cos(np.radians(3)))
 """Neighbouring faces that look at each other and are less parallel than this meet in a tip or a notch."""
-
-LARGE = 1e6
-"""Size that a mesh is scaled to: libigl's rays overlook triangles of less than 1e-6 or so in area, in any unit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,31 +44,25 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     they do not count. Widths of members are walls too. Triangles too low for single precision to hold their direction
     are left out.
     """
-    size = float(np.linalg.norm(np.ptp(V, axis=0)))
-    middle = V.mean(axis=0)
-    V = (V - middle) * (LARGE / size)
     N, plain = _normals(V, F)
     face = np.flatnonzero(plain)
     corners = V[F[face]]
     centre = corners.mean(axis=1)
     start = np.concatenate([centre, *(INSIDE * centre + (1 - INSIDE) * corners[:, k] for k in range(3))])
     face = np.tile(face, 4)
-    tree = igl.AABB()
-    tree.init(np.array(V), np.array(F))
-    lift = LIFT * LARGE
+    rays = Rays(V, F)
 
     def nearest(sign: float) -> Clearance | None:
         way = sign * N[face]
-        hit = tree.intersect_ray_first(np.array(V), np.array(F), start + lift * way, way)[0]
-        hit = np.asarray(hit, dtype=np.int64)
+        hit = rays.first(start, way)
         opposed = -np.einsum("ki,ki->k", N[face], N[hit])
         met = (hit >= 0) & plain[hit] & (opposed > OPPOSED)
         tapering = np.flatnonzero(met & (opposed < PARALLEL))
         met[tapering[_neighbours(F, face[tapering], hit[tapering])]] = False
         depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])
-        depth = np.where(met, np.abs(depth), np.inf) * (size / LARGE)
+        depth = np.where(met, np.abs(depth), np.inf)
         k = int(depth.argmin())
-        return Clearance(float(depth[k]), start[k] * (size / LARGE) + middle) if np.isfinite(depth[k]) else None
+        return Clearance(float(depth[k]), start[k]) if np.isfinite(depth[k]) else None
 
     return Clearances(nearest(-1.0), nearest(1.0)) if len(face) else Clearances(None, None)
 
