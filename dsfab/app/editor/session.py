@@ -29,9 +29,10 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A draft and the number of what does not change with stripes alone: the page keeps that and asks for the rest."""
+    """A draft, its number, and that of what does not change with stripes alone: the page keeps that."""
 
     draft: Draft
+    number: int
     version: int
     opening: int
 
@@ -135,7 +136,7 @@ class Session:
         if shown is None:
             raise DsfabError("nothing is solved yet")
         facts, arrays = widths(shown.draft)
-        facts |= {"version": shown.version, "whole": have != shown.version}
+        facts |= {"draft": shown.number, "version": shown.version, "whole": have != shown.version}
         if have != shown.version:
             more, large = self._whole(shown)
             facts |= more | {"controls": controls(shown.draft.preset, shown.draft.surface)}
@@ -162,14 +163,14 @@ class Session:
         with self._lock:
             same = old is not None and old.opening == opening and made.diffusion is old.draft.diffusion
             version = old.version if same and old else (old.version + 1 if old else 1)
-            self._shown = Shown(made, version, opening)
-        self.jobs.ask("figures", lambda progress: self._figures(made, progress))
+            self._shown = shown = Shown(made, old.number + 1 if old else 1, version, opening)
+        self.jobs.ask("figures", lambda progress: self._figures(shown, progress))
         return {"version": version}
 
-    def _figures(self, made: Draft, progress: Progress) -> dict[str, Any]:
+    def _figures(self, shown: Shown, progress: Progress) -> dict[str, Any]:
         from dsfab.app.editor.figures import figures
 
-        return figures(made, progress)
+        return {"draft": shown.number, **figures(shown.draft, progress)}
 
     def _build(self, preset: Preset, progress: Progress) -> dict[str, Any]:
         from dsfab.app.editor.building import built

@@ -99,6 +99,7 @@ class Editor {
   /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */
   changed(keys, final) {
     this.refresh(keys);
+    this.stale = true;
     const live = keys && keys.every((key) => key.startsWith('pattern.'));
     if (!(live && this.stripes())) this.outdated(true);
     clearTimeout(this.waiting);
@@ -145,6 +146,8 @@ class Editor {
     this.model.facts.opening = this.start.opening;
     if (facts.whole) this.surface();
     this.outdated(!this.stripes());
+    this.stale = false;
+    this.figures();
     this.notes(facts.notes);
     this.pictures?.ask(this.state.changes);
     this.done = job; // what is shown is what this job made
@@ -165,8 +168,15 @@ class Editor {
   }
 
   figured({ state, result, text }) {
-    if (state === 'done') measured(result);
     if (state === 'failed') this.notice(text);
+    if (state !== 'done') return;
+    this.told = result;
+    this.figures();
+  }
+
+  /** What was measured, once what is shown is what was measured: either may arrive first. */
+  figures() {
+    if (!this.stale && this.told?.draft === this.model?.facts.draft) measured(this.told);
   }
 
   build(formats) {
