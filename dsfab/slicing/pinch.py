@@ -18,7 +18,7 @@ from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.cut import clean_split, extended_weights, filled
 from dsfab.slicing.sheet import VOID, Sheet
-from dsfab.surface.topology import edge_table, pieces, pinches
+from dsfab.surface.topology import edge_table, pieces
 
 Rule = Literal["join", "split"]
 
@@ -98,8 +98,12 @@ def _pinches(sheet: Sheet) -> Ints:
     """Vertices around which the material has more than one edge-connected fan of cells."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
-    F = sheet.surface.F[sheet.material]
-    return pinches(F, edge_table(F), sheet.surface.n)
+    pinched = sheet.kept().surface.pinches
+    if not len(pinched):
+        return pinched
+    used = np.zeros(sheet.surface.n, dtype=bool)
+    used[sheet.surface.F[sheet.material]] = True
+    return np.flatnonzero(used)[pinched]
 
 
 def _apart(at: Ints, ends: Ints) -> list[Ints]:
