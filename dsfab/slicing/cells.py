@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 
 from dsfab.arrays import Bools, Floats, Ints
 
+CHUNK = 1 << 13
+"""Polygons measured together: as many as the processor's cache takes."""
+
 
 @dataclass(frozen=True, eq=False)
 class Cells:
@@ -80,10 +83,18 @@ class Cells:
         """The polygons (k,) of this list alone."""
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[self.slots(which)])
 
+    def _run(self, begin: int, end: int) -> "Cells":
+        start = self.start[begin : end + 1]
+        return Cells(start - start[0], self.corner[start[0] : start[-1]])
+
     def areas(self, X: Floats) -> tuple[Floats, Floats]:
         """(c,) areas of the polygons, and (c,) the squared distance of the farthest corner from the first."""
+        if len(self.sizes) > CHUNK:
+            parts = [self._run(k, k + CHUNK).areas(X) for k in range(0, len(self.sizes), CHUNK)]
+            area, reach = (np.concatenate(column) for column in zip(*parts, strict=True))
+            return area, reach
         base = np.repeat(self.corner[self.start[:-1]], self.sizes)
-        spoke = [column[self.corner] - column[base] for column in X.T]
+        spoke = (X.take(self.corner, axis=0) - X.take(base, axis=0)).T
         x, y, z = spoke
         u, v, w = (self.ahead(column) for column in spoke)
         twice = [np.add.reduceat(part, self.start[:-1]) for part in (y * w - z * v, z * u - x * w, x * v - y * u)]

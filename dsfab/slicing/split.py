@@ -191,7 +191,8 @@ def _merged(cells: Cells, strip: Ints, which: Ints, made: tuple[Cells, Ints, Int
     at = np.flatnonzero(replaced[source])
     strips, sizes = strip[source], cells.sizes[source]
     strips[at], sizes[at] = label, pieces.sizes
-    slots = np.repeat(replaced[source], sizes)
-    corner = np.empty(len(slots), dtype=np.int64)
-    corner[slots], corner[~slots] = pieces.corner, cells.corner[~replaced[cells.owner]]
-    return Split(Cells(np.concatenate([[0], np.cumsum(sizes)]), corner), source, strips, *new)
+    start, begin = np.concatenate([[0], np.cumsum(sizes)]), cells.start[source]
+    begin[at] = len(cells.corner) + pieces.start[:-1]
+    slots = np.repeat(begin - start[:-1], sizes) + np.arange(start[-1])
+    corner = np.concatenate([cells.corner, pieces.corner])[slots]
+    return Split(Cells(start, corner), source, strips, *new)

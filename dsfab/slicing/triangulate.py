@@ -3,7 +3,7 @@
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, sorted_order
-from dsfab.slicing.cells import Cells
+from dsfab.slicing.cells import CHUNK, Cells
 
 LARGEST = 9
 """Polygons with more corners are first halved by a chord: the dynamic programme takes a time cubic in the corners."""
@@ -28,9 +28,10 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
             for half, whose in _halves(polygons, owner, X):
                 waiting.setdefault(half.shape[1], []).append((half, whose))
         else:
-            T, row = _best_triangles(polygons, X)
-            triangles.append(T)
-            owners.append(owner[row])
+            for k in range(0, len(polygons), CHUNK):
+                T, row = _best_triangles(polygons[k : k + CHUNK], X)
+                triangles.append(T)
+                owners.append(owner[k : k + CHUNK][row])
     T, owner = np.concatenate(triangles), np.concatenate(owners)
     order = sorted_order(owner)
     return T[order], owner[order]
