@@ -24,7 +24,7 @@ PER_FACE, FACES_ACROSS = 1.86, 5.6
 
 
 def main() -> None:
-    head = ("faces", "stripes", "triangles", "CPU s", "clock s", "GB before", "GB at most", "us each", "bytes each")
+    head = ("faces", "stripes", "triangles", "CPU s", "clock s", "GB at most", "us each")
     print(" ".join(f"{row:>11}" for row in head), flush=True)
     for triangles in sizes(__doc__ or "", "300000,1000000,2500000,5000000"):
         subprocess.run([sys.executable, str(Path(__file__).resolve()), "one", str(triangles)], check=True)
@@ -38,19 +38,12 @@ def one(triangles: int) -> None:
     fields = [x + 0.2 * y**2 + z, y - 0.3 * x + z]
     stripes = round(across / FACES_ACROSS)
     levels = [np.linspace(f.min(), f.max(), 2 * stripes + 2)[1:-1] for f in fields]
-    before, cpu, clock = peak(), time.process_time(), time.perf_counter()
+    cpu, clock = time.process_time(), time.perf_counter()
     sheet = cut(surface, fields, levels)
     cpu, clock = time.process_time() - cpu, time.perf_counter() - clock
-    m, most = sheet.surface.m, peak()
-    numbers = (
-        f"{cpu:11.2f} {clock:11.2f} {before:11.2f} {most:11.2f} {1e6 * cpu / m:11.2f} {1e9 * (most - before) / m:11.0f}"
-    )
+    m, most = sheet.surface.m, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    numbers = f"{cpu:11.2f} {clock:11.2f} {most:11.2f} {1e6 * cpu / m:11.2f}"
     print(f"{surface.m:11,} {stripes:11} {m:11,} {numbers}", flush=True)
-
-
-def peak() -> float:
-    """The most memory that this process has had so far, GB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
 
 
 if __name__ == "__main__":
