@@ -98,7 +98,7 @@ def compare(
         out(document)
     elif not quiet:
         _say(found, subject, [folder / name for name in files])
-    return 0
+    return int(any(share is None and one.design.judgement is None for share, one in found))
 
 
 def _command(preset: str, set_: tuple[str, ...], options: Mapping[str, object], flags: dict[str, bool]) -> str:
@@ -134,7 +134,7 @@ def _compared(
 ) -> list[Compared]:
     """The comparison of the design as it is, then those at each share of the surface.
 
-    Raises DsfabError where the design as it is cannot be judged; with shares that is told, and they are made.
+    A design that does not carry its loads is told as an error of it; with shares it is left out, and they are made.
     """
     from dsfab.pipeline import draft
     from dsfab.study import compare as compared
@@ -146,7 +146,8 @@ def _compared(
     reporter("compare", "solving the design")
     try:
         own, rival = _judges(making, names, level, asked, reporter)
-        found.append((None, compared(making, names, own, lambda name: reporter("compare", name), rival)))
+        beside = partial(reporter, "compare")
+        found.append((None, compared(making, names, own, beside, rival, bool(shares))))
     except DsfabError as error:
         if not shares:
             raise
@@ -167,7 +168,7 @@ def _judges(
     from dsfab.study.full_check import seconds_needed
 
     made = making.draft
-    if level is None:
+    if level is None and _cuts(making):
         plane = flat_axis(made.surface, *(case.load for case in made.statics.cases.values())) is not None
         whole = 1 + ("thinner" in names)
         triangles = whole * made.surface.m + (2 + len(names) - whole) * making.sheet.surface.m
@@ -178,6 +179,14 @@ def _judges(
             return _judge("full", asked, reporter, True), _judge("whole", asked, reporter)
     depth = level or "full"
     return _judge(depth, asked, reporter, True), _judge(depth, asked, reporter)
+
+
+def _cuts(making: "Making") -> bool:
+    """Whether its pattern can be cut at all."""
+    try:
+        return bool(making.sheet)
+    except DsfabError:
+        return False
 
 
 def _judge(depth: str, asked: tuple[bool, bool], reporter: Reporter, every: bool = False) -> "Judge":
@@ -203,13 +212,9 @@ def _findings(found: list[Compared], command: str) -> "Findings":
     from dsfab.app.compliance import Findings
 
     volumes = [(share, one) for share, one in found if share is not None]
+    asked = [(share, one) for share, one in found if share is None]
     carrying = [(share, one) for share, one in reversed(found) if one.design.judgement]
-    if not carrying:
-        raise DsfabError(
-            f"the design carries its loads at no share of the surface that was tried: {found[-1][1].design.error}; "
-            "--no-report writes the numbers of its competitors"
-        )
-    share, subject = next(((share, one) for share, one in carrying if share is None), carrying[0])
+    share, subject = (asked or carrying or found[-1:])[0]
     return Findings(subject, volumes, command, share)
 
 

@@ -2,7 +2,7 @@
 
 from dsfab.app.compliance.document import Banner, escaped
 from dsfab.app.compliance.findings import LABELS, Findings
-from dsfab.app.compliance.words import listed, percent, times, within
+from dsfab.app.compliance.words import digits_of, listed, percent, times, within
 from dsfab.app.report import length, mass
 from dsfab.study.competitors import Competitor
 
@@ -16,6 +16,8 @@ TITLES = {
 def banner(found: Findings) -> Banner:
     """The verdict on the structure itself."""
     bad = [one for one in found.checks if one.status == found.status != "pass"]
+    if not found.carries:
+        return Banner("fail", "Fail: the structure does not carry its loads", f"{_sentence(found.design.error)}.")
     if found.status == "fail":
         text = " ".join(f"{one.name}: {one.found} (wanted: {one.limit})." for one in bad)
         return Banner("fail", f"Fail: {listed([one.name.lower() for one in bad])}", text)
@@ -42,6 +44,9 @@ def _against(found: Findings, rival: Competitor) -> str:
     label = label if label.startswith("SIMP") else label[0].lower() + label[1:]
     if rival.judgement is None:
         return f"No structure was found for <b>{label}</b>: {escaped(shortly(rival.error))}."
+    if not found.carries:
+        ratio = f"{digits_of(rival.compliance / found.compared.full.compliance)} times that of the whole sheet"
+        return f"Of the same mass, <b>{label}</b> would carry the loads; compliance {ratio}."
     low, middle, high = found.gain(rival)
     if rival.name == "thinner":
         return _against_thinner(found, rival)
@@ -52,6 +57,11 @@ def _against(found: Findings, rival: Competitor) -> str:
     if high < 1:
         return f"{at} <b>softer</b>: {times(low, middle, high)} times as stiff."
     return f"{at} {times(low, middle, high)} times as stiff: too close to call within what is known."
+
+
+def _sentence(error: str) -> str:
+    """As markup, with a capital letter."""
+    return escaped(error[0].upper() + error[1:])
 
 
 def shortly(error: str) -> str:
@@ -92,6 +102,8 @@ def thinner_at_volumes(found: Findings) -> str:
 
 def one_line(found: Findings) -> str:
     """'pass: compliance 59.9 J ± 1.8 % ...' for the terminal."""
+    if not found.carries:
+        return "fail: the design does not carry its loads"  # why stands in the table above
     told = within(found.judged.compliance, found.judged.bound, "J")
     bad = next((one for one in found.checks if one.status == found.status != "pass"), None)
     known = bad is None or bad.name == "Compliance is known"
