@@ -14,12 +14,14 @@ if TYPE_CHECKING:
     from dsfab.study import Comparison
 
 
-def write_results(preset: "Preset", found: "Sequence[tuple[float | None, Comparison]]", folder: Path) -> str:
+def write_results(
+    preset: "Preset", found: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
+) -> str:
     """results.csv and results.json, whose text is returned; `verdict` is the full check of the design."""
     from dsfab.preset_file import preset_toml
 
     rows = [{"volume": share, **row} for share, one in found for row in one.record()["competitors"]]
-    about = {"name": preset.name, "versions": versions(), "preset": preset_toml(preset)}
+    about = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
     document = json.dumps({**about, **_verdict(found), "competitors": rows}, indent=2)
     (folder / "results.json").write_text(document + "\n", encoding="utf-8")
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
