@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from dsfab.app.compliance import Findings
     from dsfab.preset import Preset
     from dsfab.study import Comparison
-    from dsfab.study.judging import Judge
+    from dsfab.study.baselines import Brief, Structure
+    from dsfab.study.judging import Judge, Judgement
     from dsfab.study.sweeps.making import Making
 
 PATIENCE = 60.0
@@ -87,7 +88,8 @@ def _compared(preset: "Preset", asked: Asked, reporter: Reporter) -> list[Compar
         if not asked.shares:
             raise
         reporter.say(f"compare     the design as its preset draws it is left out: {error}")
-    judge = _judge("full" if asked.level == "full" else "quick", asked, reporter)
+    # beside a cut sheet judged by one solve, a whole one on its own coarse mesh would look a quarter too soft, or more
+    judge = _judge(asked.level or "whole", asked, reporter)
     for share in asked.shares:
         reporter("compare", f"{share:.0%} of the material: the design")
         told = lambda name, share=share: reporter("compare", f"{share:.0%} of the material: {name}")  # noqa: E731
@@ -132,11 +134,24 @@ def _judge(depth: str, asked: Asked, reporter: Reporter, every: bool = False) ->
 
     ask = Ask(frequencies=int(asked.frequency), buckling=int(asked.buckling))
     if depth == "whole":
-        whole, cut = _judge("full", asked, reporter), _judge("quick", asked, reporter)
-        return lambda brief, made: (whole if made.cells is made.sheet else cut)(brief, made)
+        return _full_for_whole_sheets(_judge("full", asked, reporter), _judge("quick", asked, reporter))
     if depth == "full":
         return partial(full, ask=ask, every=every, budget=asked.memory, progress=reporter)
     return partial(quick, ask=ask, every=every) if ask or every else quick
+
+
+def _full_for_whole_sheets(whole: "Judge", cut: "Judge") -> "Judge":
+    """`whole` for what is not cut, once for each thickness, and `cut` for the rest."""
+    known: dict[float, Judgement] = {}
+
+    def judge(brief: "Brief", made: "Structure") -> "Judgement":
+        if made.cells is not made.sheet:
+            return cut(brief, made)
+        if made.thickness not in known:
+            known[made.thickness] = whole(brief, made)
+        return known[made.thickness]
+
+    return judge
 
 
 def _findings(found: list[Compared], command: str) -> "Findings":

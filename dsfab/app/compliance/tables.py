@@ -325,7 +325,12 @@ def volumes_table(found: Findings, number: Numbers) -> Table:
         cells = [_ratio(compared[name], compared.full.compliance) for name in names]
         rows.append((percent(share), mass(share * compared.full.mass), *cells))
     head = ("Share", "Mass", *(LABELS[name] for name in names))
-    note = "Compliance over that of the whole sheet; - : carries nothing at that share. Judged by one solve each."
+    asked = {one.judgement.level for _, compared in found.volumes for one in compared.competitors if one.judgement}
+    how = {
+        frozenset(("full",)): "Judged by full checks.",
+        frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",
+    }.get(frozenset(asked), "Whole sheets are judged by full checks, those that are cut by one solve.")
+    note = f"Compliance over that of the whole sheet; - : carries nothing at that share. {how}"
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)
 
 

@@ -87,17 +87,32 @@ def _against_thinner(found: Findings, rival: Competitor) -> str:
 def thinner_at_volumes(found: Findings) -> str:
     """Where a thinner whole sheet is the stiffer one, over the range of masses; '' where that was not asked."""
     pairs = [
-        (share, one.design.compliance, one["thinner"].compliance)
+        (f"{share:.0%}", one.design, one["thinner"])
         for share, one in found.volumes
         if any(rival.name == "thinner" and rival.judgement for rival in one.rivals)
     ]
-    if not pairs:
-        return ""
-    lost = [share for share, own, thin in pairs if not own <= thin]
-    if not lost:
-        return "At every share that was tried the design is stiffer than a thinner whole sheet of the same mass."
-    where = listed([f"{share:.0%}" for share in lost])
-    return f"<b>At {where} of the material a thinner whole sheet of the same mass is stiffer than the design.</b>"
+    lost = [share for share, own, thin in pairs if _least(own) > _most(thin)]
+    won = [share for share, own, thin in pairs if _most(own) < _least(thin)]
+    left = [share for share, _, _ in pairs if share not in (*lost, *won)]
+    told = []
+    if lost:
+        told.append(f"<b>At {listed(lost)} of the material a thinner whole sheet of the same mass is stiffer.</b>")
+    if won:
+        where = "every share that was tried" if len(won) == len(pairs) else f"{listed(won)} of the material"
+        told.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
+    if left:
+        told.append(f"At {listed(left)} design and thinner sheet are too close to call within their bounds.")
+    return " ".join(told)
+
+
+def _least(one: Competitor) -> float:
+    """The smallest that its compliance may be, J."""
+    return one.compliance * (1 - ((one.judgement.bound if one.judgement else None) or 0.0))
+
+
+def _most(one: Competitor) -> float:
+    """The largest that its compliance may be, J."""
+    return one.compliance * (1 + ((one.judgement.bound if one.judgement else None) or 0.0))
 
 
 def one_line(found: Findings) -> str:
