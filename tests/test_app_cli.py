@@ -166,6 +166,8 @@ def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
     assert [(row["volume"], row["name"]) for row in rows] == [
         (share, name) for share in (None, 0.5, 0.7) for name in ("full", "design", "thinner")
     ]
+    assert [row["level"] for row in rows[3:]] == 2 * ["full", "quick", "full"]  # whole sheets have coarse meshes
+    assert rows[3]["compliance_J"] == rows[6]["compliance_J"]
     shared = [row for row in rows if row["volume"] and row["name"] != "full"]
     assert all(row["mass_kg"] == pytest.approx(row["volume"] * 157, rel=1e-3) for row in shared)
     assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [
