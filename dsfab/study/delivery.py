@@ -33,7 +33,8 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
         how = {**step_options(ask), "corners": corners, "details": details, "curved": partial(curved_design, design)}
         return design.solid, how
     tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
-    details = Details(design_lines(design, tolerance), tolerance, facts=_facts(design))
+    exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
+    details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
 
 
