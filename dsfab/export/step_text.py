@@ -94,7 +94,7 @@ def _tables(
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
-    yield from _table(points, _POINT, *shape.points.T)
+    yield from _table(points, _POINT, *(_corners(shape) / 10**FACETED_DIGITS).T)
     yield from _table(vertices, "VERTEX_POINT('',#%d)", points)
     yield from _table(dirs, _RATIOS, *vectors[0].T)
     yield from _table(units, "VECTOR('',#%d,1.)", dirs)
@@ -116,9 +116,14 @@ def _ratios(shape: Polyhedron) -> Floats:
 
     A direction need not have length 1 (ISO 10303-42). Edges along an axis share one, whatever their lengths.
     """
-    corners = np.rint(shape.points * 10**FACETED_DIGITS).astype(np.int64)
+    corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None]
+
+
+def _corners(shape: Polyhedron) -> Ints:
+    """(p, 3) the corners in units of their last decimal."""
+    return np.rint(shape.points * 10**FACETED_DIGITS).astype(np.int64)
 
 
 def _digits(shape: Polyhedron) -> int:
