@@ -118,12 +118,12 @@ def _ratios(shape: Polyhedron) -> Floats:
     """
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
-    return along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None]
+    return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
 
 
 def _corners(shape: Polyhedron) -> Ints:
     """(p, 3) the corners in units of their last decimal."""
-    return np.rint(shape.points * 10**FACETED_DIGITS).astype(np.int64)
+    return np.asarray(np.rint(shape.points * 10**FACETED_DIGITS), dtype=np.int64)
 
 
 def _digits(shape: Polyhedron) -> int:
