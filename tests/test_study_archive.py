@@ -42,6 +42,7 @@ def poisoned(monkeypatch):
 
     for name in STEPS:
         monkeypatch.setattr(pipeline, name, fail)
+    monkeypatch.setattr(type(load_preset("cantilever").surface), "build", fail)
 
 
 def same(one: object, two: object) -> None:
@@ -104,7 +105,13 @@ def test_the_folder_delivers_what_the_design_does(suffix, design, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words", [["--to", "obj"], ["--to", "svg"], ["--to", "ply", "--sheet", "uncut"], ["--estimate"]]
+    "words",
+    [
+        ["--to", "obj"],
+        ["--to", "svg"],
+        ["--to", "ply", "--sheet", "uncut"],
+        pytest.param(["--estimate"], marks=pytest.mark.slow),
+    ],
 )
 def test_export_of_a_folder_runs_no_stage(words, folder, poisoned, tmp_path, capsys):
     where = [] if words == ["--estimate"] else ["-o", str(tmp_path / f"a.{words[1]}")]
