@@ -40,7 +40,7 @@ def test_build_writes_every_file_and_says_what_it_did(capsys, tmp_path):
     code, out, err = run(capsys, "build", "dome", *QUICK, "-o", str(folder))
     assert code == 0
     assert sorted(path.name for path in folder.iterdir()) == [
-        "design.json", "dome.ply", "dome.stl", "preset.toml", "sheet.ply",
+        "design.json", "design.npz", "dome.ply", "dome.stl", "preset.toml", "sheet.ply",
     ]  # fmt: skip
     assert "1 piece" in out
     assert [line.split()[0] for line in err.splitlines()][:6] == [

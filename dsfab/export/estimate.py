@@ -19,7 +19,7 @@ from dsfab.export.plate_text import plate_entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
 from dsfab.export.smooth.make import drafted
-from dsfab.export.step_text import DIGITS, faceted_bytes
+from dsfab.export.step_text import FACETED_DIGITS, faceted_bytes
 
 START = 3.0
 """Seconds that reading back takes at least: a process that imports build123d."""
@@ -125,7 +125,7 @@ def _simplified(part: Part) -> tuple[int, float, str]:
 
 
 def _tessellated(part: Part) -> tuple[int, float, str]:
-    digits = np.log10(max(np.abs(part.V).max(), 1.0)) + DIGITS + 2.5
+    digits = np.log10(max(np.abs(part.V).max(), 1.0)) + FACETED_DIGITS + 2.5
     size = 1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F)
     return len(part.F), float(size), f"no deviation; only on request: {tessellated.WARNING}"
 

@@ -23,7 +23,8 @@ class Details:
     """What some formats hold besides a mesh; each takes what it can.
 
     lines     : edges and centre lines, metres.
-    tolerance : metres that `lines` may be off the true ones.
+    tolerance : metres that what a file holds may be off the true lines: that `lines` are, or that curves through exact
+                `lines` may be.
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.

@@ -42,8 +42,8 @@ from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
 from dsfab.export.smooth.make import made
-from dsfab.export.step_text import DIGITS, entities
-from dsfab.surface.topology import edge_table
+from dsfab.export.step_text import DIGITS, FACETED_DIGITS, entities
+from dsfab.surface.topology import edge_table, half_edges
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
@@ -61,7 +61,11 @@ TIGHTER = 1 / 4
 
 def prepare(part: Part) -> Part:
     """The part rounded to the file's decimals; raises ExportError where an edge has more than two triangles."""
-    part = settled(part, np.round(part.V, DIGITS) + 0.0, f"a STEP file with {DIGITS} decimals")
+    V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
+    ends = np.stack(half_edges(part.F))
+    short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
+    V[short] = coarse[short]  # they become one, the others stay where planes are found
+    part = settled(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
         raise ExportError(
