@@ -6,6 +6,7 @@ segment is its own curve in the end.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ class Edge:
     gap: float
     wall: bool
 
-    @property
+    @cached_property
     def spans(self) -> int:
         """The power of two that makes all knots whole numbers, short to write: they are halves of halves of [0, 1]."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])

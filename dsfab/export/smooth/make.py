@@ -96,11 +96,11 @@ class _Ladder:
         self.limits = Limits(t, part.tolerance or DISTANCE * t, chord, excess(self.surface))
         self.allowed = Allowed(t, self.limits.distance, chord)
         self.inspected = 0
+        if part.hurry:
+            self._ask_walls()
 
     def made(self) -> Made:
         """The best of the layouts: the first one without a refused piece."""
-        if self.part.hurry:
-            self._ask_walls()
         best: _Tried | None = None
         reason = ""
         for cone, fewest, start in self.layouts:
