@@ -116,7 +116,7 @@ def measured(name: str, number: int) -> dict[str, Any]:
         "triangles": triangles,
         "ratio": PER_TRIANGLE * triangles / len(file.text),
         "distance": max(file.there, file.back) / t,
-        "chord": file.limits.chord / t,
+        "chord": file.limits.usual / t,
         "gap": file.gap / t,
         "volume": file.volume / part.volume - 1,
         "cpu": cpu() - start,

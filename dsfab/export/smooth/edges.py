@@ -25,7 +25,7 @@ FLAT = 2 / 3
 OF_CHORD = 0.5
 """Share of the mesh's own chord error that is added to it: so much less does the mesh know of its outline."""
 
-IN_SPACE = 1 / 100
+IN_SPACE = 1 / 50
 """Tolerance of the curves on the skins, as a share of the thickness."""
 
 OF_LOOP = 0.005

@@ -6,6 +6,7 @@ be another one than the mesh: every piece is compared with the mesh of its own s
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import igl
 import numpy as np
@@ -28,22 +29,32 @@ VOLUME = 5e-3
 """Largest change of a volume, beside what the smooth surface has more than the triangles between its points."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Limits:
-    """Millimetres: the thickness, how far the smooth solid may be off the mesh, and the mesh's own chord error on top.
+    """Millimetres: the thickness, and how far the smooth solid may be off the mesh beside the mesh's own chord error.
 
-    rounder : by what share the volume may be larger, since the mesh cuts its curves short.
+    V, chord : (n, 3) and (n,) vertices of the uncut surface, and the chord error around them.
+    rounder  : by what share the volume may be larger, since the mesh cuts its curves short.
     """
 
     thickness: float
     distance: float
-    chord: float
+    V: Floats
+    chord: Floats
     rounder: float
 
-    @property
-    def far(self) -> float:
-        """The largest distance."""
-        return self.distance + self.chord
+    @cached_property
+    def usual(self) -> float:
+        """The chord error that nine of ten vertices stay under."""
+        return float(np.percentile(self.chord, 90))
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.V)
+
+    def allowed(self, points: Floats) -> Floats:
+        """(k,) how far points may be off: the chord error counts where they are."""
+        return np.asarray(self.distance + self.chord[self._tree.query(points)[1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +69,19 @@ class Verdict:
     there: float = 0.0
     back: float = 0.0
     volume: float = 0.0
+
+
+class _Away(NamedTuple):
+    """Distances between a piece and the mesh, one way: the largest, the largest excess over what is allowed with the
+    distance and the allowance there, and the places that are too far off."""
+
+    most: float
+    worst: float
+    allowed: float
+    bad: Floats
+
+
+_NOWHERE = _Away(0.0, 0.0, 0.0, np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,31 +124,36 @@ class Gate:
     def verdicts(self, pieces: dict[int, Piece], found: dict[int, Finding]) -> dict[int, Verdict]:
         """About pieces by their numbers, with what OCCT says about those that it read."""
         away = self._distances({k: found[k] for k in pieces if k in found and found[k].tessellates})
-        return {k: self._verdict(k, piece, found.get(k), away.get(k, [])) for k, piece in pieces.items()}
+        return {
+            k: self._verdict(k, piece, found.get(k), away.get(k, (_NOWHERE, _NOWHERE))) for k, piece in pieces.items()
+        }
 
-    def _verdict(self, k: int, piece: Piece, found: Finding | None, away: list[tuple[float, Floats]]) -> Verdict:
+    def _verdict(self, k: int, piece: Piece, found: Finding | None, away: tuple[_Away, _Away]) -> Verdict:
         if piece.refused or found is None:
             return Verdict(piece.refused or "OCCT did not read it within the time limit")
         limits, wanted, gap = self.limits, self.volumes[k], max(piece.gap, found.gap)
-        (there, off), (back, missed) = away or [(0.0, np.zeros((0, 3)))] * 2
+        there, back = away
+        far = max(away, key=lambda way: way.worst - way.allowed)
         sound = found.valid and found.closed
-        near = max(there, back) <= limits.far
+        near = far.worst <= far.allowed
         tests = (
             (sound, "OCCT finds it invalid"),
             (found.faces == piece.faces, f"OCCT reads {found.faces} faces instead of {piece.faces}"),
             (found.tessellates, "OCCT makes no triangles of a face"),
             (gap <= GAP * limits.thickness, f"a gap of {gap:.2g} mm is wider than {GAP * limits.thickness:.2g} mm"),
-            (near, f"it is {max(there, back):.2g} mm off the mesh, more than {limits.far:.2g} mm"),
+            (near, f"it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
             (
                 abs(found.volume - wanted) <= (VOLUME + limits.rounder) * wanted,
                 f"its volume is off by {found.volume / wanted - 1:.1%}",
             ),
         )
         reason = next((text for good, text in tests if not good), "")
-        bad = found.bad if not sound else np.concatenate([off, missed])
+        bad = found.bad if not sound else np.concatenate([there.bad, back.bad])
         if sound and found.tessellates and near and gap <= GAP * limits.thickness:
-            return Verdict(reason, bad[:0], there, back, found.volume)
-        return Verdict(reason, bad if len(bad) else piece.ends, there, back, found.volume)
+            bad = bad[:0]
+        elif not len(bad):
+            bad = piece.ends
+        return Verdict(reason, bad, there.most, back.most, found.volume)
 
     @cached_property
     def volumes(self) -> Floats:
@@ -139,9 +168,9 @@ class Gate:
             total += weight * np.einsum("mi,mi->m", cross, d.mean(axis=1)) / 2
         return np.asarray(np.bincount(sheet.piece, total, sheet.count), dtype=np.float64)
 
-    def _distances(self, found: dict[int, Finding]) -> dict[int, list[tuple[float, Floats]]]:
-        """By piece, from it to the mesh and back: the largest distance, and the places that are too far off."""
-        away = dict[int, list[tuple[float, Floats]]]()
+    def _distances(self, found: dict[int, Finding]) -> dict[int, tuple[_Away, _Away]]:
+        """By piece, from it to the mesh, and back."""
+        away = dict[int, tuple[_Away, _Away]]()
         for solid in {int(self.solid[k]) for k in found}:
             mesh, these = self.mesh(solid), [k for k in found if self.solid[k] == solid]
             V = np.concatenate([found[k].V for k in these])
@@ -149,11 +178,16 @@ class Gate:
             F = np.concatenate([found[k].F + i for k, i in zip(these, start, strict=False)])
             back = self._farthest(self.part.V, mesh, V, F)
             for k in these:
-                away[k] = [self._farthest(found[k].V, found[k].F, self.part.V, mesh), back]
+                away[k] = (self._farthest(found[k].V, found[k].F, self.part.V, mesh), back)
         return away
 
-    def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> tuple[float, Floats]:
+    def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> _Away:
         """Of the vertices and the middles of triangles, from the other triangles."""
         points = np.concatenate([V[np.unique(F)], V[F].mean(axis=1)])
         away = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, np.array(V2), np.array(F2))[0]))
-        return float(away.max()), points[away > self.limits.far]
+        far = points[away > self.limits.distance]  # the others need not be asked
+        if not len(far):
+            return _Away(float(away.max()), float(away.max()), self.limits.distance, far)
+        most, allowed = away[away > self.limits.distance], self.limits.allowed(far)
+        k = int((most - allowed).argmax())
+        return _Away(float(away.max()), float(most[k]), float(allowed[k]), far[most > allowed])

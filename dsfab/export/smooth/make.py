@@ -16,7 +16,7 @@ from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
 from dsfab.export.smooth.ask import Finding, findings
-from dsfab.export.smooth.charts import charts_of, chord_error, excess
+from dsfab.export.smooth.charts import charts_of, chord_errors, excess
 from dsfab.export.smooth.edges import Allowed
 from dsfab.export.smooth.file import Made, file_text, rest_of
 from dsfab.export.smooth.gate import DISTANCE, Gate, Limits, Verdict
@@ -28,10 +28,10 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, edge_table
 from dsfab.units import MM_PER_M
 
-FIT = 1 / 2
+FIT = 1 / 3
 """Tolerance of the skins, as a share of the distance that is allowed."""
 
-LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2))
+LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3), (36.0, 40, 4))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
 
 LOOPS = 40
@@ -42,6 +42,9 @@ MOST_INSPECTED = 6000
 
 MOST_WALLS = 2500
 """Walls of a sheet that is to be made in a hurry: about fifteen seconds."""
+
+MOST_CHORD = 1 / 4
+"""No more of the mesh's own chord error counts, as a share of the thickness: at creases it is no such thing."""
 
 REFITS = 3
 """How often the refused pieces of a layout are built tighter."""
@@ -92,9 +95,10 @@ class _Ladder:
         self.part, self.curved = part, part.curved()
         self.surface = Surface(self.curved.V, self.curved.F)
         t = 2 * MM_PER_M * float(np.median(np.linalg.norm(self.curved.D, axis=1)))
-        chord = MM_PER_M * chord_error(self.surface)
-        self.limits = Limits(t, part.tolerance or DISTANCE * t, chord, excess(self.surface))
-        self.allowed = Allowed(t, self.limits.distance, chord)
+        chord = np.minimum(MM_PER_M * chord_errors(self.surface), MOST_CHORD * t)
+        V = MM_PER_M * self.surface.V
+        self.limits = Limits(t, part.tolerance or DISTANCE * t, V, chord, excess(self.surface))
+        self.allowed = Allowed(t, self.limits.distance, self.limits.usual)
         self.inspected = 0
         if part.hurry:
             self._ask_walls()

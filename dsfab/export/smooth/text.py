@@ -21,7 +21,7 @@ from dsfab.export.smooth.edges import Edge
 from dsfab.export.smooth.solid import Model, Piece, Skin
 from dsfab.export.smooth.splines import Patch, Spline, straight
 
-ROUNDING = 1e-5
+ROUNDING = 3e-5
 """Coordinates are rounded to this share of the thickness, at most, and to 1e-6 mm at least."""
 
 PLANE = "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
