@@ -73,7 +73,7 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
     Nothing is written, and nothing is checked by OCCT: a way that is chosen here may still be refused for its result.
     """
     found = [_estimate(part, way, shape) for way, shape in WAYS.items() if way != "smooth" or part.curved is not None]
-    allowed = {"planar", "faceted", "simplified"} if part.step == "auto" else {part.step}
+    allowed = {"planar", "smooth", "faceted", "simplified"} if part.step == "auto" else {part.step}
     allowed |= {"simplified"} if part.step == "faceted" and part.tolerance else set()
     order = ["planar", "smooth", "simplified", "faceted"] if part.tolerance else list(WAYS)
     best = next((way for way in order for e in found if e.way == way and way in allowed and not e.refused), None)
@@ -110,7 +110,10 @@ def _planar(part: Part) -> tuple[int, float, str]:
 def _smooth(part: Part) -> tuple[int, float, str]:
     if default := step.default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
-    return (*drafted(part), "not checked yet: pieces that are refused will be faceted")
+    return (
+        *drafted(replace(part, hurry=part.step == "auto")),
+        "not checked yet: pieces that are refused will be faceted",
+    )
 
 
 def _faceted(part: Part) -> tuple[int, float, str]:

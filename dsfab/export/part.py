@@ -58,6 +58,7 @@ class Part:
     step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
     note       : what was done to the mesh on its way here.
     curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
+    hurry      : whether nobody asked for smooth STEP by name, so that it may be given up early.
     """
 
     V: Floats
@@ -72,6 +73,7 @@ class Part:
     step_mb: float = 0.0
     note: str = ""
     curved: Callable[[], Curved] | None = None
+    hurry: bool = False
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))
