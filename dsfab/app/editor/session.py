@@ -38,12 +38,15 @@ class Shown:
 
 
 class Session:
-    """What is opened, what was last made of it, and the files that were built; use as `with Session(opened)`."""
+    """What is opened, what was last made of it, and the files that were built; use as `with Session(opened)`.
 
-    def __init__(self, first: Opened) -> None:
+    made : a draft of the first preset, if there is one: the page then waits for nothing.
+    """
+
+    def __init__(self, first: Opened, made: Draft | None = None) -> None:
         self.jobs = Jobs()
         self._opened, self._opening = first, 1
-        self._shown: Shown | None = None
+        self._shown = Shown(made, 1, 1, 1) if made else None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
         self._files: dict[int, list[Path]] = {}
@@ -154,6 +157,11 @@ class Session:
         """A file that was built, by its number; the page names no path."""
         files = self._files.get(job, [])
         return files[index] if 0 <= index < len(files) else None
+
+    @property
+    def latest(self) -> list[Path]:
+        """The files that were built last."""
+        return list(self._files[max(self._files)]) if self._files else []
 
     def _solve(self, preset: Preset, progress: Progress) -> dict[str, Any]:
         with self._lock:

@@ -1,6 +1,6 @@
 /** Jobs on the server: what runs, how far it is, and who waits for its end. */
 
-import { listen, post } from './transport.js';
+import { AWAY, listen, post } from './transport.js';
 
 const by = (id) => document.getElementById(id);
 
@@ -10,22 +10,22 @@ export class Work {
     this.handlers = handlers;
     this.latest = {};
     this.told = {};
-    by('cancel').addEventListener('click', () => this.running && post('/api/cancel', { job: this.running }).catch((error) => this.say(error.message)));
+    by('cancel').addEventListener('click', () => this.running && post('cancel', { job: this.running }).catch((error) => this.say(error.message)));
   }
 
   /** Begin to listen. */
   listen() {
     return listen(
       (news) => this.hear(news),
-      (away) => away && this.say('The server is away; start dsfab edit again.'),
+      (away) => (away ? this.say(AWAY) : by('status').textContent === AWAY && this.say('')),
     );
   }
 
   /** Ask for a job; only the news of the newest of each kind counts. Returns its number. */
-  async ask(kind, path, body) {
+  async ask(kind, body) {
     this.latest[kind] = Infinity; // whatever is heard of older ones is old
     try {
-      const { job } = await post(path, body);
+      const { job } = await post(kind, body);
       this.latest[kind] = job;
       if (this.told[job]) this.hear(this.told[job]); // it was faster than the answer
       return job;
