@@ -117,7 +117,7 @@ def editor():
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(comm, "create_comm", Wire)
-        patched.setattr("dsfab.app.editor.building.why_no_pictures", lambda: "not now")
+        patched.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
         made = dsfab.edit(draft(load_preset("dome", COARSE)))
         yield made
         made.close()

@@ -241,7 +241,7 @@ def test_a_reload_restores_everything(tab, server):
 def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
     import trimesh
 
-    monkeypatch.setattr("dsfab.app.editor.building.why_no_pictures", lambda: "not now")
+    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
     tab.run("document.getElementById('build').click()")
     until(tab, "document.querySelectorAll('#built a').length > 0", 120)
     link = tab.run("document.querySelector('#built a').href")
@@ -252,12 +252,12 @@ def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
 
 
 def test_a_build_can_be_cancelled(tab, monkeypatch):
-    def endless(preset, old, folder, progress):
+    def endless(preset, old, folder, progress, picture):
         while True:
             progress("thickening", "for ever")
             time.sleep(0.01)
 
-    monkeypatch.setattr("dsfab.app.editor.building.built", endless)
+    monkeypatch.setattr("dsfab.app.editor.process.built_apart", endless)
     tab.run("document.getElementById('build').click()")
     until(tab, "!document.getElementById('cancel').hidden")
     assert tab.run("document.getElementById('status').textContent") == "thickening: for ever"

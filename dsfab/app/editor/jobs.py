@@ -1,6 +1,7 @@
 """`Jobs`: one worker for all that takes time, the newest wish first, and news of it for whoever listens.
 
-One thread does everything, drawing included: what one thread has made another cannot draw.
+One thread does everything, drawing included: what one thread has made another cannot draw. A thread cannot be ended:
+one that does not notice a Cancel is left behind, ends at its next progress, and a new one takes over.
 """
 
 import itertools
@@ -22,13 +23,34 @@ KEPT = 64
 
 log = logging.getLogger(__name__)
 
-Progress = Callable[[str, str], None]
-Work = Callable[[Progress], dict[str, Any]]
-"""What a job does, telling its progress; the facts that it returns go to the page."""
+PATIENCE = 0.5
+"""Seconds that a job may take to its next progress once the person cancels it; then it is left behind."""
+
+Telling = Callable[[str, str], None]
+"""A stage and what it does now."""
 
 
 class Cancelled(Exception):  # noqa: N818  # nothing went wrong
     """Raised in the worker at the next progress after a job was cancelled."""
+
+
+class Progress:
+    """How far a job is. Raises Cancelled, also by `check`, which tells nothing, once nobody wants the job any more."""
+
+    def __init__(self, stop: threading.Event, tell: Telling) -> None:
+        self._stop, self._tell = stop, tell
+
+    def __call__(self, stage: str, text: str) -> None:
+        self.check()
+        self._tell(stage, text)
+
+    def check(self) -> None:
+        if self._stop.is_set():
+            raise Cancelled
+
+
+Work = Callable[[Progress], dict[str, Any]]
+"""What a job does, telling its progress; the facts that it returns go to the page."""
 
 
 @dataclass(eq=False)
@@ -67,11 +89,14 @@ class Jobs:
         self._numbers = itertools.count(1)
         self._listeners: list[queue.Queue[dict[str, Any] | None]] = []
         self._closed = False
-        self._thread = threading.Thread(target=self._loop, name="dsfab-editor-worker", daemon=True)
+        self._thread = self._worker()
 
     def __enter__(self) -> "Jobs":
         self._thread.start()
         return self
+
+    def _worker(self) -> threading.Thread:
+        return threading.Thread(target=self._loop, name="dsfab-editor-worker", daemon=True)
 
     def __exit__(self, *_: object) -> None:
         with self._wake:
@@ -107,13 +132,17 @@ class Jobs:
         return job.number
 
     def cancel(self, number: int) -> bool:
-        """Stop a job at its next progress, or before it begins; whether there was anything to stop."""
+        """Stop a job, or take it off the list before it begins; whether there was anything to stop."""
         with self._wake:
             job = self._known.get(number)
             if job is None or job.state not in ("waiting", "running"):
                 return False
             job.stop.set()
-            if job.state == "waiting":
+            if job.state == "running":
+                late = threading.Timer(PATIENCE, self._leave_behind, [job])
+                late.daemon = True
+                late.start()
+            else:
                 self._waiting.pop(job.kind, None)
                 self._end(job, "cancelled", "cancelled")
             return True
@@ -140,6 +169,16 @@ class Jobs:
         if self._running and self._running.kind == kind:
             self._running.stop.set()
 
+    def _leave_behind(self, job: Job) -> None:
+        """A job that has not noticed: it counts as ended, and another thread does the rest."""
+        with self._wake:
+            if self._running is not job or self._closed:
+                return
+            self._running = None
+            self._end(job, "cancelled", "cancelled")
+            self._thread = self._worker()
+            self._thread.start()
+
     def _loop(self) -> None:
         while True:
             with self._wake:
@@ -150,18 +189,20 @@ class Jobs:
                 job = self._waiting.pop(next(kind for kind in ORDER if kind in self._waiting))
                 self._running, job.state = job, "running"
                 self._tell(job)
-            self._do(job)
+            if not self._do(job):
+                return
 
-    def _do(self, job: Job) -> None:
-        def progress(stage: str, text: str) -> None:
-            if job.stop.is_set():
-                raise Cancelled
+    def _do(self, job: Job) -> bool:
+        """Whether this thread is still the worker afterwards."""
+
+        def tell(stage: str, text: str) -> None:
             with self._wake:
                 job.stage, job.text = stage, text
                 self._tell(job)
 
+        result: dict[str, Any] = {}
         try:
-            job.result = job.work(progress)
+            result = job.work(Progress(job.stop, tell))
             state, text = "done", ""
         except Cancelled:
             state, text = "cancelled", "cancelled"
@@ -171,8 +212,11 @@ class Jobs:
             log.exception("job %d", job.number)
             state, text = "failed", f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
         with self._wake:
-            self._running = None
+            if self._running is not job:
+                return False
+            self._running, job.result = None, result
             self._end(job, state, text)
+            return True
 
     def _end(self, job: Job, state: str, text: str) -> None:
         job.state, job.text = state, text

@@ -181,12 +181,13 @@ class Session:
         return {"draft": shown.number, **figures(shown.draft, progress)}
 
     def _build(self, preset: Preset, progress: Progress) -> dict[str, Any]:
-        from dsfab.app.editor.building import built
+        from dsfab.app.editor.process import built_apart
+        from dsfab.app.gl import why_no_pictures
 
         with self._lock:
             old = self._shown
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._folder.name))
-        made = built(preset, old.draft if old else None, folder, progress)
+        made = built_apart(preset, old.draft if old else None, folder, progress, not why_no_pictures())
         number = len(self._files) + 1
         self._files[number] = made.files
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in made.files]
