@@ -25,13 +25,14 @@ from dsfab.app.editor.controls import controls
 from dsfab.app.editor.figures import figures
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.opened import Opened, opened, opened_mesh, opened_shipped
-from dsfab.app.editor.payload import colours, model, packed, widths
+from dsfab.app.editor.payload import colours, creased, model, packed, widths
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
 from dsfab.pipeline import draft, run
 from dsfab.preset_file import load_preset, parse_override, preset_from
+from dsfab.surface import Surface
 
 COARSE = {"surface.edge": 1.2}
 
@@ -162,6 +163,14 @@ def test_the_page_gets_the_draft(dome):
     assert points[0, 5] < -50e3  # the crown carries its own weight too
     for name in ("major", "minor"):  # frequency times spacing
         assert facts["lines"][name][0] > 0
+
+
+def test_creases_are_told():
+    """Two plates at a right angle; a dome has none."""
+    V = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
+    folded = Surface(V, np.array([[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]]))
+    assert creased(folded)
+    assert not creased(load_preset("dome", COARSE).surface.build())
 
 
 def test_widths_are_those_that_are_cut(dome):
