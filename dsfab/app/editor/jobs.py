@@ -1,7 +1,7 @@
-"""`Jobs`: one worker for all that takes time, the newest wish first, and news of it for whoever listens.
+"""`Jobs`: a worker for each kind of work, of which the newest wish counts, and news of it for whoever listens.
 
-One thread does everything, drawing included: what one thread has made another cannot draw. A thread cannot be ended:
-one that does not notice a Cancel is left behind, ends at its next progress, and a new one takes over.
+So a slider is answered while a solid is built. A thread cannot be ended: one that does not notice a Cancel is left
+behind, ends at its next progress, and a new one takes over.
 """
 
 import itertools
@@ -14,9 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dsfab.errors import DsfabError
-
-ORDER = ("solve", "picture", "figures", "build")
-"""What is waiting is done in this order."""
 
 KEPT = 64
 """Jobs whose end is still known."""
@@ -79,35 +76,31 @@ class Job:
 
 
 class Jobs:
-    """The worker, its queue and its listeners; use as `with Jobs() as jobs`."""
+    """Workers, what waits for them, and their listeners; use as `with Jobs() as jobs`."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
         self._waiting: dict[str, Job] = {}
-        self._running: Job | None = None
+        self._running: dict[str, Job] = {}
+        self._workers: dict[str, threading.Thread] = {}
         self._known: dict[int, Job] = {}
         self._numbers = itertools.count(1)
         self._listeners: list[queue.Queue[dict[str, Any] | None]] = []
         self._closed = False
-        self._thread = self._worker()
 
     def __enter__(self) -> "Jobs":
-        self._thread.start()
         return self
-
-    def _worker(self) -> threading.Thread:
-        return threading.Thread(target=self._loop, name="dsfab-editor-worker", daemon=True)
 
     def __exit__(self, *_: object) -> None:
         with self._wake:
             self._closed = True
-            for job in (self._running, *self._waiting.values()):
-                if job:
-                    job.stop.set()
+            for job in (*self._running.values(), *self._waiting.values()):
+                job.stop.set()
             for listener in self._listeners:
                 listener.put(None)
             self._wake.notify_all()
-        self._thread.join(timeout=5)
+        for worker in self._workers.values():
+            worker.join(timeout=5)
 
     def ask(self, kind: str, work: Work) -> int:
         """Do `work` as soon as possible; an older wish of the same kind is dropped. Returns the job's number."""
@@ -116,19 +109,14 @@ class Jobs:
             self._known[job.number] = job
             for number in list(self._known)[:-KEPT]:
                 del self._known[number]
-            for old in (
-                self._waiting.get(kind),
-                self._running if self._running and self._running.kind == kind else None,
-            ):
-                if old:
-                    old.stop.set()
+            self._drop(kind, "a newer wish came")
             if kind == "solve":  # what was measured on the old one is of no use either
-                self._drop("figures")
-            if dropped := self._waiting.get(kind):
-                self._end(dropped, "cancelled", "a newer wish came")
+                self._drop("figures", "outdated")
             self._waiting[kind] = job
             self._tell(job)
-            self._wake.notify()
+            if kind not in self._workers:
+                self._work(kind)
+            self._wake.notify_all()
         return job.number
 
     def cancel(self, number: int) -> bool:
@@ -151,6 +139,12 @@ class Jobs:
         """A job by its number, while it is known."""
         return self._known.get(number)
 
+    def pending(self, number: int) -> bool:
+        """Whether a job has not ended yet, and still counts."""
+        with self._wake:
+            job = self._known.get(number)
+            return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
+
     def listen(self) -> "queue.Queue[dict[str, Any] | None]":
         """A queue of news; None at the end. Give it back with `leave`."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
@@ -163,31 +157,36 @@ class Jobs:
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 
-    def _drop(self, kind: str) -> None:
-        if job := self._waiting.pop(kind, None):
-            self._end(job, "cancelled", "outdated")
-        if self._running and self._running.kind == kind:
-            self._running.stop.set()
+    def _drop(self, kind: str, why: str) -> None:
+        if waiting := self._waiting.pop(kind, None):
+            waiting.stop.set()
+            self._end(waiting, "cancelled", why)
+        if running := self._running.get(kind):
+            running.stop.set()
 
     def _leave_behind(self, job: Job) -> None:
         """A job that has not noticed: it counts as ended, and another thread does the rest."""
         with self._wake:
-            if self._running is not job or self._closed:
+            if self._running.get(job.kind) is not job or self._closed:
                 return
-            self._running = None
+            del self._running[job.kind]
             self._end(job, "cancelled", "cancelled")
-            self._thread = self._worker()
-            self._thread.start()
+            self._work(job.kind)
 
-    def _loop(self) -> None:
+    def _work(self, kind: str) -> None:
+        worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
+        self._workers[kind] = worker
+        worker.start()
+
+    def _loop(self, kind: str) -> None:
         while True:
             with self._wake:
-                while not self._waiting and not self._closed:
+                while kind not in self._waiting and not self._closed:
                     self._wake.wait()
                 if self._closed:
                     return
-                job = self._waiting.pop(next(kind for kind in ORDER if kind in self._waiting))
-                self._running, job.state = job, "running"
+                self._running[kind] = job = self._waiting.pop(kind)
+                job.state = "running"
                 self._tell(job)
             if not self._do(job):
                 return
@@ -212,9 +211,10 @@ class Jobs:
             log.exception("job %d", job.number)
             state, text = "failed", f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
         with self._wake:
-            if self._running is not job:
+            if self._running.get(job.kind) is not job:
                 return False
-            self._running, job.result = None, result
+            del self._running[job.kind]
+            job.result = result
             self._end(job, state, text)
             return True
 

@@ -111,6 +111,9 @@ class Handler(BaseHTTPRequestHandler):
             self._json(self.server.session.start())
         elif parts.path == "/api/model":
             self._bytes(self.server.session.model(_number(query, "have")), "application/octet-stream")
+        elif parts.path == "/api/early":
+            content = self.server.session.early()
+            self._bytes(content, "application/octet-stream", status=HTTPStatus.OK if content else HTTPStatus.NO_CONTENT)
         elif parts.path == "/api/events":
             self._events()
         elif parts.path == "/api/file":
@@ -143,7 +146,7 @@ class Handler(BaseHTTPRequestHandler):
         return body
 
     def _page(self) -> None:
-        content, policy = page(self.server.static["index.html"], self.server.token)
+        content, policy = page(self.server.static, self.server.token)
         self._bytes(content, "text/html; charset=utf-8", {"Content-Security-Policy": policy})
 
     def _static(self, name: str) -> None:

@@ -38,6 +38,8 @@ class Editor(anywidget.AnyWidget):
         self._heard = False
         super().__init__(**more)
         self.on_msg(self._received)
+        if made is None:
+            self._session.ask_solve({})  # while the page begins
         threading.Thread(target=self._tell, args=(self._news,), name="dsfab-editor-news", daemon=True).start()
 
     @property

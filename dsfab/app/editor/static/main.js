@@ -9,7 +9,7 @@ import { drawn, Sampler } from './pattern.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
 import { State } from './state.js';
-import { begun, follow, keep, kept, model as fetched } from './transport.js';
+import { begun, early, follow, keep, kept, model as fetched } from './transport.js';
 import { Viewer } from './viewer.js';
 import { Views } from './views.js';
 import { Work } from './work.js';
@@ -73,6 +73,7 @@ class Editor {
 
   async begin() {
     this.viewer?.resize();
+    early.then((got) => this.found(got));
     await this.work.listen();
     this.solve();
     this.refresh();
@@ -94,6 +95,15 @@ class Editor {
       else if (key === 'escape') this.loads?.begin('');
       else if (event.target === by('canvas')) this.viewer?.eye.keyed(key) && event.preventDefault();
     }
+  }
+
+  /** What was solved before the page came is shown at once; its own wish comes later. */
+  found(got) {
+    if (!got || this.model || got.facts.opening !== this.start.opening) return;
+    this.model = got;
+    this.stale = true;
+    this.surface();
+    this.outdated(!this.stripes());
   }
 
   /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */

@@ -18,10 +18,15 @@ export async function post(name, body) {
   return read(answer);
 }
 
+const [start, first] = window.early; // asked for by index.html, before any module is here
+
 /** What the page needs before anything is solved. */
-export async function begun() {
-  return read(await fetch('/api/start', { headers }));
-}
+export const begun = async () => read(await start);
+
+/** What was solved before the page came, as `model` gives it, or null. */
+export const early = first
+  .then(async (answer) => (answer.status === 200 ? unpacked(await answer.arrayBuffer()) : null))
+  .catch(() => null);
 
 async function read(answer) {
   const told = await answer.json();
@@ -29,11 +34,14 @@ async function read(answer) {
   return told;
 }
 
-/** What was last solved: facts, and arrays by name. `have` is the version that the page holds already. */
+/** What was last solved: facts, and arrays by name. `have` is the version that the page holds already, or 0. */
 export async function model(have) {
-  const answer = await fetch(`/api/model?have=${have}`, { headers });
+  const known = have ? null : await early; // nothing large comes twice
+  const answer = await fetch(`/api/model?have=${known?.facts.version ?? have}`, { headers });
   if (!answer.ok) return read(answer);
-  return unpacked(await answer.arrayBuffer());
+  const { facts, arrays } = unpacked(await answer.arrayBuffer());
+  if (!known || facts.whole) return { facts, arrays };
+  return { facts: { ...known.facts, ...facts, whole: true }, arrays: { ...known.arrays, ...arrays } };
 }
 
 /** Call `hear` with every piece of news of a job; `lost` with whether the server is away. */

@@ -41,6 +41,7 @@ window.addEventListener('pagehide', () => {
 });
 
 export const post = ask;
+export const early = Promise.resolve(null); // Python would do nothing else until it is solved
 export const begun = () => ask('start');
 export const model = async (have) => unpacked(await ask('model', { have }));
 
