@@ -21,6 +21,7 @@ _HOME = {
     "Solid": "dsfab.thickening",
     "Surface": "dsfab.surface",
     "compare": "dsfab.study",
+    "edit": "dsfab.app.editor.notebook",
     "inline_picture": "dsfab.app.inline",
     "load_preset": "dsfab.preset_file",
     "read_surface": "dsfab.surface",
@@ -34,6 +35,7 @@ _HOME = {
 __all__ = sorted(_HOME)
 
 if TYPE_CHECKING:
+    from dsfab.app.editor.notebook import edit as edit
     from dsfab.app.inline import inline_picture as inline_picture
     from dsfab.app.previewer import Previewer as Previewer
     from dsfab.design import Design as Design

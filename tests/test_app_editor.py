@@ -5,6 +5,7 @@ import hashlib
 import http.client
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -13,22 +14,25 @@ import time
 import tomllib
 import urllib.request
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dsfab.app.editor import server as doors
+from dsfab.app.editor.carrying import carried
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.figures import figures
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.opened import Opened, opened, opened_mesh, opened_shipped
-from dsfab.app.editor.payload import colours, model, packed, widths
+from dsfab.app.editor.payload import colours, creased, model, packed, widths
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
 from dsfab.pipeline import draft, run
 from dsfab.preset_file import load_preset, parse_override, preset_from
+from dsfab.surface import Surface
 
 COARSE = {"surface.edge": 1.2}
 
@@ -161,6 +165,14 @@ def test_the_page_gets_the_draft(dome):
         assert facts["lines"][name][0] > 0
 
 
+def test_creases_are_told():
+    """Two plates at a right angle; a dome has none."""
+    V = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
+    folded = Surface(V, np.array([[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]]))
+    assert creased(folded)
+    assert not creased(load_preset("dome", COARSE).surface.build())
+
+
 def test_widths_are_those_that_are_cut(dome):
     facts, arrays = unpacked(packed(*widths(dome)))
     half = dict(zip(dome.pattern.names, dome.pattern.half_widths, strict=True))
@@ -234,13 +246,37 @@ def test_cancel_stops_at_the_next_progress():
     with Jobs() as jobs:
         number = jobs.ask("build", long)
         begun.wait(5)
-        waiting = jobs.ask("figures", lambda progress: {})
-        assert jobs.cancel(waiting)
-        assert jobs.job(waiting).state == "cancelled"
+        assert wait(jobs, jobs.ask("solve", lambda progress: {})).state == "done"  # a slider waits for no solid
         assert jobs.cancel(number)
         assert wait(jobs, number).state == "cancelled"
         assert not jobs.cancel(number)
         assert not jobs.cancel(999)
+
+
+def test_a_job_that_does_not_notice_is_left_behind():
+    begun, go_on, late = threading.Event(), threading.Event(), []
+
+    def deaf(progress):
+        begun.set()
+        go_on.wait(30)
+        late.append("awake")
+        progress("statics", "too late")
+        late.append("not to be reached")
+
+    with Jobs() as jobs:
+        number = jobs.ask("solve", deaf)
+        begun.wait(5)
+        assert jobs.cancel(number)
+        assert wait(jobs, number).state == "cancelled"
+        assert not go_on.is_set()
+        next_one = jobs.ask("solve", lambda progress: {"answer": 1})  # by another worker
+        assert wait(jobs, next_one).result == {"answer": 1}
+        go_on.set()
+        while late[:1] != ["awake"]:
+            time.sleep(0.005)
+        assert wait(jobs, jobs.ask("solve", lambda progress: {})).state == "done"
+        assert late == ["awake"]
+        assert jobs.job(number).state == "cancelled"
 
 
 def test_a_newer_wish_ends_the_older_one():
@@ -287,7 +323,7 @@ def test_what_cannot_be_is_refused_in_a_sentence():
 def test_a_build_writes_what_the_command_line_writes(monkeypatch):
     import trimesh
 
-    monkeypatch.setattr("dsfab.app.editor.building.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
+    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
 
     with Session(opened("dome", COARSE)) as session:
         wait(session.jobs, session.ask_solve({}))
@@ -303,6 +339,71 @@ def test_a_build_writes_what_the_command_line_writes(monkeypatch):
         assert session.file(job.result["build"], 99) is None
         folder = path.parent.parent
     assert not folder.exists()  # nothing stays behind
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked at in /proc")
+def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
+    """Also the programs that it began, and its temporary files: STEP files are read back by one."""
+    pids = tmp_path / "pids"
+    deep = (
+        'import os, subprocess, sys, tempfile, time; print(\'{"stage": "export", "text": "long"}\', flush=True);'
+        "tempfile.mkdtemp(); p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)']);"
+        f"open({str(pids)!r}, 'w').write(f'{{os.getpid()}} {{p.pid}} '); time.sleep(600)"
+    )
+    monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", deep)
+    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
+    with Session(opened("dome", COARSE)) as session:
+        folder = Path(session._folder.name)
+        number = session.ask_build({}, ["step"])
+        while not (pids.exists() and pids.read_text().endswith(" ")):
+            assert session.jobs.job(number).state in ("waiting", "running")
+            time.sleep(0.01)
+        assert list(folder.rglob("*"))
+        assert session.jobs.job(number).text == "long"
+        assert session.jobs.cancel(number)
+        start = time.monotonic()
+        assert wait(session.jobs, number).state == "cancelled"
+        assert time.monotonic() - start < 2
+        while list(folder.rglob("*")):
+            assert time.monotonic() - start < 30
+            time.sleep(0.01)
+        for pid in map(int, pids.read_text().split()):
+            while alive(pid):
+                assert time.monotonic() - start < 30
+                time.sleep(0.01)
+
+
+def alive(pid):
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+@pytest.mark.parametrize(
+    ("program", "state", "said"),
+    [
+        ('print(\'{"refused": "no material"}\')', "failed", "no material"),
+        ('print(\'{"mistaken": "KeyError: 1"}\')', "failed", "please report"),
+        ("import os; os.abort()", "failed", "ended before its end"),
+    ],
+)
+def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
+    monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", program)
+    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
+    with Session(opened("dome", COARSE)) as session:
+        job = wait(session.jobs, session.ask_build({}, ["stl"]))
+        assert job.state == state
+        assert said in job.text
+        assert not list(Path(session._folder.name).rglob("*"))
+
+
+def test_a_draft_comes_out_of_another_process_as_it_was(dome):
+    there = pickle.loads(carried(dome))
+    assert there.preset == dome.preset
+    np.testing.assert_array_equal(there.statics.answers.equilibrium.u, dome.statics.answers.equilibrium.u)
+    assert there.notes == dome.notes
 
 
 # --- doors

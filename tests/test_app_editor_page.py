@@ -241,7 +241,7 @@ def test_a_reload_restores_everything(tab, server):
 def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
     import trimesh
 
-    monkeypatch.setattr("dsfab.app.editor.building.why_no_pictures", lambda: "not now")
+    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
     tab.run("document.getElementById('build').click()")
     until(tab, "document.querySelectorAll('#built a').length > 0", 120)
     link = tab.run("document.querySelector('#built a').href")
@@ -252,15 +252,15 @@ def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
 
 
 def test_a_build_can_be_cancelled(tab, monkeypatch):
-    def endless(preset, old, folder, progress):
+    def endless(preset, old, folder, progress, picture):
         while True:
             progress("thickening", "for ever")
             time.sleep(0.01)
 
-    monkeypatch.setattr("dsfab.app.editor.building.built", endless)
+    monkeypatch.setattr("dsfab.app.editor.process.built_apart", endless)
     tab.run("document.getElementById('build').click()")
-    until(tab, "!document.getElementById('cancel').hidden")
-    assert tab.run("document.getElementById('status').textContent") == "thickening: for ever"
+    until(tab, "document.getElementById('status').textContent === 'thickening: for ever'")  # figures may come first
+    assert not tab.run("document.getElementById('cancel').hidden")
     tab.run("document.getElementById('cancel').click()")
     until(tab, "document.getElementById('built').textContent.startsWith('Cancelled')")
     assert tab.run("document.getElementById('progress').hidden")
@@ -381,6 +381,57 @@ def test_the_browser_sees_what_the_previewer_sees(tab):
     ours = (np.frombuffer(told[2].encode(), np.uint8) == ord("1")).reshape(size[1], size[0])[::-1]
     assert theirs.sum() > 30_000
     assert (ours != theirs).sum() < 0.002 * theirs.sum()
+
+
+VARIANTS = """(() => {
+    const { sheet, renderer } = dsfab.viewer;
+    const names = ['VARY', 'KEEP', 'SECTION', 'VALUE', 'FAMILY', 'MOVE', 'CREASE', 'SOFT', 'WHOLE', 'MASK'];
+    const [before, none, all] = [{ ...sheet.flags }, {}, {}];
+    for (const name of names) [none[name], all[name]] = [false, true];
+    const wrong = [];
+    for (const base of [none, { ...all, WHOLE: false }, all])
+        for (const name of ['', ...names]) {
+            sheet.want(name ? { ...base, [name]: !base[name] } : base);
+            dsfab.viewer.draw();
+            for (const { diagnostics } of renderer.info.programs) if (diagnostics) wrong.push([name, diagnostics]);
+        }
+    sheet.want({ ...none, ...before });
+    return [wrong, sheet.materials.size]; })()"""
+
+
+def test_every_variant_of_the_shader_compiles(tab):
+    wrong, count = tab.run(VARIANTS)
+    assert wrong == []
+    assert count > 25
+
+
+def test_light_on_a_crease_is_that_of_its_faces(tab):
+    """By vertices where all is smooth; the shader for creases gives nearly the same colours there."""
+    script = """(() => { const { viewer } = dsfab, { gl, canvas } = viewer;
+        const bytes = () => { viewer.draw(); const out = new Uint8Array(4 * canvas.width * canvas.height);
+            gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, out); return out; };
+        viewer.sheet.want({ CREASE: false }); const a = bytes();
+        viewer.sheet.want({ CREASE: true }); const b = bytes();
+        viewer.sheet.want({ CREASE: dsfab.model.facts.creased });
+        let [most, other] = [0, 0];
+        for (let i = 0; i < a.length; i += 1) {
+            const away = Math.abs(a[i] - b[i]);
+            other += away > 0;
+            most += away > 12;
+        }
+        return [other, most]; })()"""
+    other, far = tab.run(script)
+    assert other > 1000  # they are two shaders
+    assert far < 0.02 * other
+
+
+def test_stripes_cost_little_more_than_the_plain_mesh(tab):
+    """The least of many frames, drawn in turns; tests/benchmarks/editor_frames.py measures larger meshes."""
+    from tests.benchmarks.editor_frames import MEASURE
+
+    told = tab.run(MEASURE.replace("ROUNDS", "12"))
+    assert told["stripes"][1] < 1.3 * told["plain"][1]
+    assert told["stripesAll"][1] < 1.3 * told["plainAll"][1]
 
 
 DROP = """(() => {

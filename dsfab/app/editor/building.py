@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.app.build import caption, write_all
-from dsfab.app.editor.jobs import Progress
+from dsfab.app.editor.jobs import Telling
 from dsfab.app.fabrication import fabrication_facts
-from dsfab.app.gl import why_no_pictures
 from dsfab.app.report import Reporter
 from dsfab.design import Draft
 from dsfab.pipeline import draft, revise, run
@@ -26,7 +25,7 @@ class Built:
 class _Telling(Reporter):
     """A reporter that speaks to the page instead of the terminal."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Telling) -> None:
         super().__init__(quiet=True)
         self.progress, self.lines = progress, list[str]()
 
@@ -37,9 +36,10 @@ class _Telling(Reporter):
         self.lines.append(text)
 
 
-def built(preset: Preset, old: Draft | None, folder: Path, progress: Progress) -> Built:
+def built(preset: Preset, old: Draft | None, folder: Path, progress: Telling, picture: bool) -> Built:
     """Make the solid, from the first stage that `old` has not, and write what the command line writes.
 
+    picture : whether it is drawn too.
     Raises DsfabError, of the stage that refuses; a STEP file that is too large is told in `facts` instead.
     """
     from dsfab.study.fabrication import fabrication
@@ -48,7 +48,7 @@ def built(preset: Preset, old: Draft | None, folder: Path, progress: Progress) -
     design = revise(old, preset, teller) if old else run(preset, teller)
     teller("fabrication", "measuring members, gaps and walls")
     made = fabrication_facts(fabrication(design))
-    refused = write_all(design, folder, teller, not why_no_pictures(), made)
+    refused = write_all(design, folder, teller, picture, made)
     asked = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
     first = [path for path in asked if path.exists()]
     rest = sorted(path for path in folder.iterdir() if path not in first)
@@ -64,7 +64,7 @@ def built(preset: Preset, old: Draft | None, folder: Path, progress: Progress) -
     return Built([*first, *rest], facts)
 
 
-def drawn(preset: Preset, old: Draft | None, view: str, show: str, size: tuple[int, int], progress: Progress) -> bytes:
+def drawn(preset: Preset, old: Draft | None, view: str, show: str, size: tuple[int, int], progress: Telling) -> bytes:
     """A PNG picture, drawn here. Raises DsfabError where nothing can be drawn."""
     from PIL import Image
 

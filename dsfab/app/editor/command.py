@@ -43,6 +43,7 @@ def edit(
         with server:
             out(f"dsfab edit {first.preset.name}: {server.address}")
             out("Ctrl-C ends it.")
+            session.ask_solve({})  # while the browser starts
             sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
             if open_:
                 webbrowser.open(server.address)

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from dsfab.app.editor.jobs import Progress
+from dsfab.app.editor.jobs import Telling
 from dsfab.design import Draft
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
 from dsfab.slicing.features import features, kept_cells
 
 
-def figures(made: Draft, progress: Progress | None = None) -> dict[str, Any]:
+def figures(made: Draft, progress: Telling | None = None) -> dict[str, Any]:
     """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON.
 
     Raises DsfabError when the pattern leaves no material.

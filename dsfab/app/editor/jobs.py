@@ -1,6 +1,7 @@
-"""`Jobs`: one worker for all that takes time, the newest wish first, and news of it for whoever listens.
+"""`Jobs`: a worker for each kind of work, of which the newest wish counts, and news of it for whoever listens.
 
-One thread does everything, drawing included: what one thread has made another cannot draw.
+So a slider is answered while a solid is built. A thread cannot be ended: one that does not notice a Cancel is left
+behind, ends at its next progress, and a new one takes over.
 """
 
 import itertools
@@ -14,21 +15,39 @@ from typing import Any
 
 from dsfab.errors import DsfabError
 
-ORDER = ("solve", "picture", "figures", "build")
-"""What is waiting is done in this order."""
-
 KEPT = 64
 """Jobs whose end is still known."""
 
 log = logging.getLogger(__name__)
 
-Progress = Callable[[str, str], None]
-Work = Callable[[Progress], dict[str, Any]]
-"""What a job does, telling its progress; the facts that it returns go to the page."""
+PATIENCE = 0.5
+"""Seconds that a job may take to its next progress once the person cancels it; then it is left behind."""
+
+Telling = Callable[[str, str], None]
+"""A stage and what it does now."""
 
 
 class Cancelled(Exception):  # noqa: N818  # nothing went wrong
     """Raised in the worker at the next progress after a job was cancelled."""
+
+
+class Progress:
+    """How far a job is. Raises Cancelled, also by `check`, which tells nothing, once nobody wants the job any more."""
+
+    def __init__(self, stop: threading.Event, tell: Telling) -> None:
+        self._stop, self._tell = stop, tell
+
+    def __call__(self, stage: str, text: str) -> None:
+        self.check()
+        self._tell(stage, text)
+
+    def check(self) -> None:
+        if self._stop.is_set():
+            raise Cancelled
+
+
+Work = Callable[[Progress], dict[str, Any]]
+"""What a job does, telling its progress; the facts that it returns go to the page."""
 
 
 @dataclass(eq=False)
@@ -57,32 +76,31 @@ class Job:
 
 
 class Jobs:
-    """The worker, its queue and its listeners; use as `with Jobs() as jobs`."""
+    """Workers, what waits for them, and their listeners; use as `with Jobs() as jobs`."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
         self._waiting: dict[str, Job] = {}
-        self._running: Job | None = None
+        self._running: dict[str, Job] = {}
+        self._workers: dict[str, threading.Thread] = {}
         self._known: dict[int, Job] = {}
         self._numbers = itertools.count(1)
         self._listeners: list[queue.Queue[dict[str, Any] | None]] = []
         self._closed = False
-        self._thread = threading.Thread(target=self._loop, name="dsfab-editor-worker", daemon=True)
 
     def __enter__(self) -> "Jobs":
-        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         with self._wake:
             self._closed = True
-            for job in (self._running, *self._waiting.values()):
-                if job:
-                    job.stop.set()
+            for job in (*self._running.values(), *self._waiting.values()):
+                job.stop.set()
             for listener in self._listeners:
                 listener.put(None)
             self._wake.notify_all()
-        self._thread.join(timeout=5)
+        for worker in self._workers.values():
+            worker.join(timeout=5)
 
     def ask(self, kind: str, work: Work) -> int:
         """Do `work` as soon as possible; an older wish of the same kind is dropped. Returns the job's number."""
@@ -91,29 +109,28 @@ class Jobs:
             self._known[job.number] = job
             for number in list(self._known)[:-KEPT]:
                 del self._known[number]
-            for old in (
-                self._waiting.get(kind),
-                self._running if self._running and self._running.kind == kind else None,
-            ):
-                if old:
-                    old.stop.set()
+            self._drop(kind, "a newer wish came")
             if kind == "solve":  # what was measured on the old one is of no use either
-                self._drop("figures")
-            if dropped := self._waiting.get(kind):
-                self._end(dropped, "cancelled", "a newer wish came")
+                self._drop("figures", "outdated")
             self._waiting[kind] = job
             self._tell(job)
-            self._wake.notify()
+            if kind not in self._workers:
+                self._work(kind)
+            self._wake.notify_all()
         return job.number
 
     def cancel(self, number: int) -> bool:
-        """Stop a job at its next progress, or before it begins; whether there was anything to stop."""
+        """Stop a job, or take it off the list before it begins; whether there was anything to stop."""
         with self._wake:
             job = self._known.get(number)
             if job is None or job.state not in ("waiting", "running"):
                 return False
             job.stop.set()
-            if job.state == "waiting":
+            if job.state == "running":
+                late = threading.Timer(PATIENCE, self._leave_behind, [job])
+                late.daemon = True
+                late.start()
+            else:
                 self._waiting.pop(job.kind, None)
                 self._end(job, "cancelled", "cancelled")
             return True
@@ -121,6 +138,12 @@ class Jobs:
     def job(self, number: int) -> Job | None:
         """A job by its number, while it is known."""
         return self._known.get(number)
+
+    def pending(self, number: int) -> bool:
+        """Whether a job has not ended yet, and still counts."""
+        with self._wake:
+            job = self._known.get(number)
+            return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def listen(self) -> "queue.Queue[dict[str, Any] | None]":
         """A queue of news; None at the end. Give it back with `leave`."""
@@ -134,34 +157,51 @@ class Jobs:
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 
-    def _drop(self, kind: str) -> None:
-        if job := self._waiting.pop(kind, None):
-            self._end(job, "cancelled", "outdated")
-        if self._running and self._running.kind == kind:
-            self._running.stop.set()
+    def _drop(self, kind: str, why: str) -> None:
+        if waiting := self._waiting.pop(kind, None):
+            waiting.stop.set()
+            self._end(waiting, "cancelled", why)
+        if running := self._running.get(kind):
+            running.stop.set()
 
-    def _loop(self) -> None:
+    def _leave_behind(self, job: Job) -> None:
+        """A job that has not noticed: it counts as ended, and another thread does the rest."""
+        with self._wake:
+            if self._running.get(job.kind) is not job or self._closed:
+                return
+            del self._running[job.kind]
+            self._end(job, "cancelled", "cancelled")
+            self._work(job.kind)
+
+    def _work(self, kind: str) -> None:
+        worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
+        self._workers[kind] = worker
+        worker.start()
+
+    def _loop(self, kind: str) -> None:
         while True:
             with self._wake:
-                while not self._waiting and not self._closed:
+                while kind not in self._waiting and not self._closed:
                     self._wake.wait()
                 if self._closed:
                     return
-                job = self._waiting.pop(next(kind for kind in ORDER if kind in self._waiting))
-                self._running, job.state = job, "running"
+                self._running[kind] = job = self._waiting.pop(kind)
+                job.state = "running"
                 self._tell(job)
-            self._do(job)
+            if not self._do(job):
+                return
 
-    def _do(self, job: Job) -> None:
-        def progress(stage: str, text: str) -> None:
-            if job.stop.is_set():
-                raise Cancelled
+    def _do(self, job: Job) -> bool:
+        """Whether this thread is still the worker afterwards."""
+
+        def tell(stage: str, text: str) -> None:
             with self._wake:
                 job.stage, job.text = stage, text
                 self._tell(job)
 
+        result: dict[str, Any] = {}
         try:
-            job.result = job.work(progress)
+            result = job.work(Progress(job.stop, tell))
             state, text = "done", ""
         except Cancelled:
             state, text = "cancelled", "cancelled"
@@ -171,8 +211,12 @@ class Jobs:
             log.exception("job %d", job.number)
             state, text = "failed", f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
         with self._wake:
-            self._running = None
+            if self._running.get(job.kind) is not job:
+                return False
+            del self._running[job.kind]
+            job.result = result
             self._end(job, state, text)
+            return True
 
     def _end(self, job: Job, state: str, text: str) -> None:
         job.state, job.text = state, text

@@ -33,6 +33,9 @@ FAR = 1e9
 ENOUGH = 3000
 """Vertices among which a few are chosen for arrows; with more it takes longer and looks the same."""
 
+CREASE = 0.8
+"""Cosine between the normals of a face and of its corner, under which the shader shows an edge (see shader.js)."""
+
 TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
@@ -68,6 +71,7 @@ def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "viewUp": side.up.tolist(),
         "angle": ANGLE,
         "triangles": surface.m,
+        "creased": creased(surface),
         "lines": {name: [_lines(surface, getattr(modes, name).mode(k)) for k in every] for name in ("major", "minor")},
         "limits": {
             "stress": _steepest(answers["stress"]),
@@ -116,6 +120,12 @@ def colours() -> dict[str, list[list[int]]]:
     both, up = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
     scales = {"diverging": diverging(both), "signed": signed(both), "rising": rising(up)}
     return {name: scale.tolist() for name, scale in scales.items()}
+
+
+def creased(surface: Surface) -> bool:
+    """Whether a face differs so much from the mean at its corners that light must be a matter of pixels."""
+    normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
+    return bool(normals.sum(axis=2).min() < CREASE)
 
 
 def _distances(draft: Draft) -> tuple[Floats, Floats]:

@@ -11,10 +11,10 @@ import secrets
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.resources import files
-from typing import Any
 from urllib.parse import parse_qs, quote, urlsplit
 
+from dsfab.app.editor.asks import ASKS, AskError, Given
+from dsfab.app.editor.page import KINDS, page, static_files
 from dsfab.app.editor.session import Session
 from dsfab.errors import DsfabError
 
@@ -26,13 +26,6 @@ LARGEST = 96 * 2**20
 PATIENCE = 15.0
 """Seconds after which a listener without news is sent an empty line: so the server sees that it has gone."""
 
-KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
-
-SMALLEST, WIDEST = 64, 2400
-"""Pixels of the sides of a picture that the page may ask for."""
-
-Given = Mapping[str, Any]
-
 
 class Refused(Exception):  # noqa: N818  # an answer, not a mistake
     """A request that is answered with a status and a sentence."""
@@ -40,19 +33,6 @@ class Refused(Exception):  # noqa: N818  # an answer, not a mistake
     def __init__(self, status: HTTPStatus, text: str) -> None:
         super().__init__(text)
         self.status = status
-
-
-def static_files() -> dict[str, bytes]:
-    """Every file of the page by its place in the address; there are no others."""
-    found, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
-    while folders:
-        prefix, folder = folders.pop()
-        for entry in folder.iterdir():
-            if entry.is_dir():
-                folders.append((f"{prefix}{entry.name}/", entry))
-            else:
-                found[prefix + entry.name] = entry.read_bytes()
-    return found
 
 
 class EditorServer(ThreadingHTTPServer):
@@ -99,6 +79,8 @@ class Handler(BaseHTTPRequestHandler):
         except Refused as refused:
             self.close_connection = True  # what it still sends is not read
             self._json({"error": str(refused)}, refused.status)
+        except AskError as error:
+            self._json({"error": str(error)}, HTTPStatus.BAD_REQUEST)
         except DsfabError as error:
             self._json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
         except (BrokenPipeError, ConnectionResetError, TimeoutError):
@@ -129,6 +111,9 @@ class Handler(BaseHTTPRequestHandler):
             self._json(self.server.session.start())
         elif parts.path == "/api/model":
             self._bytes(self.server.session.model(_number(query, "have")), "application/octet-stream")
+        elif parts.path == "/api/early":
+            content = self.server.session.early()
+            self._bytes(content, "application/octet-stream", status=HTTPStatus.OK if content else HTTPStatus.NO_CONTENT)
         elif parts.path == "/api/events":
             self._events()
         elif parts.path == "/api/file":
@@ -141,7 +126,7 @@ class Handler(BaseHTTPRequestHandler):
         self._check_token(parse_qs(parts.query))
         if self.headers.get_content_type() != "application/json":
             raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send application/json")
-        act = _POSTS.get(parts.path)
+        act = ASKS.get(parts.path.removeprefix("/api/")) if parts.path.startswith("/api/") else None
         if act is None:
             raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
         self._json(act(self.server.session, self._body()))
@@ -161,14 +146,8 @@ class Handler(BaseHTTPRequestHandler):
         return body
 
     def _page(self) -> None:
-        nonce = secrets.token_urlsafe(12)
-        page = self.server.static["index.html"].decode()
-        page = page.replace("{token}", self.server.token).replace("{nonce}", nonce)
-        policy = (
-            f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "
-            "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-        )
-        self._bytes(page.encode(), "text/html; charset=utf-8", {"Content-Security-Policy": policy})
+        content, policy = page(self.server.static, self.server.token)
+        self._bytes(content, "text/html; charset=utf-8", {"Content-Security-Policy": policy})
 
     def _static(self, name: str) -> None:
         content = self.server.static.get(name)
@@ -236,46 +215,3 @@ def _number(query: Mapping[str, list[str]], name: str) -> int:
     if not (text.isascii() and text.isdigit() and len(text) < 10):
         raise Refused(HTTPStatus.BAD_REQUEST, f"{name} is a number")
     return int(text)
-
-
-def _typed(given: Given, name: str, kind: type) -> Any:
-    value = given.get(name)
-    if not isinstance(value, kind):
-        raise Refused(HTTPStatus.BAD_REQUEST, f"{name} is missing or of another type")
-    return value
-
-
-def _changes(given: Given) -> Given:
-    changes: Given = _typed(given, "changes", dict)
-    return changes
-
-
-def _build(session: Session, given: Given) -> Given:
-    return {"job": session.ask_build(_changes(given), [str(word) for word in _typed(given, "formats", list)])}
-
-
-def _picture(session: Session, given: Given) -> Given:
-    size = _typed(given, "size", list)
-    if len(size) != 2 or not all(isinstance(x, int) and SMALLEST <= x <= WIDEST for x in size):
-        raise Refused(HTTPStatus.BAD_REQUEST, f"size is two numbers of pixels from {SMALLEST} to {WIDEST}")
-    show, view = _typed(given, "show", str), _typed(given, "view", str)
-    return {"job": session.ask_picture(_changes(given), view, show, (size[0], size[1]))}
-
-
-def _open(session: Session, given: Given) -> Given:
-    if "preset" in given:
-        return session.open_preset(_typed(given, "preset", str))
-    if "toml" in given:
-        return session.open_toml(_typed(given, "toml", str))
-    unit = given.get("unit")
-    return session.open_mesh(_typed(given, "name", str), str(unit) if unit else None, _typed(given, "data", str))
-
-
-_POSTS: dict[str, Callable[[Session, Given], Given]] = {
-    "/api/solve": lambda session, given: {"job": session.ask_solve(_changes(given))},
-    "/api/build": _build,
-    "/api/picture": _picture,
-    "/api/preset": lambda session, given: session.preset_file(_changes(given)),
-    "/api/open": _open,
-    "/api/cancel": lambda session, given: {"stopped": session.jobs.cancel(_typed(given, "job", int))},
-}

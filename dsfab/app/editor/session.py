@@ -4,6 +4,7 @@ import base64
 import binascii
 import tempfile
 import threading
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,9 @@ from dsfab.preset import Preset
 from dsfab.preset_file import shipped
 from dsfab.units import METRES_PER
 
+PAUSE = 0.01
+"""Seconds between two looks for the first answer."""
+
 Changes = Mapping[str, Any]
 Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
@@ -38,12 +42,16 @@ class Shown:
 
 
 class Session:
-    """What is opened, what was last made of it, and the files that were built; use as `with Session(opened)`."""
+    """What is opened, what was last made of it, and the files that were built; use as `with Session(opened)`.
 
-    def __init__(self, first: Opened) -> None:
+    made : a draft of the first preset, if there is one: the page then waits for nothing.
+    """
+
+    def __init__(self, first: Opened, made: Draft | None = None) -> None:
         self.jobs = Jobs()
         self._opened, self._opening = first, 1
-        self._shown: Shown | None = None
+        self._shown = Shown(made, 1, 1, 1) if made else None
+        self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
         self._files: dict[int, list[Path]] = {}
@@ -115,9 +123,15 @@ class Session:
         return {"name": f"{now.preset.name}.toml", "toml": now.toml(changes), "command": command, "save": save}
 
     def ask_solve(self, changes: Changes) -> int:
-        """A job that solves what these changes ask for, and then measures it."""
-        preset = self.opened.changed(changes)
-        return self.jobs.ask("solve", lambda progress: self._solve(preset, progress))
+        """A job that solves what these changes ask for, and then measures it; the one that does so already, if any."""
+        with self._lock:
+            preset, number = self._opened.changed(changes), self._opening
+            asked = self._asked
+            if asked and asked[1:] == (number, preset) and self.jobs.pending(asked[0]):
+                return asked[0]
+            job = self.jobs.ask("solve", lambda progress: self._solve(preset, progress))
+            self._asked = job, number, preset
+        return job
 
     def ask_build(self, changes: Changes, formats: Sequence[str]) -> int:
         """A job that makes the solid and its files; the formats are those of export.formats."""
@@ -129,6 +143,15 @@ class Session:
         preset = self.opened.changed(changes)
         return self.jobs.ask("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
+    def early(self) -> bytes:
+        """All of what was last solved, or is being solved for the first time; nothing where neither is so.
+
+        For a page that begins: it asks before it knows more.
+        """
+        while self._shown is None and self._asked and self.jobs.pending(self._asked[0]):
+            time.sleep(PAUSE)
+        return self.model(0) if self._shown else b""
+
     def model(self, have: int) -> bytes:
         """What was last solved, for a page that has version `have` already. Raises DsfabError before the first."""
         with self._lock:
@@ -137,6 +160,7 @@ class Session:
             raise DsfabError("nothing is solved yet")
         facts, arrays = widths(shown.draft)
         facts |= {"draft": shown.number, "version": shown.version, "whole": have != shown.version}
+        facts["opening"] = shown.opening
         if have != shown.version:
             more, large = self._whole(shown)
             facts |= more | {"controls": controls(shown.draft.preset, shown.draft.surface)}
@@ -154,6 +178,11 @@ class Session:
         """A file that was built, by its number; the page names no path."""
         files = self._files.get(job, [])
         return files[index] if 0 <= index < len(files) else None
+
+    @property
+    def latest(self) -> list[Path]:
+        """The files that were built last."""
+        return list(self._files[max(self._files)]) if self._files else []
 
     def _solve(self, preset: Preset, progress: Progress) -> dict[str, Any]:
         with self._lock:
@@ -173,12 +202,13 @@ class Session:
         return {"draft": shown.number, **figures(shown.draft, progress)}
 
     def _build(self, preset: Preset, progress: Progress) -> dict[str, Any]:
-        from dsfab.app.editor.building import built
+        from dsfab.app.editor.process import built_apart
+        from dsfab.app.gl import why_no_pictures
 
         with self._lock:
             old = self._shown
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._folder.name))
-        made = built(preset, old.draft if old else None, folder, progress)
+        made = built_apart(preset, old.draft if old else None, folder, progress, not why_no_pictures())
         number = len(self._files) + 1
         self._files[number] = made.files
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in made.files]

@@ -1,7 +1,7 @@
 /** Cameras and how hands move them: perspective and parallel, named views, all of it in the picture. */
 
 import * as THREE from 'three';
-import { OrbitControls } from '/static/vendor/OrbitControls.js';
+import { OrbitControls } from './vendor/OrbitControls.js';
 
 export class Eye {
   /** changed() is called whenever another picture is due. */

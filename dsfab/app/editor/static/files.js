@@ -1,8 +1,9 @@
 /** Files: presets and meshes in, presets and built solids out. */
 
+import { base64, download } from './bytes.js';
 import { make } from './controls.js';
 import { mass } from './figures.js';
-import { address, base64, download, post } from './transport.js';
+import { lead, post } from './transport.js';
 
 const by = (id) => document.getElementById(id);
 const FORMATS = ['stl', '3mf', 'step'];
@@ -42,7 +43,7 @@ export class Files {
 
   async open(what) {
     try {
-      this.opened(await post('/api/open', what));
+      this.opened(await post('open', what));
     } catch (error) {
       this.say(error.message);
     }
@@ -82,8 +83,8 @@ export class Files {
 
   async save() {
     try {
-      const { name, toml } = await post('/api/preset', { changes: this.changes() });
-      download(name, toml);
+      const { name, toml } = await post('preset', { changes: this.changes() });
+      download(name, toml, 'application/toml');
     } catch (error) {
       this.say(error.message);
     }
@@ -91,7 +92,7 @@ export class Files {
 
   async copy() {
     try {
-      const { command, save } = await post('/api/preset', { changes: this.changes() });
+      const { command, save } = await post('preset', { changes: this.changes() });
       by('command').textContent = save ? `${command}   (save the preset first)` : command;
       by('command').hidden = false;
       await navigator.clipboard?.writeText(command).catch(() => {}); // it stands there to be copied by hand
@@ -106,7 +107,8 @@ export class Files {
     if (state === 'cancelled') return by('built').replaceChildren(make('p', { textContent: 'Cancelled; nothing was kept.' }));
     if (state === 'failed') return by('built').replaceChildren(make('p', { textContent: text }));
     const links = result.files.map(({ name, bytes }, index) => {
-      const link = make('a', { href: address(result.build, index), download: name, textContent: name });
+      const link = make('a', { download: name, textContent: name });
+      lead(link, result.build, index);
       const line = make('span');
       line.append(link, ` ${size(bytes)}`);
       return line;

@@ -1,14 +1,16 @@
 /** The ground and the soft shadow of what stands on it: the stripes seen from a lamp above, blurred. */
 
 import * as THREE from 'three';
-import { GROUND, GROUND_VERTEX } from './shader.js';
+import { BLUR, FULL_VERTEX, GROUND, GROUND_VERTEX } from './shader.js';
 
 const SIDE = 1024;
 
 export class Ground {
   constructor(sheet) {
     this.sheet = sheet;
+    this.sharp = new THREE.WebGLRenderTarget(SIDE, SIDE, { depthBuffer: false });
     this.target = new THREE.WebGLRenderTarget(SIDE, SIDE, { depthBuffer: false });
+    this.blur = blurring(this.sharp.texture);
     this.lamp = new THREE.OrthographicCamera();
     this.alone = new THREE.Scene();
     this.uniforms = {
@@ -49,20 +51,17 @@ export class Ground {
   }
 
   /** Draw the shadow again; the sheet comes back to where it was. */
-  update(renderer, uniforms, parent) {
+  update(renderer, parent) {
     this.alone.add(this.sheet);
-    const soft = uniforms.uSoft.value;
-    uniforms.uMask.value = 1;
-    uniforms.uSoft.value = 0;
     const was = renderer.getClearColor(new THREE.Color());
-    renderer.setRenderTarget(this.target);
     renderer.setClearColor(0xffffff, 1);
+    renderer.setRenderTarget(this.sharp);
     renderer.clear();
-    renderer.render(this.alone, this.lamp);
+    this.sheet.masked(() => renderer.render(this.alone, this.lamp));
+    renderer.setRenderTarget(this.target); // made soft once, not in every frame
+    renderer.render(this.blur, this.lamp);
     renderer.setRenderTarget(null);
     renderer.setClearColor(was, 1);
-    uniforms.uMask.value = 0;
-    uniforms.uSoft.value = soft;
     parent.add(this.sheet);
   }
 
@@ -70,4 +69,15 @@ export class Ground {
   seenFrom(camera) {
     this.plane.visible = camera.position.dot(this.up ?? camera.up) > (this.low ?? 0);
   }
+}
+
+/** A scene that fills a picture with the soft shadow. */
+function blurring(texture) {
+  const material = new THREE.RawShaderMaterial({
+    uniforms: { uSharp: { value: texture } }, vertexShader: FULL_VERTEX, fragmentShader: BLUR,
+    glslVersion: THREE.GLSL3, depthTest: false, depthWrite: false,
+  });
+  const full = new THREE.Mesh(new THREE.PlaneGeometry(2, 2), material);
+  full.frustumCulled = false;
+  return new THREE.Scene().add(full);
 }

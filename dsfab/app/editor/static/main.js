@@ -8,8 +8,8 @@ import { recall } from './looks.js';
 import { drawn, Sampler } from './pattern.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
-import { fromHash, State } from './state.js';
-import { get, model as fetched } from './transport.js';
+import { State } from './state.js';
+import { begun, early, follow, keep, kept, model as fetched } from './transport.js';
 import { Viewer } from './viewer.js';
 import { Views } from './views.js';
 import { Work } from './work.js';
@@ -22,9 +22,8 @@ recall();
 class Editor {
   constructor(start) {
     this.start = start;
-    const { title, changes, view } = fromHash(location.hash);
-    const mine = title === start.title;
-    this.state = new State(start.preset, mine ? changes : {}, { colour: 'plain', layers: ['loads', 'supports'], ...(mine ? view : {}) });
+    const { changes, view } = kept(start);
+    this.state = new State(start.preset, changes, { colour: 'plain', layers: ['loads', 'supports'], ...view });
     this.controls = new Controls(by('groups'), this.state);
     try {
       this.viewer = new Viewer(by('canvas'), start.wave, { antialias: !location.search.includes('hard') });
@@ -47,13 +46,14 @@ class Editor {
       picture: (job) => this.pictures?.show(job),
     });
     this.state.on((keys, final) => this.changed(keys, final));
+    follow((changes) => this.state.become(changes));
     this.wire();
   }
 
   /** A browser that cannot draw: the server draws, and says so. */
   without(error) {
     this.viewer = null;
-    this.pictures = new Pictures(by('canvas'), by('drawn'), (changes) => this.work.ask('picture', '/api/picture', changes));
+    this.pictures = new Pictures(by('canvas'), by('drawn'), (changes) => this.work.ask('picture', changes));
     this.standing = `${error.message}: the server draws the picture instead.`;
     this.notice('');
   }
@@ -73,6 +73,7 @@ class Editor {
 
   async begin() {
     this.viewer?.resize();
+    early.then((got) => this.found(got));
     await this.work.listen();
     this.solve();
     this.refresh();
@@ -94,6 +95,15 @@ class Editor {
       else if (key === 'escape') this.loads?.begin('');
       else if (event.target === by('canvas')) this.viewer?.eye.keyed(key) && event.preventDefault();
     }
+  }
+
+  /** What was solved before the page came is shown at once; its own wish comes later. */
+  found(got) {
+    if (!got || this.model || got.facts.opening !== this.start.opening) return;
+    this.model = got;
+    this.stale = true;
+    this.surface();
+    this.outdated(!this.stripes());
   }
 
   /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */
@@ -128,7 +138,7 @@ class Editor {
   }
 
   solve() {
-    this.work.ask('solve', '/api/solve', { changes: this.state.changes });
+    this.work.ask('solve', { changes: this.state.changes });
   }
 
   async solved({ job, state, text }) {
@@ -183,7 +193,7 @@ class Editor {
     if (!formats.length) return this.notice('Choose at least one kind of file.', true);
     by('build').disabled = true;
     by('built').replaceChildren(make('p', { textContent: 'Building …' }));
-    return this.work.ask('build', '/api/build', { changes: this.state.changes, formats });
+    return this.work.ask('build', { changes: this.state.changes, formats });
   }
 
   /** Another preset is open. */
@@ -213,16 +223,16 @@ class Editor {
     by('notice').classList.toggle('calm', calm || !text);
   }
 
-  /** Keep everything in the address, so that a reload or a bookmark brings it back. */
+  /** Keep everything, so that a reload or a bookmark brings it back. */
   remember() {
     clearTimeout(this.keeping);
     this.keeping = setTimeout(() => {
       if (this.viewer && this.model) this.state.view.eye = this.viewer.eye.numbers;
-      history.replaceState(null, '', this.state.hash(this.start.title));
+      keep(this.state, this.start.title);
     }, 200);
   }
 }
 
-const editor = new Editor(await get('/api/start'));
+const editor = new Editor(await begun());
 window.dsfab = editor; // for whoever looks behind the page
 editor.begin();

@@ -1,61 +1,185 @@
-/** The shaders: stripes by leaving pixels away, as dsfab/app/shader.py does, with edges one pixel soft. */
+/** The shaders: stripes by leaving pixels away, as dsfab/app/shader.py does, with edges one pixel soft.
+ *
+ * What a picture does not need is not compiled, by #define (see sheet.js): software that stands in for a graphics card
+ * pays for every line of every pixel. Light is a matter of vertices but for meshes with creases.
+ */
 
 export const VERTEX = `
 precision highp float;
-in vec3 position; in vec3 normal; in float modeU; in float modeW; in vec2 halfWidth; in vec2 kept; in float value; in vec3 moved;
-uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix; uniform mat3 normalMatrix; uniform float uMove;
-out vec2 vMode; out vec2 vHalf; out vec2 vKept; out float vValue; out vec3 vNormal; out vec3 vEye; out vec3 vPlace;
+in vec3 position; in vec3 normal;
+uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix; uniform mat3 normalMatrix; uniform vec3 uUp;
+#ifndef WHOLE
+in float modeU; in float modeW; uniform vec2 uFrequency; uniform vec2 uPhase; out vec2 vPhase;
+#ifdef VARY
+in vec2 halfWidth; out vec2 vHalf;
+#endif
+#ifdef KEEP
+in vec2 kept; uniform vec2 uReach; out vec2 vKeep;
+#endif
+#endif
+#ifdef SECTION
+uniform vec4 uSection; out float vSection;
+#endif
+#ifdef VALUE
+in float value; uniform float uLimit; uniform float uLow; out float vValue;
+#endif
+#ifdef MOVE
+in vec3 moved; uniform float uMove;
+#endif
+#ifdef CREASE
+out vec3 vNormal; out vec3 vEye;
+#else
+out vec2 vLight;
+#endif
+LIGHT
 void main() {
-  vMode = vec2(modeU, modeW); vHalf = halfWidth; vKept = kept; vValue = value;
-  vNormal = normalMatrix * normal;
-  vPlace = position;
-  vec4 eye = modelViewMatrix * vec4(position + uMove * moved, 1.0);
-  vEye = eye.xyz;
+#ifndef WHOLE
+  vPhase = uFrequency * vec2(modeU, modeW) + uPhase;
+#ifdef VARY
+  vHalf = halfWidth;
+#endif
+#ifdef KEEP
+  vKeep = mix(uReach - kept, vec2(-1e6), lessThan(uReach, vec2(0.0)));
+#endif
+#endif
+#ifdef SECTION
+  vSection = dot(vec4(position, 1.0), uSection);
+#endif
+#ifdef VALUE
+  vValue = (value / uLimit - uLow) / (1.0 - uLow);
+#endif
+  vec3 place = position;
+#ifdef MOVE
+  place += uMove * moved;
+#endif
+  vec4 eye = modelViewMatrix * vec4(place, 1.0);
+#ifdef CREASE
+  vNormal = normalMatrix * normal; vEye = eye.xyz;
+#else
+  vec3 n = normalize(normalMatrix * normal);
+  vLight = vec2(light(n), 0.80 * light(-n));
+#endif
   gl_Position = projectionMatrix * eye;
+}`.replace('LIGHT', light());
+
+/** Of a normal towards the eye: a lamp over the left shoulder and a sky. */
+function light() {
+  return `
+float light(vec3 n) {
+  float key = max(0.0, 0.35 + 0.65 * dot(n, normalize(vec3(-0.45, 0.65, 0.62))));
+  return 0.46 + 0.42 * key + 0.20 * (0.5 + 0.5 * dot(n, uUp));
 }`;
+}
 
 /** `wave` is the one line of GLSL that the server hands over. */
 export const fragment = (wave) => `
 precision highp float;
-in vec2 vMode; in vec2 vHalf; in vec2 vKept; in float vValue; in vec3 vNormal; in vec3 vEye; in vec3 vPlace;
-uniform vec2 uFrequency; uniform vec2 uPhase; uniform vec2 uHalf; uniform vec2 uReach; uniform vec2 uShown;
-uniform vec4 uSection; uniform vec3 uUp; uniform vec3 uColours[3]; uniform sampler2D uRamp;
-uniform float uLimit; uniform float uLow; uniform int uColouring; uniform int uMask; uniform int uWhole; uniform int uSoft;
 out vec4 colour;
+uniform vec3 uColours[3];
+#ifndef WHOLE
+in vec2 vPhase;
+#ifdef VARY
+in vec2 vHalf;
+#else
+uniform vec2 uHalf;
+#endif
+#ifdef KEEP
+in vec2 vKeep;
+#endif
 ${wave}
 vec2 stripes() {  // how many pixels inside a stripe of each family; negative outside
-  vec2 d = vec2(uHalf.x < 0.0 ? vHalf.x : uHalf.x, uHalf.y < 0.0 ? vHalf.y : uHalf.y);
-  vec2 z = uFrequency * vMode + uPhase;
-  vec2 inside = (vec2(wave(z.x), wave(z.y)) - (1.0 - 4.0 * d)) / (4.0 * max(fwidth(z), vec2(1e-9)));
-  inside = mix(inside, vec2(1e6), greaterThanEqual(d, vec2(0.5)));  // chosen, not weighed: infinity times 0 is no number
-  return mix(vec2(-1e6), inside, greaterThan(uShown, vec2(0.5)));
+#ifdef VARY
+  vec2 d = vHalf;
+#else
+  vec2 d = uHalf;
+#endif
+  vec2 inside = vec2(wave(vPhase.x), wave(vPhase.y)) - 1.0 + 4.0 * d;
+#ifdef SOFT
+  inside /= 4.0 * max(fwidth(vPhase), vec2(1e-9));
+#endif
+  return mix(inside, vec2(1e6), greaterThanEqual(d, vec2(0.5)));  // chosen, not weighed: infinity times 0 is no number
 }
-vec3 shaded(vec3 base) {
+#endif
+#ifdef SECTION
+in float vSection;
+#endif
+#ifdef VALUE
+in float vValue; uniform sampler2D uRamp;
+#endif
+#ifdef CREASE
+in vec3 vNormal; in vec3 vEye; uniform vec3 uUp;
+${light()}
+float shade() {
   vec3 flatNormal = normalize(cross(dFdx(vEye), dFdy(vEye)));
   vec3 n = normalize(vNormal);
   bool back = dot(n, flatNormal) < 0.0;
   if (back) n = -n;
-  if (dot(n, flatNormal) < 0.8) n = flatNormal;  // a crease
-  float key = max(0.0, 0.35 + 0.65 * dot(n, normalize(vec3(-0.45, 0.65, 0.62))));
-  float sky = 0.5 + 0.5 * dot(n, uUp);
-  float light = 0.46 + 0.42 * key + 0.20 * sky;
-  return base * (back ? 0.80 * light : light);
+  if (dot(n, flatNormal) < 0.8) n = flatNormal;
+  return back ? 0.80 * light(n) : light(n);
 }
+#else
+in vec2 vLight;
+float shade() { return gl_FrontFacing ? vLight.x : vLight.y; }
+#endif
 void main() {
-  if (dot(vec4(vPlace, 1.0), uSection) < 0.0) discard;
+#ifdef SECTION
+  if (vSection < 0.0) discard;
+#endif
+  float cover = 1.0, ink = 0.0;
+#ifndef WHOLE
   vec2 s = stripes();
-  vec2 k = (uReach - vKept) / max(fwidth(vKept), vec2(1e-9));
-  k = mix(k, vec2(-1e6), lessThan(uReach, vec2(0.0)));
-  float keep = max(k.x, k.y);
-  float inside = uWhole == 1 ? 1e6 : max(max(s.x, s.y), keep);
-  float cover = uSoft == 1 ? clamp(inside + 0.5, 0.0, 1.0) : step(1e-12, inside);
+  float inside = max(s.x, s.y);
+#ifdef KEEP
+  float keep = max(vKeep.x, vKeep.y);
+#ifdef SOFT
+  keep /= max(fwidth(keep), 1e-9);
+#endif
+  inside = max(inside, keep);
+#endif
+#ifdef SOFT
+  cover = min(inside + 0.5, 1.0);
   if (cover <= 0.0) discard;
-  if (uMask == 1) { colour = vec4(0.0, 0.0, 0.0, 1.0); return; }
+  ink = 0.34 * (1.0 - smoothstep(0.4, 1.7, inside));
+#else
+  if (inside <= 1e-12) discard;
+#endif
+#endif
+#ifdef MASK
+  colour = vec4(0.0, 0.0, 0.0, 1.0);
+#else
   vec3 base = uColours[0];
-  if (uColouring == 1) base = keep > 0.0 ? uColours[2] : (s.x > 0.0 ? uColours[0] : uColours[1]);
-  if (uColouring == 2) base = texture(uRamp, vec2((vValue / uLimit - uLow) / (1.0 - uLow), 0.5)).rgb;
-  float ink = uWhole == 1 ? 0.0 : 0.34 * (1.0 - smoothstep(0.4, 1.7, inside));
-  colour = vec4(shaded(base) * (1.0 - ink), cover);
+#if defined(FAMILY) && !defined(WHOLE)
+  if (s.x <= 0.0) base = uColours[1];
+#ifdef KEEP
+  if (keep > 0.0) base = uColours[2];
+#endif
+#endif
+#ifdef VALUE
+  base = texture(uRamp, vec2(vValue, 0.5)).rgb;
+#endif
+  colour = vec4(base * (shade() * (1.0 - ink)), cover);
+#endif
+}`;
+
+/** A rectangle that fills the picture. */
+export const FULL_VERTEX = `
+precision highp float;
+in vec3 position;
+out vec2 vAt;
+void main() { vAt = position.xy * 0.5 + 0.5; gl_Position = vec4(position.xy, 0.0, 1.0); }`;
+
+/** A shadow that is as soft as a wide sky makes it: the mean over a disc. */
+export const BLUR = `
+precision highp float;
+in vec2 vAt; uniform sampler2D uSharp;
+out vec4 colour;
+void main() {
+  float light = 0.0;
+  for (int i = 0; i < 32; i++) {  // points of a sunflower
+    float r = sqrt((float(i) + 0.5) / 32.0) * 0.004, a = 2.39996 * float(i);
+    light += texture(uSharp, vAt + r * vec2(cos(a), sin(a))).r;
+  }
+  colour = vec4(vec3(light / 32.0), 1.0);
 }`;
 
 export const GROUND_VERTEX = `
@@ -70,18 +194,13 @@ void main() {
   gl_Position = projectionMatrix * viewMatrix * place;
 }`;
 
-/** A shadow that is as soft as a wide sky makes it: the mean over a disc. */
 export const GROUND = `
 precision highp float;
 in vec2 vAt; in vec2 vOff; uniform sampler2D uShadow; uniform float uDark; uniform vec3 uTint;
 out vec4 colour;
 void main() {
-  float dark = 0.0;
-  for (int i = 0; i < 32; i++) {  // points of a sunflower
-    float r = sqrt((float(i) + 0.5) / 32.0) * 0.004, a = 2.39996 * float(i);
-    vec2 at = vAt + r * vec2(cos(a), sin(a));
-    if (all(greaterThan(at, vec2(0.0))) && all(lessThan(at, vec2(1.0)))) dark += 1.0 - texture(uShadow, at).r;
-  }
   float fade = 1.0 - smoothstep(0.5, 1.0, length(vOff));
-  colour = vec4(uTint, uDark * fade * dark / 32.0);
+  float dark = 1.0 - texture(uShadow, vAt).r;
+  if (fade * dark <= 0.0) discard;
+  colour = vec4(uTint, uDark * fade * dark);
 }`;

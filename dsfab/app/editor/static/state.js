@@ -51,6 +51,15 @@ export class State {
     this.tell(Object.keys(values), final);
   }
 
+  /** Other changes altogether, as one step of undo. */
+  become(changes) {
+    const keys = differing(changes, this.changes);
+    if (!keys.length) return;
+    this.changes = { ...changes };
+    this.settle();
+    this.tell(keys, true);
+  }
+
   /** Make the changes since the last time one step of undo. */
   settle() {
     if (same(this.settled, this.changes)) return;
@@ -69,10 +78,11 @@ export class State {
 
   step(from, to) {
     if (!from.length) return;
+    const keys = differing(this.changes, from.at(-1));
     to.push(this.changes);
     this.changes = from.pop();
     this.settled = this.changes;
-    this.tell(null, true);
+    this.tell(keys, true);
   }
 
   tell(keys, final) {
@@ -108,6 +118,9 @@ export function fromHash(hash) {
 
 const at = (values, key) => key.split('.').reduce((where, part) => where?.[part], values);
 export const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+/** The keys at which two sets of changes differ. */
+const differing = (a, b) => Object.keys({ ...a, ...b }).filter((key) => !same(a[key], b[key]));
 
 /** A copy of nested values with others at dotted keys; numbers in a key index lists. */
 function applied(values, changes) {

@@ -1,11 +1,16 @@
-/** How the page speaks with the server: three ways, all with the token of this run. */
+/** How the page speaks with its server, with the token of this run. transport_notebook.js does the same in a notebook. */
+
+import { unpacked } from './bytes.js';
+import { fromHash } from './state.js';
 
 const token = document.querySelector('meta[name="dsfab-token"]').content;
 const headers = { 'X-Dsfab-Token': token };
 
-/** The answer to a question, as an object; throws an Error with the server's own sentence. */
-export async function post(path, body) {
-  const answer = await fetch(path, {
+export const AWAY = 'The server is away; start dsfab edit again.';
+
+/** The answer to a question of asks.py, as an object; throws an Error with the server's own sentence. */
+export async function post(name, body) {
+  const answer = await fetch(`/api/${name}`, {
     method: 'POST',
     headers: { ...headers, 'Content-Type': 'application/json' },
     body: JSON.stringify(body),
@@ -13,10 +18,15 @@ export async function post(path, body) {
   return read(answer);
 }
 
-/** What is at a path, as an object. */
-export async function get(path) {
-  return read(await fetch(path, { headers }));
-}
+const [start, first] = window.early; // asked for by index.html, before any module is here
+
+/** What the page needs before anything is solved. */
+export const begun = async () => read(await start);
+
+/** What was solved before the page came, as `model` gives it, or null. */
+export const early = first
+  .then(async (answer) => (answer.status === 200 ? unpacked(await answer.arrayBuffer()) : null))
+  .catch(() => null);
 
 async function read(answer) {
   const told = await answer.json();
@@ -24,24 +34,14 @@ async function read(answer) {
   return told;
 }
 
-/** What was last solved: facts, and arrays by name. `have` is the version that the page holds already. */
+/** What was last solved: facts, and arrays by name. `have` is the version that the page holds already, or 0. */
 export async function model(have) {
-  const answer = await fetch(`/api/model?have=${have}`, { headers });
+  const known = have ? null : await early; // nothing large comes twice
+  const answer = await fetch(`/api/model?have=${known?.facts.version ?? have}`, { headers });
   if (!answer.ok) return read(answer);
-  return unpacked(await answer.arrayBuffer());
-}
-
-const KINDS = { float32: Float32Array, uint32: Uint32Array, uint8: Uint8Array };
-
-/** See payload.py for how it is packed. */
-export function unpacked(buffer) {
-  const long = new DataView(buffer).getUint32(0, true);
-  const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, long)));
-  const arrays = {};
-  for (const [name, { type, shape, at }] of Object.entries(facts.arrays)) {
-    arrays[name] = new KINDS[type](buffer, 4 + long + at, shape.reduce((a, b) => a * b, 1));
-  }
-  return { facts, arrays };
+  const { facts, arrays } = unpacked(await answer.arrayBuffer());
+  if (!known || facts.whole) return { facts, arrays };
+  return { facts: { ...known.facts, ...facts, whole: true }, arrays: { ...known.arrays, ...arrays } };
 }
 
 /** Call `hear` with every piece of news of a job; `lost` with whether the server is away. */
@@ -53,24 +53,21 @@ export function listen(hear, lost) {
   return new Promise((done) => source.addEventListener('open', done, { once: true }));
 }
 
-/** The address of a built file. */
-export function address(build, index) {
-  return `/api/file?build=${build}&index=${index}&token=${encodeURIComponent(token)}`;
+/** Make a link lead to a built file. */
+export function lead(link, build, index) {
+  link.href = `/api/file?build=${build}&index=${index}&token=${encodeURIComponent(token)}`;
 }
 
-/** Give the person a file of text. */
-export function download(name, text) {
-  const link = document.createElement('a');
-  link.href = URL.createObjectURL(new Blob([text], { type: 'application/toml' }));
-  link.download = name;
-  link.click();
-  URL.revokeObjectURL(link.href);
+/** What was kept of an earlier visit to the preset that `start` opens: { changes, view }. The address keeps it. */
+export function kept(start) {
+  const { title, changes, view } = fromHash(location.hash);
+  return title === start.title ? { changes, view } : { changes: {}, view: {} };
 }
 
-/** A file as base64. */
-export async function base64(file) {
-  const bytes = new Uint8Array(await file.arrayBuffer());
-  let text = '';
-  for (let i = 0; i < bytes.length; i += 32768) text += String.fromCharCode(...bytes.subarray(i, i + 32768));
-  return btoa(text);
+/** Keep the state for a reload or a bookmark. */
+export function keep(state, title) {
+  history.replaceState(null, '', state.hash(title));
 }
+
+/** Nobody else changes the preset here. */
+export function follow() {}

@@ -1,6 +1,8 @@
 /** Jobs on the server: what runs, how far it is, and who waits for its end. */
 
-import { listen, post } from './transport.js';
+import { AWAY, listen, post } from './transport.js';
+
+const RANK = ['build', 'picture', 'solve', 'figures']; // whose progress is shown, where several run
 
 const by = (id) => document.getElementById(id);
 
@@ -10,22 +12,23 @@ export class Work {
     this.handlers = handlers;
     this.latest = {};
     this.told = {};
-    by('cancel').addEventListener('click', () => this.running && post('/api/cancel', { job: this.running }).catch((error) => this.say(error.message)));
+    this.running = new Map();
+    by('cancel').addEventListener('click', () => this.shown && post('cancel', { job: this.shown.job }).catch((error) => this.say(error.message)));
   }
 
   /** Begin to listen. */
   listen() {
     return listen(
       (news) => this.hear(news),
-      (away) => away && this.say('The server is away; start dsfab edit again.'),
+      (away) => (away ? this.say(AWAY) : by('status').textContent === AWAY && this.say('')),
     );
   }
 
   /** Ask for a job; only the news of the newest of each kind counts. Returns its number. */
-  async ask(kind, path, body) {
+  async ask(kind, body) {
     this.latest[kind] = Infinity; // whatever is heard of older ones is old
     try {
-      const { job } = await post(path, body);
+      const { job } = await post(kind, body);
       this.latest[kind] = job;
       if (this.told[job]) this.hear(this.told[job]); // it was faster than the answer
       return job;
@@ -40,33 +43,35 @@ export class Work {
     const { job, kind, state } = news;
     this.told = Object.fromEntries([...Object.entries(this.told).slice(-20), [job, news]]);
     if (kind !== 'figures' && this.latest[kind] !== job) return;
-    if (state === 'running') this.show(news);
     if (state === 'waiting') return;
-    if (state === 'done' || state === 'failed' || state === 'cancelled') {
-      if (this.running === job) this.rest();
-      this.handlers[kind](news);
-    }
+    if (state === 'running') this.running.set(kind, news);
+    else if (this.running.get(kind)?.job === job) this.running.delete(kind);
+    this.show();
+    if (state !== 'running') this.handlers[kind](news);
   }
 
-  show({ job, stage, text }) {
-    if (this.running !== job) {
-      this.rest();
-      this.soon = setTimeout(() => this.open(), 250); // what is quick needs no sign
-    }
-    this.running = job;
-    this.doing = stage ? `${stage}: ${text}` : 'working';
-    if (!by('progress').hidden) this.say(this.doing);
+  /** The job that the person is told about, of those that run. */
+  get shown() {
+    return RANK.map((kind) => this.running.get(kind)).find(Boolean);
+  }
+
+  show() {
+    const { shown } = this;
+    if (!shown) return this.rest();
+    this.soon ??= setTimeout(() => this.open(), 250); // what is quick needs no sign
+    if (!by('progress').hidden) this.say(said(shown));
+    return undefined;
   }
 
   open() {
     by('progress').hidden = false;
     by('cancel').hidden = false;
-    this.say(this.doing);
+    this.show();
   }
 
   rest() {
-    this.running = 0;
     clearTimeout(this.soon);
+    this.soon = null;
     by('progress').hidden = true;
     by('cancel').hidden = true;
     this.say('');
@@ -76,3 +81,5 @@ export class Work {
     by('status').textContent = text;
   }
 }
+
+const said = ({ stage, text }) => (stage ? `${stage}: ${text}` : 'working');

@@ -1,0 +1,36 @@
+"""`dsfab.edit`: the editor in a notebook."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dsfab.app.editor.opened import Opened, opened
+from dsfab.design import Design, Draft
+from dsfab.errors import DsfabError
+from dsfab.pipeline import draft
+from dsfab.preset import Preset
+
+if TYPE_CHECKING:
+    from dsfab.app.editor.widget import Editor
+
+
+def edit(target: Design | Draft | Preset | str | Path = "dome", /, *, height: int = 640) -> "Editor":
+    """The page of `dsfab edit` as a widget for Jupyter, VS Code and marimo; nothing leaves this machine.
+
+        editor = dsfab.edit("dome")
+        editor                                              # in the last line of a cell: sliders and the structure
+        editor.changes = {"pattern.major.frequency": 12.0}  # the page follows, and what is pulled there stands here
+        design = dsfab.run(editor.preset)                   # of what is shown
+
+    target : a preset, or the name of a shipped one, or the path of a TOML or a mesh file; or a design or a draft, whose
+             stages are not solved again. height : of the widget, pixels.
+    Raises DsfabError for what cannot be opened, and where anywidget is not installed.
+    """
+    try:
+        from dsfab.app.editor.widget import Editor
+    except ImportError:
+        raise DsfabError('the widget needs anywidget; install it with: pip install "dsfab[notebook]"') from None
+    if isinstance(target, Design | Draft):
+        made = draft(target.preset, None, target)
+        return Editor(Opened(made.preset), made, height=height)
+    first = Opened(target) if isinstance(target, Preset) else opened(str(target))
+    return Editor(first, height=height)

@@ -1,0 +1,119 @@
+/** The structure's surface as it is drawn: its shape, and the shader that has what the picture needs and no more. */
+
+import * as THREE from 'three';
+import { fragment, VERTEX } from './shader.js';
+
+export class Sheet extends THREE.Mesh {
+  /** wave: the line of GLSL that all of dsfab shares; soft: edges of a pixel's width. */
+  constructor(wave, soft) {
+    super(new THREE.BufferGeometry());
+    this.frustumCulled = false;
+    this.uniforms = uniforms();
+    this.flags = { SOFT: soft };
+    this.soft = soft;
+    this.sources = { vertexShader: VERTEX, fragmentShader: fragment(wave) };
+    this.materials = new Map();
+    this.material = this.made(this.flags);
+  }
+
+  /** Parts of the shader that are wanted or not, by the names of their #define. */
+  want(flags) {
+    Object.assign(this.flags, flags);
+    this.material = this.made(this.flags);
+  }
+
+  /** The material with some parts; each is compiled once. */
+  made(flags) {
+    const names = Object.keys(flags).filter((name) => flags[name]).sort();
+    const key = names.join(' ');
+    if (!this.materials.has(key)) {
+      this.materials.set(key, new THREE.RawShaderMaterial({
+        ...this.sources, uniforms: this.uniforms, defines: Object.fromEntries(names.map((name) => [name, ''])),
+        glslVersion: THREE.GLSL3, side: THREE.DoubleSide, alphaToCoverage: Boolean(flags.SOFT),
+      }));
+    }
+    return this.materials.get(key);
+  }
+
+  /** Do something while the surface is black, with sharp edges. */
+  masked(act) {
+    const { material } = this;
+    this.material = this.made({ ...this.flags, MASK: true, SOFT: false, FAMILY: false, VALUE: false, CREASE: false });
+    act();
+    this.material = material;
+  }
+
+  /** Another structure, see payload.py. */
+  shape({ facts, arrays }) {
+    const n = arrays.V.length / 3;
+    const made = new THREE.BufferGeometry();
+    const add = (name, array, size) => made.setAttribute(name, new THREE.BufferAttribute(array, size));
+    made.setIndex(new THREE.BufferAttribute(arrays.F, 1));
+    add('position', arrays.V, 3);
+    add('normal', arrays.normals, 3);
+    add('kept', arrays.kept, 2);
+    add('moved', arrays.u, 3);
+    add('modeU', arrays.major.subarray(0, n), 1);
+    add('modeW', arrays.minor.subarray(0, n), 1);
+    add('halfWidth', arrays.kept, 2); // until widths are known
+    add('value', arrays.stress, 1);
+    this.geometry.dispose();
+    this.geometry = made;
+    this.modes = [1, 1];
+    this.arrays = arrays;
+    this.want({ CREASE: facts.creased });
+  }
+
+  /** What pattern.js makes of a pattern. */
+  stripes({ mode, frequency, phase, plain, half, reach }) {
+    const u = this.uniforms;
+    u.uFrequency.value = frequency;
+    u.uPhase.value = phase;
+    u.uReach.value = reach;
+    u.uHalf.value = plain;
+    if (half) this.put('halfWidth', half);
+    this.want({ VARY: Boolean(half), KEEP: reach.some((metres) => metres > 0) });
+    const n = this.arrays.V.length / 3;
+    ['major', 'minor'].forEach((name, k) => {
+      if (this.modes[k] === mode[k]) return;
+      this.put(['modeU', 'modeW'][k], this.arrays[name].subarray((mode[k] - 1) * n, mode[k] * n));
+      this.modes[k] = mode[k];
+    });
+  }
+
+  put(name, values) {
+    const attribute = this.geometry.getAttribute(name);
+    attribute.array = values;
+    attribute.needsUpdate = true;
+  }
+
+  /** Colours: three of families; or values (n,) from low x limit to limit on a ramp [[r, g, b], ...] of bytes. */
+  colours({ families, values = null, limit = 1, low = -1, ramp = null, move = 0, byFamily = false }) {
+    const u = this.uniforms;
+    u.uColours.value = families.map((colour) => new THREE.Vector3(...colour));
+    u.uMove.value = move;
+    this.want({ VALUE: Boolean(values), FAMILY: byFamily, MOVE: move > 0 });
+    if (!values) return;
+    this.put('value', values);
+    [u.uLimit.value, u.uLow.value] = [limit, low];
+    u.uRamp.value?.dispose();
+    const bytes = new Uint8Array(ramp.flatMap((rgb) => [...rgb, 255]));
+    u.uRamp.value = new THREE.DataTexture(bytes, ramp.length, 1);
+    Object.assign(u.uRamp.value, { magFilter: THREE.LinearFilter, minFilter: THREE.LinearFilter, needsUpdate: true });
+  }
+
+  /** Leave away what lies on one side of a plane [a, b, c, d], or nothing without one. */
+  section(plane) {
+    if (plane) this.uniforms.uSection.value = plane;
+    this.want({ SECTION: Boolean(plane) });
+  }
+}
+
+function uniforms() {
+  const start = {
+    uFrequency: [1, 1], uPhase: [0, 0], uHalf: [0.5, 0.5], uReach: [-1e30, -1e30], uSection: [0, 0, 0, 1],
+    uUp: new THREE.Vector3(0, 1, 0), uColours: [0, 1, 2].map(() => new THREE.Vector3(1, 1, 1)),
+    uRamp: null, uLimit: 1, uLow: -1, uMove: 0,
+  };
+  return Object.fromEntries(Object.entries(start).map(([name, value]) => [name, { value }]));
+}

@@ -1,0 +1,105 @@
+"""`Editor`: the page as an anywidget; needs the extra `notebook`."""
+
+import queue
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import anywidget
+import traitlets
+
+from dsfab.app.editor.asks import ASKS, Given
+from dsfab.app.editor.opened import Opened
+from dsfab.app.editor.page import bundle
+from dsfab.app.editor.session import Session
+from dsfab.design import Draft
+from dsfab.errors import DsfabError
+from dsfab.preset import Preset
+
+
+class Editor(anywidget.AnyWidget):
+    """A preset that hands and Python change together.
+
+    changes : what differs from the preset that is open, by dotted keys; to be set as a whole. Raises PresetError.
+    view    : sides, colours and layers of the page, as it keeps them.
+    height  : pixels.
+    """
+
+    changes = traitlets.Dict().tag(sync=True)
+    view = traitlets.Dict().tag(sync=True)
+    height = traitlets.Int(640).tag(sync=True)
+
+    def __init__(self, first: Opened, made: Draft | None = None, **more: Any) -> None:
+        self._esm = bundle()
+        self._session = Session(first, made)
+        self._session.__enter__()
+        self._news = self._session.jobs.listen()
+        self._heard = False
+        super().__init__(**more)
+        self.on_msg(self._received)
+        if made is None:
+            self._session.ask_solve({})  # while the page begins
+        threading.Thread(target=self._tell, args=(self._news,), name="dsfab-editor-news", daemon=True).start()
+
+    @property
+    def preset(self) -> Preset:
+        """The preset as it is shown. Raises PresetError for changes that no preset holds."""
+        return self._session.opened.changed(self.changes)
+
+    @property
+    def files(self) -> list[Path]:
+        """What was built last, those asked for first; they go when the widget is closed or Python ends."""
+        return self._session.latest
+
+    def close(self) -> None:
+        """Take the widget away, and stop what it does."""
+        super().close()
+        self._session.__exit__()
+
+    def set_state(self, sync_data: Mapping[str, Any]) -> None:
+        """What the page sets; a mistake there is told on the page, not raised here."""
+        self._heard = True
+        try:
+            super().set_state(sync_data)
+        finally:
+            self._heard = False
+
+    @traitlets.validate("changes")
+    def _checked(self, proposal: Mapping[str, Any]) -> Mapping[str, Any]:
+        changes: Mapping[str, Any] = proposal["value"]
+        if not self._heard:
+            self._session.opened.changed(changes)
+        return changes
+
+    def _received(self, _: object, content: Given, __: object) -> None:
+        """Answer a question of the page, see asks.py; what is large goes as bytes beside the message."""
+        told: dict[str, Any] = {"answer": content.get("ask")}
+        try:
+            answer = self._answer(str(content.get("name")), content.get("given", {}))
+        except DsfabError as error:
+            self.send({**told, "error": str(error)})
+            return
+        if isinstance(answer, bytes):
+            self.send(told, buffers=[answer])
+        else:
+            self.send({**told, "told": answer})
+
+    def _answer(self, name: str, given: Given) -> Given | bytes:
+        if name == "start":
+            return self._session.start()
+        if name == "model":
+            return self._session.model(int(given.get("have", 0)))
+        if name == "file":
+            path = self._session.file(int(given.get("build", 0)), int(given.get("index", 0)))
+            if path is None:
+                raise DsfabError("that file was not built")
+            return path.read_bytes()
+        if name not in ASKS:
+            raise DsfabError("there is nothing here")
+        return ASKS[name](self._session, given)
+
+    def _tell(self, news: "queue.Queue[dict[str, Any] | None]") -> None:
+        """News of jobs, until the session ends."""
+        while (told := news.get()) is not None:
+            self.send({"news": told})
