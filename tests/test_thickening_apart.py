@@ -1,5 +1,7 @@
 """The proof that prisms lie apart: what it proves meets nothing in the exact test of all pairs, and it proves most."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,31 @@ def test_a_proof_changes_no_solid():
     assert np.array_equal(tested.V, spared.V)
     assert np.array_equal(tested.F, spared.F)
     assert (tested.notes, tested.repairs) == (spared.notes, spared.repairs)
+
+
+CHUNKS = (
+    "surface.mesh",
+    "slicing.cells",
+    "slicing.triangulate",
+    "thickening.normals",
+    "thickening.offset",
+    "thickening.apart.prisms",
+    "thickening.apart.windings",
+)
+
+
+def test_nothing_depends_on_how_many_are_looked_at_together(monkeypatch):
+    surface, results = sphere(4), []
+    for chunk in (1 << 20, 37):
+        for name in CHUNKS:
+            monkeypatch.setattr(sys.modules[f"dsfab.{name}"], "CHUNK", chunk)
+        mesh = Surface(surface.V, surface.F)
+        offset, bent = offsets(mesh, 0.05), offsets(CASES["crumpled"][0](), 0.05)
+        layer, kept = cut_layer(mesh, offset.D)
+        results.append(
+            (mesh.areas, offset.D, bent.D, layer.cells.V, layer.cells.F, layer.cells.areas, kept, apart(layer))
+        )
+    for one, other in zip(*results, strict=True):
+        assert np.array_equal(one, other)
+    assert results[0][-1].any()
+    assert bent.limited

@@ -95,11 +95,8 @@ def split_cells(cells: Cells, x: Floats, levels: Floats, active: Bools, above: B
     sides, new = _sides(crossed, x, levels, active[which], place)
     cut = active[which] | (crossed.reduced(np.maximum, sides.count) > 0)
     if not cut.all():
-        sides, crossed, which = (
-            sides.at(crossed.slots(np.flatnonzero(cut))),
-            crossed.some(np.flatnonzero(cut)),
-            which[cut],
-        )
+        some = np.flatnonzero(cut)
+        sides, crossed, which = sides.at(crossed.slots(some)), crossed.some(some), which[some]
     part, label = _subdivided(crossed, sides)
     label[~active[which][part.owner]] = -1
     return _merged(cells, strip, which, _grouped(part, label, len(levels)), new)
@@ -112,6 +109,7 @@ def _places(x: Floats, levels: Floats) -> Ints:
 
 
 def _sides(cells: Cells, x: Floats, levels: Floats, active: Bools, place: Ints) -> tuple[_Sides, _Between]:
+    """The crossings of all sides, and the new vertices: each edge once, so that its polygons share them."""
     a, b = cells.corner, cells.ahead(cells.corner)
     up, one, two = x[a] < x[b], place[a], place[b]
     low, high = (np.minimum(one, two) + 1) // 2, np.maximum(one, two) // 2
