@@ -164,7 +164,7 @@ def test_the_mouse_turns_the_picture_and_nothing_is_drawn_at_rest(tab):
     after = tab.run("dsfab.viewer.eye.numbers")
     assert after[2] > before[2]  # seen from higher up
     assert after[3:6] == before[3:6]
-    tab.run("new Promise(done => setTimeout(done, 600))")
+    until(tab, "!dsfab.viewer.asked && !dsfab.viewer.shadowDue")
     frames = tab.run("dsfab.viewer.frames")
     tab.run("new Promise(done => setTimeout(done, 700))")
     assert tab.run("dsfab.viewer.frames") == frames
