@@ -28,28 +28,47 @@ def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) ->
     object.__setattr__(owner, name, locked(getattr(owner, name), dtype, shape))
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """(k, 3) cross products of a and b (k, 3): `np.cross`, faster."""
+    (x, y, z), (u, v, w) = a.T, b.T
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+
+
+def lengths(vectors: Floats) -> Floats:
+    """(...) lengths of vectors (..., 3): `np.linalg.norm` over the last axis, in a third of its time."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+
 def sorted_order(keys: Ints) -> Ints:
     """The order that sorts integers (k,), equal ones in their order: a stable argsort.
 
     Where a key and its place fit into one number these are sorted instead: ten times faster than numpy's stable
     argsort, and a hundred times faster than its hashing `unique` (numpy 2.4, two million keys).
     """
-    bits = max(len(keys) - 1, 1).bit_length()
-    if not len(keys) or keys.min() < 0 or int(keys.max()).bit_length() + bits > 63:
-        return np.argsort(keys, kind="stable")
-    packed = (keys.astype(np.int64) << bits) | np.arange(len(keys))
-    packed.sort()
-    return np.asarray(packed & ((1 << bits) - 1))
+    return _sorted(keys)[0]
 
 
 def grouped(keys: Ints) -> tuple[Ints, Ints, Ints]:
     """`sorted_order` of integers (k,), where each of the groups of equal ones begins in it, the group of each."""
-    order = sorted_order(keys)
-    ascending = keys[order]
+    order, ascending = _sorted(keys)
     new = np.concatenate([[True], ascending[1:] != ascending[:-1]]) if len(keys) else np.empty(0, dtype=bool)
     of = np.empty(len(keys), dtype=np.int64)
     of[order] = np.cumsum(new) - 1
     return order, np.flatnonzero(new), of
+
+
+def _sorted(keys: Ints) -> tuple[Ints, Ints]:
+    """`sorted_order` of integers (k,), and the integers in that order."""
+    bits = max(len(keys) - 1, 1).bit_length()
+    if not len(keys) or keys.min() < 0 or int(keys.max()).bit_length() + bits > 63:
+        order = np.argsort(keys, kind="stable")
+        return order, keys[order]
+    packed = keys.astype(np.int64)
+    packed <<= bits
+    packed |= np.arange(len(keys))
+    packed.sort()
+    return packed & ((1 << bits) - 1), packed >> bits
 
 
 def first(indices: Ints, count: int = 5) -> str:

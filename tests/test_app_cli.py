@@ -40,7 +40,7 @@ def test_build_writes_every_file_and_says_what_it_did(capsys, tmp_path):
     code, out, err = run(capsys, "build", "dome", *QUICK, "-o", str(folder))
     assert code == 0
     assert sorted(path.name for path in folder.iterdir()) == [
-        "design.json", "dome.ply", "dome.stl", "preset.toml", "sheet.ply",
+        "design.json", "design.npz", "dome.ply", "dome.stl", "preset.toml", "sheet.ply",
     ]  # fmt: skip
     assert "1 piece" in out
     assert [line.split()[0] for line in err.splitlines()][:6] == [
@@ -166,6 +166,8 @@ def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
     assert [(row["volume"], row["name"]) for row in rows] == [
         (share, name) for share in (None, 0.5, 0.7) for name in ("full", "design", "thinner")
     ]
+    assert [row["level"] for row in rows[3:]] == 2 * ["full", "quick", "full"]  # whole sheets have coarse meshes
+    assert rows[3]["compliance_J"] == rows[6]["compliance_J"]
     shared = [row for row in rows if row["volume"] and row["name"] != "full"]
     assert all(row["mass_kg"] == pytest.approx(row["volume"] * 157, rel=1e-3) for row in shared)
     assert sorted(path.name for path in (tmp_path / "c").iterdir()) == [

@@ -55,10 +55,8 @@ def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
     for line, curve in zip(details.lines, curves, strict=True):
         assert curve.Attributes.Name == line.id
         assert layers[curve.Attributes.LayerIndex].Name == line.layer
-        points = np.array(
-            [(p.X, p.Y, p.Z) for p in (curve.Geometry.Point(i) for i in range(curve.Geometry.PointCount))]
-        )
-        assert points == pytest.approx(1000 * line.points, abs=1e-9)
+        ends = [(p.X, p.Y, p.Z) for p in (curve.Geometry.PointAtStart, curve.Geometry.PointAtEnd)]
+        assert np.array(ends) == pytest.approx(1000 * line.points[[0, -1]], abs=1e-9)
         assert curve.Geometry.IsClosed == line.closed
         assert float(curve.Attributes.GetUserString("length_mm")) == pytest.approx(1000 * line.length, abs=1e-3)
 

@@ -50,7 +50,7 @@ def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path
     path = write(solid, tmp_path / "a.step", step="tessellated", note=said.append)
     found = step_check.inspected(path)
     assert found["triangles"] == len(solid.F)
-    assert found["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-9)
+    assert found["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-8)
     assert said == ["STEP is tessellated: only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and "
                     "gmsh do not"]  # fmt: skip
     way = {one.way: one for one in step_estimates(solid, step="tessellated")}["tessellated"]

@@ -7,10 +7,12 @@ import pytest
 
 from dsfab.errors import ExportError
 from dsfab.export import write
-from dsfab.export.smooth import check, make
+from dsfab.export.smooth import ask, check, edges, gate, make
 from dsfab.export.smooth.charts import excess
 from dsfab.export.smooth.layout import layout
-from dsfab.export.smooth.splines import Patch, basis, patch_through, spline_through
+from dsfab.export.smooth.nodes import Nodes
+from dsfab.export.smooth.outline import WALL, Run
+from dsfab.export.smooth.splines import Patch, Spline, basis, patch_through, spline_through
 from dsfab.slicing import Sheet, cut
 from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
@@ -27,11 +29,11 @@ def here(monkeypatch):
     """Ask OCCT in this process; gives the last findings."""
     found: list = []
 
-    def answers(path, limit):
-        found[:] = check.inspected(str(path))
-        return found
+    def said(path, folder, deflection, limit):
+        found[:] = [dict(one) for one in check.inspected(path, folder, deflection)]
+        return [dict(one) for one in found]
 
-    monkeypatch.setattr(make, "answers", answers)
+    monkeypatch.setattr(ask, "_said", said)
     return found
 
 
@@ -91,17 +93,17 @@ def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
 
 
 @pytest.mark.parametrize(
-    ("make_surface", "centres", "radius"),
+    ("make_surface", "centres", "radius", "step"),
     [
-        (partial(barrel_vault, 2.0, 1.6, 0.5, 0.09), [[0.5, 0, 0.5], [-0.4, 0.3, 0.45]], 0.25),
-        (partial(dome, 2.0, 0.6, edge=0.09), [[0, 0, 0.6], [0.6, 0, 0.4]], 0.2),
+        (partial(barrel_vault, 2.0, 1.6, 0.5, 0.09), [[0.5, 0, 0.5], [-0.4, 0.3, 0.45]], 0.25, "smooth"),
+        (partial(dome, 2.0, 0.6, edge=0.09), [[0, 0, 0.6], [0.6, 0, 0.4]], 0.2, "auto"),
     ],
-    ids=["vault", "cap"],
+    ids=["vault", "cap, unasked"],
 )
-def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, make_surface, centres, radius):
+def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, make_surface, centres, radius, step):
     surface = make_surface()
     sheet = holed(surface, centres, radius)
-    solid, shape, said = written(surface, sheet, tmp_path / "a.step")
+    solid, shape, said = written(surface, sheet, tmp_path / "a.step", step)
     assert len(shape.solids()) == 1
     assert shape.is_valid
     assert [face["valid"] and face["closed"] and face["tessellates"] for face in here] == [True]
@@ -112,6 +114,50 @@ def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, mak
     assert here[0]["volume"] == pytest.approx(solid.volume * 1e9, rel=2e-3)
     assert here[0]["gap"] <= 1000 * THICKNESS / 20
     assert (tmp_path / "a.step").stat().st_size < 75 * len(solid.F)  # one face per triangle takes 750 bytes each
+
+
+def displaced(run, level, k, nodes, allowed):
+    """Curves of holes pushed to one side, which closes as well as before."""
+    parts = honest_parts(run, level, k, nodes, allowed)
+    if run.around > 1000 * 2:
+        return parts
+    poles = [part.flat.poles.copy() for part in parts]
+    for some in poles:
+        some[1:-1] += 0.2 * 1000 * THICKNESS
+    return [
+        part._replace(flat=Spline(part.flat.knots, p, part.flat.degree)) for part, p in zip(parts, poles, strict=True)
+    ]
+
+
+honest_parts = edges._parts
+
+
+def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_path, here, monkeypatch):
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
+    sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
+    monkeypatch.setattr(edges, "_parts", displaced)
+    monkeypatch.setattr(make, "REFITS", 0)
+    monkeypatch.setattr(make, "LAYOUTS", make.LAYOUTS[:1])
+    with pytest.raises(ExportError, match=r"it is 1\d mm off the mesh, more than [2-5]"):
+        written(surface, sheet, tmp_path / "a.step")
+    assert [one["valid"] and one["closed"] and one["gap"] < 1000 * THICKNESS / 20 for one in here] == [True]
+
+
+def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
+    """A zigzag that no cubic follows within a millionth becomes its segments; a wide tolerance leaves it whole."""
+    x = np.linspace(0, 1000, 9)
+    line = np.c_[x, 40 * (np.arange(9) % 2)]
+    nodes = Nodes([], {0: line}, {0: np.ones(9)}, [], {}, {})
+    run = Run(np.arange(9), WALL, 1e6)
+    whole = edges._parts(run, 0, 0, nodes, edges.Allowed(60.0, 75.0, 0.0))
+    assert len(whole) == 1
+    for distance in (3.0, 3e-4):
+        parts = edges._parts(run, 0, 0, nodes, edges.Allowed(60.0, distance, 0.0))
+        assert np.concatenate([part.run.vertices[:-1] for part in parts]).tolist() == list(range(8))
+        on = np.concatenate([part.flat(np.linspace(0, 1, 500)) for part in parts])
+        away = np.abs(on[:, 1] - np.interp(on[:, 0], x, line[:, 1]))
+        assert away.max() <= distance
+    assert len(parts) == 8
 
 
 def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
@@ -139,13 +185,13 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
     sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).kept()
-    honest = make._Ladder._reason
+    honest = gate.Gate._verdict
 
-    def harsh(self, piece, found, wanted):
+    def harsh(self, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
-        return "it is disliked" if middle > 0 else honest(self, piece, found, wanted)
+        return gate.Verdict("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
 
-    monkeypatch.setattr(make._Ladder, "_reason", harsh)
+    monkeypatch.setattr(gate.Gate, "_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")
     assert said == [said[0]]
     assert "1 of 2 pieces" in said[0]

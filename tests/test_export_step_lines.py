@@ -5,6 +5,7 @@ import pytest
 
 from dsfab.errors import ExportError
 from dsfab.export import Details, step_check, step_lines, write
+from dsfab.export.along import curves_along
 from dsfab.export.formats import suffix_of
 from dsfab.surface.lines import Line, polyline_length
 from tests.test_export_lines import ARCHED, FLAT
@@ -22,7 +23,7 @@ def helix(turns: float = 1.5, count: int = 200) -> np.ndarray:
 
 def test_a_helix_becomes_one_spline_of_its_length(tmp_path, here):
     t = 3 * np.pi
-    (curve,) = step_lines.curves_along(1000 * helix(), 0.5)
+    (curve,) = curves_along(1000 * helix(), 0.5)
     assert (curve.degree, curve.deviation) == (3, pytest.approx(0.25, abs=0.25))
     x = curve.at(np.linspace(0, curve.knots[-1], 500))
     assert np.abs(np.hypot(x[:, 0], x[:, 1]) - 1000).max() < 0.6
@@ -42,18 +43,6 @@ def test_occt_finds_every_line_with_layers_and_colours(made, tmp_path, here):
     assert text.count("PRESENTATION_LAYER_ASSIGNMENT") == len({line.layer for line in details.lines})
     assert all(f"'{line.id} {1000 * line.length:.3f} mm'" in text for line in details.lines)
     assert "COLOUR_RGB('',0.12,0.31,0.61)" in text
-
-
-def test_corners_stay_and_closed_lines_close():
-    square = np.array([[0, 0, 0], [9, 0, 0], [9, 9, 3], [0, 9, 3], [0, 0, 0]], float)
-    curves = step_lines.curves_along(square, 0.1)
-    assert [curve.straight for curve in curves] == [True] * 4
-    t = np.linspace(0, 2 * np.pi, 91)
-    ring = 1000 * np.c_[np.cos(t), np.sin(t), 0 * t]
-    ring[-1] = ring[0]
-    one, two = step_lines.curves_along(ring, 0.5)
-    assert np.allclose(one.poles[0], two.poles[-1])
-    assert np.allclose(one.poles[-1], two.poles[0])
 
 
 def test_a_file_of_fewer_or_shorter_lines_is_not_kept(tmp_path, monkeypatch):

@@ -146,6 +146,7 @@ def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool,
 
     from dsfab.export import write
     from dsfab.preset_file import preset_toml
+    from dsfab.study.archive import keep
     from dsfab.study.delivery import delivered
 
     preset, ask = design.preset, design.preset.export
@@ -165,6 +166,7 @@ def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool,
     for text in told:
         reporter.say(f"export      {text}")
     write(design.sheet.surface, folder / "sheet.ply")
+    keep(design, folder)
     seconds["export"] = time.perf_counter() - start
     if picture:
         reporter("preview", "drawing preview.png")

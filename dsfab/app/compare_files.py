@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from dsfab.study import Comparison
 
 
-def write_results(preset: "Preset", found: "Sequence[tuple[float | None, Comparison]]", folder: Path) -> str:
+def write_results(
+    preset: "Preset", found: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
+) -> str:
     """results.csv and results.json, whose text is returned; `verdict` is the full check of the design."""
     from dsfab.preset_file import preset_toml
 
     rows = [{"volume": share, **row} for share, one in found for row in one.record()["competitors"]]
-    about = {"name": preset.name, "versions": versions(), "preset": preset_toml(preset)}
-    verdicts = {share: one.design.judgement.check for share, one in found if one.design.judgement}
-    told = {"verdict": check.record()} if (check := verdicts.get(None)) else {}
-    document = json.dumps({**about, **told, "competitors": rows}, indent=2)
+    about = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
+    document = json.dumps({**about, **_verdict(found), "competitors": rows}, indent=2)
     (folder / "results.json").write_text(document + "\n", encoding="utf-8")
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
     shared = [row for row in rows if row["volume"] is not None]
@@ -31,6 +31,16 @@ def write_results(preset: "Preset", found: "Sequence[tuple[float | None, Compari
 
         write_chart(shared, f"{preset.name}: compliance over mass", folder / "chart")
     return document
+
+
+def _verdict(found: "Sequence[tuple[float | None, Comparison]]") -> dict[str, Any]:
+    """`verdict` on the design as its preset draws it: the full check, or why it fails; nothing after one solve."""
+    for share, one in found:
+        if share is None:
+            if one.design.judgement is None:
+                return {"verdict": {"status": "fail", "reason": one.design.error}}
+            return {"verdict": check.record()} if (check := one.design.judgement.check) else {}
+    return {}
 
 
 def _csv(rows: list[dict[str, Any]]) -> str:

@@ -14,6 +14,7 @@ from dsfab.errors import ExportError
 
 if TYPE_CHECKING:
     from dsfab.preset import Preset
+    from dsfab.study.archive import Kept
     from dsfab.study.check_model import CheckModel
     from dsfab.surface import Surface
     from dsfab.thickening import Solid
@@ -63,15 +64,16 @@ def export(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote: what is
+        kept there is not made again, unless --set or an edit of its preset.toml changes the design.
     """
     given, folder = _source(preset, (*set_, *overrides(step, max_faces, max_mb)), mesh, unit)
-    reporter = Reporter(quiet)
+    reporter, built = Reporter(quiet), _built(preset, given)
     if estimate:
-        return estimated(given, reporter)
+        return estimated(given, reporter, built)
     ask = _asked(to, output, folder, given.name, sheet)
     try:
-        told = (_model if ask.suffix == SUFFIX else _mesh)(given, ask, reporter)
+        told = _model(given, ask, reporter) if ask.suffix == SUFFIX else _mesh(given, built, ask, reporter)
         reporter.done()
     finally:
         reporter.stop()
@@ -93,6 +95,13 @@ def _source(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
         raise ExportError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")
     given = read_preset(name, changes, mesh, unit)
     return given, Path("outputs") / given.name
+
+
+def _built(name: str, given: "Preset") -> "Kept | None":
+    """What the folder that was named holds of such a design, which is then not made again."""
+    from dsfab.study.archive import kept
+
+    return kept(Path(name), given) if (Path(name) / "preset.toml").is_file() else None
 
 
 def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> Ask:
@@ -159,8 +168,8 @@ def _told(made: "CheckModel", ask: Ask) -> list[str]:
     return lines
 
 
-def _mesh(given: "Preset", ask: Ask, reporter: Reporter) -> list[str]:
-    """Write the solid or a sheet; returns what to tell about it."""
+def _mesh(given: "Preset", built: "Kept | None", ask: Ask, reporter: Reporter) -> list[str]:
+    """Write the solid or a sheet, of what was built or made now; returns what to tell about it."""
     from dsfab.export import write
     from dsfab.pipeline import run
     from dsfab.study.delivery import delivered
@@ -169,9 +178,9 @@ def _mesh(given: "Preset", ask: Ask, reporter: Reporter) -> list[str]:
     how: dict[str, Any] = {}
     if ask.sheet == "uncut":
         reporter("surface", "making the surface")
-        thing: Solid | Surface = given.surface.build()
+        thing: Solid | Surface = built.surface if built else given.surface.build()
     else:
-        design = run(given, reporter)
+        design = built or run(given, reporter)
         thing, how = delivered(design, ask.suffix)
         thing = design.sheet.surface if ask.sheet == "cut" else thing
         how["note"] = told.append

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from dsfab.design import Design
     from dsfab.export import Estimate
     from dsfab.preset import Preset
+    from dsfab.study.archive import Kept
 
 Step = Annotated[
     str | None,
@@ -30,12 +31,12 @@ def overrides(step: str | None, max_faces: int | None, max_mb: float | None) -> 
     return tuple(f"export.{key}={json.dumps(value)}" for key, value in given.items() if value is not None)
 
 
-def estimated(given: "Preset", reporter: Reporter) -> int:
-    """Make the design and say what its STEP file would cost; nothing is written."""
+def estimated(given: "Preset", reporter: Reporter, built: "Kept | None" = None) -> int:
+    """Make the design, unless it was built, and say what its STEP file would cost; nothing is written."""
     from dsfab.pipeline import run
 
     try:
-        design = run(given, reporter)
+        design = built or run(given, reporter)
         reporter("export", "estimating STEP")
         lines = list(estimate_lines(design))
         reporter.done()
@@ -46,7 +47,7 @@ def estimated(given: "Preset", reporter: Reporter) -> int:
     return 0
 
 
-def estimate_lines(design: "Design") -> Iterator[str]:
+def estimate_lines(design: "Design | Kept") -> Iterator[str]:
     """A row for each way, the way that would be taken, and why not otherwise."""
     from dsfab.export import step_estimates
     from dsfab.study.delivery import delivered

@@ -1,11 +1,13 @@
 """DXF (R2010) for CAD and cutting: edges and centre lines in place, and plan and elevations beside them. Millimetres.
 
-Lines of a flat sheet in a plane z = constant are LWPOLYLINE, which cutting programs want, others POLYLINE in space.
-Layers: BOUNDARY, EDGES-MAJOR, CENTRE-MAJOR ...; of a curved sheet also PLAN-..., FRONT-..., RIGHT-... for the views.
-Every line in place has its id and length as extended data of the application DSFAB.
+A line in place is a SPLINE within the tolerance of the lines; where it has corners, one for each run between them.
+Straight runs are LWPOLYLINE on a flat sheet in a plane z = constant, which cutting programs want, else POLYLINE in
+space. Layers: BOUNDARY, EDGES-MAJOR, CENTRE-MAJOR ...; of a curved sheet also PLAN-..., FRONT-..., RIGHT-... for the
+views. Everything in place has the id and the whole length of its line as extended data of the application DSFAB.
 """
 
 import io
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,11 +18,13 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
+from dsfab.export.along import check_curves, curves_along, joined, sampled, within
+from dsfab.export.curves import Curve
 from dsfab.export.part import Part
-from dsfab.export.readback import check_lines, with_lines
+from dsfab.export.readback import with_lines
 from dsfab.export.text import one_line
 from dsfab.export.views import View, views
-from dsfab.surface.lines import Line
+from dsfab.surface.lines import Line, simplified
 
 APPLICATION = "DSFAB"
 GAP = 0.15
@@ -47,12 +51,13 @@ def encode(part: Part) -> Iterator[bytes]:
         document.header["$LTSCALE"] = float(np.ptp(part.box, axis=0).max()) / 1000
         document.header.custom_vars.append("program", f"dsfab {__version__}")
         document.header.custom_vars.append("unit", "millimetre")
+        document.header.custom_vars.append("curves within", f"{within(part):.2g} mm")
         document.appids.add(APPLICATION)
         space = document.modelspace()
         flat = bool((part.V[:, 2] == part.V[0, 2]).all())
         for line in part.details.lines:
-            entity = _drawn(space, line.points, flat, _layer(document, line))
-            entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
+            for entity in _curves(space, line, flat, _layer(document, line), within(part)):
+                entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
         if not flat:
             _beside(document, part)
         text = io.StringIO()
@@ -65,13 +70,24 @@ def _beside(document: Any, part: Part) -> None:
     gap = GAP * float(np.ptp(part.box, axis=0).max())
     at = np.array([part.box[1, 0] + 3 * gap, part.box[0, 1]])
     for view in views(part):
-        _placed(document, view, at - view.low, gap / 5, one_line(part.name))
+        _placed(document, view, at - view.low, gap / 5, part.details.tolerance, one_line(part.name))
         at = at + [view.extent[0] + 2 * gap, 0.0]
 
 
-def _placed(document: Any, view: View, shift: Floats, height: float, name: str) -> None:
+def _curves(space: Any, line: Line, flat: bool, layer: str, tolerance: float) -> Iterator[Any]:
+    """What a line is drawn with, its splines and its straight runs."""
+    for run in joined(curves_along(line.points, tolerance)):
+        if isinstance(run, Curve):
+            poles, knots = run.poles.tolist(), run.knots.tolist()
+            yield space.add_open_spline(poles, run.degree, knots, dxfattribs={"layer": layer})
+        else:
+            yield _drawn(space, run, flat, layer)
+
+
+def _placed(document: Any, view: View, shift: Floats, height: float, tolerance: float, name: str) -> None:
     space, prefix = document.modelspace(), view.title.split()[0].upper() + "-"
     for line, run in view.runs:
+        run = simplified(run, tolerance)
         flat = np.c_[run + shift, np.zeros(len(run))]
         _drawn(space, flat, True, _layer(document, line, prefix))
     if prefix + "TEXT" not in document.layers:
@@ -120,11 +136,18 @@ def check(part: Part, path: Path) -> None:
     errors = document.audit().errors
     if errors or document.header["$INSUNITS"] != 4:
         raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .svg or .csv instead")
-    check_lines(part, [_points(entity) for entity in document.modelspace() if entity.has_xdata(APPLICATION)])
+    found = defaultdict[str, list[Floats]](list)
+    for entity in document.modelspace():
+        if entity.has_xdata(APPLICATION):
+            found[entity.get_xdata(APPLICATION)[0].value].append(_points(entity))
+    check_curves(part, found)
 
 
 def _points(entity: Any) -> Floats:
-    """(k, 3) points of a polyline of either kind, its first one again at the end if it is closed."""
+    """(k, 3) points along a spline or a polyline of either kind, its first one again at the end if it is closed."""
+    if entity.dxftype() == "SPLINE":
+        curve = entity.construction_tool()
+        return np.array([tuple(point) for point in curve.points(sampled(np.array(entity.knots)))])
     if entity.dxftype() == "LWPOLYLINE":
         flat = np.array([point[:2] for point in entity.get_points()])
         points = np.c_[flat, np.full(len(flat), entity.dxf.elevation)]

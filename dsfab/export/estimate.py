@@ -19,7 +19,7 @@ from dsfab.export.plate_text import plate_entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
 from dsfab.export.smooth.make import drafted
-from dsfab.export.step_text import DIGITS, faceted_bytes
+from dsfab.export.step_text import FACETED_DIGITS, faceted_bytes
 
 START = 3.0
 """Seconds that reading back takes at least: a process that imports build123d."""
@@ -73,7 +73,7 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
     Nothing is written, and nothing is checked by OCCT: a way that is chosen here may still be refused for its result.
     """
     found = [_estimate(part, way, shape) for way, shape in WAYS.items() if way != "smooth" or part.curved is not None]
-    allowed = {"planar", "faceted", "simplified"} if part.step == "auto" else {part.step}
+    allowed = {"planar", "smooth", "faceted", "simplified"} if part.step == "auto" else {part.step}
     allowed |= {"simplified"} if part.step == "faceted" and part.tolerance else set()
     order = ["planar", "smooth", "simplified", "faceted"] if part.tolerance else list(WAYS)
     best = next((way for way in order for e in found if e.way == way and way in allowed and not e.refused), None)
@@ -110,7 +110,10 @@ def _planar(part: Part) -> tuple[int, float, str]:
 def _smooth(part: Part) -> tuple[int, float, str]:
     if default := step.default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
-    return (*drafted(part), "not checked yet: pieces that are refused will be faceted")
+    return (
+        *drafted(replace(part, hurry=part.step == "auto")),
+        "not checked yet: pieces that are refused will be faceted",
+    )
 
 
 def _faceted(part: Part) -> tuple[int, float, str]:
@@ -125,7 +128,7 @@ def _simplified(part: Part) -> tuple[int, float, str]:
 
 
 def _tessellated(part: Part) -> tuple[int, float, str]:
-    digits = np.log10(max(np.abs(part.V).max(), 1.0)) + DIGITS + 2.5
+    digits = np.log10(max(np.abs(part.V).max(), 1.0)) + FACETED_DIGITS + 2.5
     size = 1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F)
     return len(part.F), float(size), f"no deviation; only on request: {tessellated.WARNING}"
 

@@ -63,6 +63,8 @@ class Format:
     """A line about the way taken, given why the one before it was refused ("" if it was not)."""
     takes: Takes = "mesh"
     """What it is for: a mesh; lines on a sheet; a solid and lines; or fields on a sheet."""
+    curves: bool = False
+    """Whether it draws lines as smooth curves, and so wants them exact."""
     ready: Callable[[], None] = lambda: None
     """Raises ExportError where a library is missing that the format needs."""
 
@@ -82,15 +84,17 @@ FORMATS: dict[str, Format] = {
     ".step": _STEP,
     ".stp": _STEP,
     ".stpz": replace(_STEP, encode=stpz.encode, check=stpz.check),
-    ".lines.step": Format(step_lines.prepare, step_lines.encode, step_lines.check, sheets=True, takes="lines"),
+    ".lines.step": Format(
+        step_lines.prepare, step_lines.encode, step_lines.check, sheets=True, takes="lines", curves=True
+    ),
     ".brep": Format(brep.prepare, brep.encode, brep.check, sheets=False, attempts=brep.attempts, told=brep.told),
     ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.ready),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
     ".off": Format(off.prepare, off.encode, off.check, sheets=True),
     ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
-    ".3dm": Format(rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", ready=rhino.ready),
-    ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines"),
+    ".3dm": Format(rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", curves=True, ready=rhino.ready),
+    ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines", curves=True),
     ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
     ".csv": Format(tables.prepare, tables.encode, tables.check, sheets=True, takes="lines"),
     ".json": Format(records.prepare, records.encode, records.check, sheets=True, takes="lines"),

@@ -23,7 +23,8 @@ class Details:
     """What some formats hold besides a mesh; each takes what it can.
 
     lines     : edges and centre lines, metres.
-    tolerance : metres that `lines` may be off the true ones.
+    tolerance : metres that what a file holds may be off the true lines: that `lines` are, or that curves through exact
+                `lines` may be.
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
@@ -57,6 +58,7 @@ class Part:
     step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
     note       : what was done to the mesh on its way here.
     curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
+    hurry      : whether nobody asked for smooth STEP by name, so that it may be given up early.
     """
 
     V: Floats
@@ -71,6 +73,7 @@ class Part:
     step_mb: float = 0.0
     note: str = ""
     curved: Callable[[], Curved] | None = None
+    hurry: bool = False
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))

@@ -100,8 +100,8 @@ def _outline(region: Ints, other: Ints) -> _Outline:
 def _simple(outline: _Outline, F: Ints) -> _Outline:
     """The loops cut where they come back to a vertex, so that none touches itself."""
     vertex = F.ravel()[outline.h]
-    visits = np.unique(np.stack([outline.loop, vertex]), axis=1, return_counts=True)
-    touching = set(visits[0][0][visits[1] > 1].tolist())
+    visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
+    touching = set((visits[1:][visits[1:] == visits[:-1]] // (int(F.max()) + 1)).tolist())
     if not touching:
         return outline
     loops: list[list[int]] = []
@@ -138,22 +138,24 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: _Outline) -> Bools:
     a = F.ravel()[outline.h]
     edge = np.unique(table.of.ravel()[outline.h])
     degree = np.bincount(table.ends[edge].ravel(), minlength=len(V))
-    alive = np.zeros(len(V), dtype=bool)
+    alive = degree > 2
     before, after = np.roll(a, 1), a[outline.next]
     before[outline.start[:-1]] = a[outline.start[1:] - 1]
-    onward = np.einsum("hi,hi->h", V[a] - V[before], V[after] - V[a]) > 0
-    alive[a[~onward | (_from_line(V[a], V[before], V[after]) > FLATNESS)]] = True
-    alive[degree > 2] = True
-    while True:
-        few = np.add.reduceat(alive[a], outline.start[:-1]) < 3
-        bent = np.repeat(few, np.diff(outline.start)) & ~alive[a]
-        if not bent.any():
+    two = np.flatnonzero(~alive[a])  # all others are corners: on a curved solid nearly every vertex
+    at, p, q = V[a[two]], V[before[two]], V[after[two]]
+    onward = np.einsum("hi,hi->h", at - p, q - at) > 0
+    alive[a[two][~onward | (_from_line(at, p, q) > FLATNESS)]] = True
+    while len(dead := two[~alive[a[two]]]):
+        few = np.repeat(np.add.reduceat(alive[a], outline.start[:-1]) < 3, np.diff(outline.start))
+        bent = dead[few[dead]]
+        if not len(bent):
             run, end = _ends_of_runs(alive[a], outline)
-            off = ~alive[a] & (_from_line(V[a], V[a[run]], V[a[end]]) > FLATNESS)
-            bent = off if not off.any() else (np.bincount(run[off], minlength=len(a)) > 0)[run] & ~alive[a]
-        if not bent.any():
-            return alive
+            off = _from_line(V[a[dead]], V[a[run[dead]]], V[a[end[dead]]]) > FLATNESS
+            bent = dead[np.isin(run[dead], run[dead[off]])]
+        if not len(bent):
+            break
         alive[a[bent]] = True
+    return alive
 
 
 def _ends_of_runs(alive: Bools, outline: _Outline) -> tuple[Ints, Ints]:
@@ -168,6 +170,13 @@ def _ends_of_runs(alive: Bools, outline: _Outline) -> tuple[Ints, Ints]:
     return at[run], at[end]
 
 
+def _positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
+    """The positions of all steps of some loops, loop after loop, and for each of them which of `loops` it is of."""
+    length = np.diff(start)[loops]
+    loop = np.repeat(np.arange(len(loops)), length)
+    return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
+
+
 def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
     """(k,) distances of points p from the lines through a and b."""
     along = b - a
@@ -179,44 +188,62 @@ def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
 def _assembled(
     V: Floats, F: Ints, shell: Ints, region: Ints, vectors: Floats, table: EdgeTable, outline: _Outline, alive: Bools
 ) -> Polyhedron:
-    """Number points, edges and faces. From both sides, a long edge is known by the smallest mesh edge in it."""
-    a = F.ravel()[outline.h]
-    kept = alive[a]
-    run, end = _ends_of_runs(kept, outline)
-    smallest = np.full(len(a), len(table.ends))
-    np.minimum.at(smallest, run, table.of.ravel()[outline.h])
-    begin, finish, chain = a[kept], a[end[kept]], smallest[kept]
-    start = np.concatenate([[0], np.cumsum(np.add.reduceat(kept, outline.start[:-1]))])
-
+    """Number points, edges and faces; what has a row per step is let go early, since there are three to a triangle."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    ahead = np.arange(1, len(begin) + 1)
-    ahead[start[1:] - 1] = start[:-1]
-    reference = np.repeat(begin[start[:-1]], np.diff(start))
-    swept = np.cross(V[begin] - V[reference], V[begin[ahead]] - V[reference])
-    around = np.einsum("li,li->l", np.add.reduceat(swept, start[:-1]), normals[face_of_loop])
-    order = np.lexsort((-around, face_of_loop))
-    steps = np.concatenate([np.arange(start[i], start[i + 1]) for i in order])
-
+    begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
+    order = np.lexsort((-_around(V, begin, start, face_of_loop, normals), face_of_loop))
+    steps = _positions(start, order)[0]
     used, point = np.unique(begin, return_inverse=True)
     of_vertex = np.zeros(len(V), dtype=np.int64)
     of_vertex[used] = np.arange(len(used))
-    _, edge = np.unique(chain, return_inverse=True)
-    ends = np.zeros((int(edge.max()) + 1, 2), dtype=np.int64)
-    low = np.minimum(begin, finish)
-    ends[edge, 0], ends[edge, 1] = of_vertex[low], of_vertex[np.maximum(begin, finish)]
     faces = np.searchsorted(face_of_loop[order], np.arange(len(normals) + 1))
     shell_of = np.zeros(len(normals), dtype=np.int64)
     shell_of[region] = shell
     loops = np.concatenate([[0], np.cumsum(np.diff(start)[order])])
     return Polyhedron(
         points=V[used],
-        edges=ends,
+        edges=of_vertex[ends],
         steps=edge[steps],
-        forward=(begin == low)[steps],
+        forward=forward[steps],
         loops=loops,
         faces=faces,
         normals=normals,
-        origin=point[steps][loops[faces[:-1]]],
+        origin=point[steps[loops[faces[:-1]]]],
         shell=shell_of,
     )
+
+
+def _long_edges(
+    F: Ints, table: EdgeTable, outline: _Outline, alive: Bools
+) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
+    """The vertex that each step of the loops begins at, where the loops start, and of the steps their edges.
+
+    The edge of each step, the vertices (e, 2) at the edges' ends, and whether a step runs from the first to the second.
+    From both sides, a long edge is known by the smallest mesh edge in it.
+    """
+    a = F.ravel()[outline.h]
+    kept = alive[a]
+    run, end = _ends_of_runs(kept, outline)
+    smallest = np.full(len(a), len(table.ends))
+    np.minimum.at(smallest, run, table.of.ravel()[outline.h])
+    start = np.concatenate([[0], np.cumsum(np.add.reduceat(kept, outline.start[:-1]))])
+    begin, finish = a[kept], a[end[kept]]
+    _, edge = np.unique(smallest[kept], return_inverse=True)
+    ends = np.zeros((int(edge.max()) + 1, 2), dtype=np.int64)
+    ends[edge, 0], ends[edge, 1] = np.minimum(begin, finish), np.maximum(begin, finish)
+    return begin, start, (edge, ends, begin < finish)
+
+
+def _around(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
+    """(l,) twice the area inside each loop, seen against its face's normal; 0 for the only loop of a face."""
+    around = np.zeros(len(face_of_loop))
+    many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
+    if len(many):
+        ahead = np.arange(1, len(begin) + 1)
+        ahead[start[1:] - 1] = start[:-1]
+        at, loop = _positions(start, many)
+        base = V[begin[start[many]]][loop]
+        swept = np.cross(V[begin[at]] - base, V[begin[ahead[at]]] - base)
+        around[many] = np.bincount(loop, np.einsum("hi,hi->h", swept, normals[face_of_loop[many]][loop]))
+    return around

@@ -79,16 +79,22 @@ def differs(part: Part, what: str, expected: int, found: int) -> ExportError:
 
 
 def merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """The mesh with vertices at exactly equal positions made one.
+    """The mesh with vertices at exactly equal positions made one."""
+    points, of = distinct(V)
+    return points, of[F]
 
-    Positions are told apart by a number made of their bits, a sixth of the time of comparing rows. Two that get the
-    same number by chance would show, and are then compared as rows.
+
+def distinct(rows: Floats) -> tuple[Floats, Ints]:
+    """The different ones among rows of three numbers (k, 3), and the one of each (k,).
+
+    They are told apart by a number made of their bits, a sixth of the time of comparing rows. Two that get the same
+    number by chance would show, and are then compared as rows.
     """
-    V = V + 0.0  # no -0
-    bits = np.ascontiguousarray(V).view(np.uint64)
+    rows = rows + 0.0  # no -0
+    bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
     _, first, of = np.unique(mixed[:, 0] ^ mixed[:, 1] ^ mixed[:, 2], return_index=True, return_inverse=True)
-    points = V[first]
-    if not (points[of] == V).all():
-        points, of = np.unique(V, axis=0, return_inverse=True)
-    return points, of.reshape(-1)[F]
+    found = rows[first]
+    if not (found[of] == rows).all():
+        found, of = np.unique(rows, axis=0, return_inverse=True)
+    return found, of.reshape(-1)

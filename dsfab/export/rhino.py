@@ -1,8 +1,9 @@
 """3DM (openNURBS) for Rhino and Grasshopper: the mesh, and edges and centre lines as curves on named layers.
 
 Millimetres, and the file says so.
-The library rhino3dm (extra `rhino`) keeps vertices of meshes in single precision; curves are in double. Every curve has
-its id as its name, and its family, number and length as user text.
+The library rhino3dm (extra `rhino`) keeps vertices of meshes in single precision; curves are in double. A line is a
+NURBS curve within the tolerance of the lines, or a polycurve where it has corners; straight ones stay polylines. Each
+has its id as its name, and its family, number, length and tolerance as user text.
 """
 
 import importlib.util
@@ -16,8 +17,10 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
+from dsfab.export.along import check_curves, curves_along, joined, sampled, within
+from dsfab.export.curves import Curve
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import check_lines, check_mesh
+from dsfab.export.readback import check_mesh
 from dsfab.export.text import one_line
 from dsfab.surface.lines import Line
 
@@ -61,8 +64,7 @@ def encode(part: Part) -> Iterator[bytes]:
     about.Name, about.LayerIndex = one_line(part.name), layers[MESH]
     model.Objects.AddMesh(_mesh(part), about)
     for line in part.details.lines:
-        points = [rhino3dm.Point3d(*point) for point in line.points.tolist()]
-        model.Objects.AddPolyline(points, _about(line, layers[line.layer]))
+        model.Objects.AddCurve(_curve(line, within(part)), _about(line, layers[line.layer], within(part)))
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "model.3dm"
         if not model.Write(str(path), VERSION):
@@ -82,12 +84,37 @@ def _mesh(part: Part) -> Any:
     return mesh
 
 
-def _about(line: Line, layer: int) -> Any:
+def _curve(line: Line, tolerance: float) -> Any:
+    """A NURBS curve, a polyline, or one after the other."""
+    import rhino3dm
+
+    made = list[Any]()
+    for run in joined(curves_along(line.points, tolerance)):
+        if isinstance(run, Curve):
+            curve = rhino3dm.NurbsCurve(3, False, run.degree + 1, len(run.poles))
+            for i, pole in enumerate(run.poles.tolist()):
+                curve.Points[i] = rhino3dm.Point4d(*pole, 1.0)
+            for i, knot in enumerate(run.knots[1:-1].tolist()):  # openNURBS leaves out the first and the last
+                curve.Knots[i] = knot
+            made.append(curve)
+        else:
+            made.append(rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*x) for x in run.tolist()])))
+    if len(made) == 1:
+        return made[0]
+    whole = rhino3dm.PolyCurve()
+    for curve in made:
+        whole.AppendSegment(curve)
+    return whole
+
+
+def _about(line: Line, layer: int, tolerance: float) -> Any:
     import rhino3dm
 
     about = rhino3dm.ObjectAttributes()
     about.Name, about.LayerIndex = line.id, layer
-    for key, value in (("family", line.family), ("number", str(line.number)), ("length_mm", f"{line.length:.3f}")):
+    facts = {"family": line.family, "number": str(line.number)}
+    facts |= {"length_mm": f"{line.length:.3f}", "tolerance_mm": f"{tolerance:.2g}"}
+    for key, value in facts.items():
         about.SetUserString(key, value)
     return about
 
@@ -106,7 +133,8 @@ def check(part: Part, path: Path) -> None:
     if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
         raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
     check_mesh(part, *_arrays(meshes[0]))
-    check_lines(part, [_points(shape) for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Curve])
+    curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
+    check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
 
 
 def _arrays(mesh: Any) -> tuple[Floats, Ints]:
@@ -116,6 +144,13 @@ def _arrays(mesh: Any) -> tuple[Floats, Ints]:
     return V, F[:, :3]
 
 
-def _points(curve: Any) -> Floats:
-    points = (curve.Point(i) for i in range(curve.PointCount)) if hasattr(curve, "PointCount") else ()
-    return np.array([(p.X, p.Y, p.Z) for p in points])
+def _points(curve: Any) -> list[Floats]:
+    """Points (k, 3) along a curve, or along each of those that a polycurve is made of."""
+    if hasattr(curve, "SegmentCount"):
+        return [points for i in range(curve.SegmentCount) for points in _points(curve.SegmentCurve(i))]
+    if hasattr(curve, "Knots"):
+        knots = np.array([curve.Knots[i] for i in range(len(curve.Knots))])
+        found = (curve.PointAt(x) for x in sampled(knots).tolist())
+    else:
+        found = (curve.Point(i) for i in range(curve.PointCount))
+    return [np.array([(p.X, p.Y, p.Z) for p in found])]

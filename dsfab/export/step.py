@@ -6,8 +6,8 @@ smooth  : a curved sheet likewise: spline skins trimmed by the pattern's edges, 
 faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
 tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
-`auto` takes planar where the solid is flat, else smooth where the sheet is known, and either only where the file stands
-the check; else faceted. The text is written directly
+`auto` takes planar where the solid is flat, else smooth where the sheet is known and has no more walls than are made
+in about fifteen seconds, and either only where the file stands the check; else faceted. The text is written directly
 and read back through build123d. Building the same topology in OCCT first gives larger files (with a curve on the
 surface for each edge) and is 30 to 300 times slower to write. Reading back, in a process of its own, is nearly all of
 the time; measured for `faceted` with OCCT 8 on a busy machine of two cores:
@@ -42,8 +42,8 @@ from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
 from dsfab.export.smooth.make import made
-from dsfab.export.step_text import DIGITS, entities
-from dsfab.surface.topology import edge_table
+from dsfab.export.step_text import DIGITS, FACETED_DIGITS, entities
+from dsfab.surface.topology import edge_table, half_edges
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
@@ -61,7 +61,11 @@ TIGHTER = 1 / 4
 
 def prepare(part: Part) -> Part:
     """The part rounded to the file's decimals; raises ExportError where an edge has more than two triangles."""
-    part = settled(part, np.round(part.V, DIGITS) + 0.0, f"a STEP file with {DIGITS} decimals")
+    V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
+    ends = np.stack(half_edges(part.F))
+    short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
+    V[short] = coarse[short]  # they become one, the others stay where planes are found
+    part = settled(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
         raise ExportError(
@@ -72,19 +76,17 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part]:
-    """The part with its ways, the best first: planar, planar with a smaller tolerance, faceted, simplified.
+    """The part with its ways, the best first: planar, planar with a smaller tolerance, smooth, faceted, simplified.
 
-    Smooth is made when it is asked for: single points of its edges lie up to a fifth of the thickness off the mesh (11
-    mm on a dome 60 mm thick, measured), which nothing here refuses yet. A solid is simplified before it is faceted when
-    a tolerance was asked for, else only when nothing else is accepted.
+    A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
     """
     if part.step in ("auto", "planar"):
         planar = replace(part, step="planar", tolerance=part.tolerance or default_tolerance(part))
         yield planar
         if planar.tolerance:
             yield replace(planar, tolerance=TIGHTER * planar.tolerance)
-    if part.step == "smooth":
-        yield replace(part, step="smooth")
+    if part.step == "smooth" or (part.step == "auto" and part.curved is not None and not planar.tolerance):
+        yield replace(part, step="smooth", hurry=part.step == "auto")
     if part.step == "tessellated":
         yield part
     if part.step in ("auto", "faceted"):

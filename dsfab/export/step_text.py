@@ -5,7 +5,7 @@ ADVANCED_FACE -> FACE_OUTER_BOUND -> EDGE_LOOP -> ORIENTED_EDGE -> EDGE_CURVE ->
 """
 
 from collections.abc import Iterator
-from itertools import accumulate, chain, pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -14,17 +14,24 @@ from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.export.coplanar import FLATNESS
 from dsfab.export.planar import Polyhedron
+from dsfab.export.readback import distinct
 from dsfab.export.step_pieces import closing, piece_name, quoted
 from dsfab.export.text import TRAILING_ZEROS, one_line, rows
 
 DIGITS = 6
-"""Decimals of coordinates: 1e-6 mm."""
+"""Decimals of coordinates of curves, and of the solid that planes are found on: 1e-6 mm."""
+
+FACETED_DIGITS = 5
+"""Decimals of the corners of planar faces: 1e-5 mm, the precision that the file states. Planes are found before."""
 
 DIRECTION_DIGITS = 11
 """Decimals of directions: under 1e-6 mm at the end of an edge of 100 m."""
 
-_POINT = f"CARTESIAN_POINT('',(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f))"
-_DIRECTION = f"DIRECTION('',(%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f,%.{DIRECTION_DIGITS}f))"
+NORMAL_REACH = 1e-6
+"""Millimetres that the digits of its normal may turn a planar face off its place, at its far end."""
+
+_POINT = f"CARTESIAN_POINT('',(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f))"
+_RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
 
 _HEADER = """ISO-10303-21;
 HEADER;
@@ -67,32 +74,64 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
 
 def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, int]:
     """The text of the faces in numbers from `start` on, the number of each, and the first free number."""
-    along = shape.points[shape.edges[:, 1]] - shape.points[shape.edges[:, 0]]
-    directions, direction = _distinct(along / np.linalg.norm(along, axis=1, keepdims=True))
-    normals, normal = _distinct(shape.normals)
-    v, d, e, f = (len(x) for x in (shape.points, directions, shape.edges, shape.normals))
-    s, o, n = len(shape.steps), len(shape.loops) - 1, len(normals)
-    points, vertices, dirs, vectors, lines, edges, *rest = _blocks([v, v, d, d, e, e, s, o, o, n, f, f, f], start)
-    steps, loops, bounds, axes, placements, planes, faces, free = rest
+    vectors = distinct(_ratios(shape))
+    digits = _digits(shape)
+    normals = distinct(np.round(shape.normals, digits))
+    v, d, e, f = (len(x) for x in (shape.points, vectors[0], shape.edges, shape.normals))
+    s, o, n = len(shape.steps), len(shape.loops) - 1, len(normals[0])
+    blocks = _blocks([v, v, d, d, e, e, s, o, o, n, f, f, f], start)
+    return _tables(shape, vectors, normals, digits, blocks), np.array(blocks[12]), blocks[12].stop
+
+
+def _tables(
+    shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
+) -> Iterator[str]:
+    """Table after table: what one needs is let go before the next is made.
+
+    vectors, normals : the different ones as they are written, and which one each edge or face has.
+    digits           : decimals of normals.
+    """
+    points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
-    way, kind = np.where(shape.forward, "T", "F"), np.where(outer, "FACE_OUTER_BOUND", "FACE_BOUND")
-    texts = chain(
-        _table(points, _POINT, *shape.points.T),
-        _table(vertices, "VERTEX_POINT('',#%d)", points),
-        _table(dirs, _DIRECTION, *directions.T),
-        _table(vectors, "VECTOR('',#%d,1.)", dirs),
-        _table(lines, "LINE('',#%d,#%d)", points[p], vectors[direction]),
-        _table(edges, "EDGE_CURVE('',#%d,#%d,#%d,.T.)", vertices[p], vertices[q], lines),
-        _table(steps, "ORIENTED_EDGE('',*,*,#%d,.%s.)", edges[shape.steps], way),
-        _table(loops, "EDGE_LOOP('',(%s))", _lists(steps, shape.loops)),
-        _table(bounds, "%s('',#%d,.T.)", kind, loops),
-        _table(axes, _DIRECTION, *normals.T),
-        _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", points[shape.origin], axes[normal]),
-        _table(planes, "PLANE('',#%d)", placements),
-        _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _lists(bounds, shape.faces), planes),
-    )
-    return texts, faces, int(free[0])
+    yield from _table(points, _POINT, *(_corners(shape) / 10**FACETED_DIGITS).T)
+    yield from _table(vertices, "VERTEX_POINT('',#%d)", points)
+    yield from _table(dirs, _RATIOS, *vectors[0].T)
+    yield from _table(units, "VECTOR('',#%d,1.)", dirs)
+    yield from _table(lines, "LINE('',#%d,#%d)", points.start + p, units.start + vectors[1])
+    yield from _table(edges, "EDGE_CURVE('',#%d,#%d,#%d,.T.)", vertices.start + p, vertices.start + q, lines)
+    way = np.where(shape.forward, "T", "F")
+    yield from _table(steps, "ORIENTED_EDGE('',*,*,#%d,.%s.)", edges.start + shape.steps, way)
+    yield from _table(loops, "EDGE_LOOP('',(%s))", _Lists(steps.start, shape.loops))
+    yield from _table(bounds, "FACE_%sBOUND('',#%d,.T.)", np.where(outer, "OUTER_", ""), loops)
+    yield from _table(axes, f"DIRECTION('',(%.{digits}f,%.{digits}f,%.{digits}f))", *normals[0].T)
+    at = points.start + shape.origin
+    yield from _table(placements, "AXIS2_PLACEMENT_3D('',#%d,#%d,$)", at, axes.start + normals[1])
+    yield from _table(planes, "PLANE('',#%d)", placements)
+    yield from _table(faces, "ADVANCED_FACE('',(%s),#%d,.T.)", _Lists(bounds.start, shape.faces), planes)
+
+
+def _ratios(shape: Polyhedron) -> Floats:
+    """(e, 3) directions of the edges in smallest whole numbers: between the corners as they are written, exactly.
+
+    A direction need not have length 1 (ISO 10303-42). Edges along an axis share one, whatever their lengths.
+    """
+    corners = _corners(shape)
+    along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
+    return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
+
+
+def _corners(shape: Polyhedron) -> Ints:
+    """(p, 3) the corners in units of their last decimal."""
+    return np.asarray(np.rint(shape.points * 10**FACETED_DIGITS), dtype=np.int64)
+
+
+def _digits(shape: Polyhedron) -> int:
+    """Decimals of normals, such that no plane is turned by more than NORMAL_REACH at the far end of its face."""
+    face = np.repeat(np.arange(len(shape.normals)), np.diff(shape.loops[shape.faces]))
+    corner = shape.edges[shape.steps, np.where(shape.forward, 0, 1)]
+    reach = max(float(np.abs(x[corner] - x[shape.origin[face]]).max()) for x in shape.points.T)
+    return int(np.clip(np.ceil(np.log10(np.sqrt(3) * reach / NORMAL_REACH)), 1, DIRECTION_DIGITS))
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
@@ -100,13 +139,13 @@ def faceted_bytes(shape: Polyhedron) -> float:
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
     reference = np.log10(FIRST + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # digits of a number, and its #
-    digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + DIGITS + 1.5
-    unit = DIRECTION_DIGITS + 2.0
-    point, direction = 25 + reference + 3 * digits, 20 + reference + 3 * unit
+    digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + FACETED_DIGITS + 1.5
+    ratio = np.log10(np.abs(_ratios(shape)) + 1).mean() + 2.5
+    point, direction = 25 + reference + 3 * digits, 20 + reference
     vertex = 22 + 2 * reference
-    edge = direction + (15 + 2 * reference) + (13 + 3 * reference) + (25 + 4 * reference)
+    edge = direction + 3 * ratio + (15 + 2 * reference) + (13 + 3 * reference) + (25 + 4 * reference)
     step, bound = 32 + 3 * reference, 45 + 4 * reference
-    face = direction + (31 + 3 * reference) + (14 + 2 * reference) + (27 + 4 * reference)
+    face = direction + 3 * (_digits(shape) + 3.5) + (31 + 3 * reference) + (14 + 2 * reference) + (27 + 4 * reference)
     return float(1500 + v * (point + vertex) + e * edge + steps * step + bounds * bound + f * face)
 
 
@@ -122,24 +161,23 @@ def header(name: str, description: str, pieces: int = 1) -> str:
     )
 
 
-def _blocks(counts: list[int], begin: int) -> list[Ints]:
-    """Entity numbers for tables of so many rows, one after the other, and at the end the first free number."""
-    start = list(accumulate(counts, initial=begin))
-    return [np.arange(a, b) for a, b in pairwise([*start, start[-1] + 1])]
+def _blocks(counts: list[int], begin: int) -> list[range]:
+    """Entity numbers for tables of so many rows, one after the other."""
+    return [range(a, b) for a, b in pairwise(accumulate(counts, initial=begin))]
 
 
-def _table(numbers: Ints, template: str, *columns: Any) -> Iterator[str]:
+def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
     """One entity per row; numbers lose the zeros at their end, a quarter of the file."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
-def _distinct(directions: Floats) -> tuple[Floats, Ints]:
-    """The different ones among unit vectors (k, 3), to the digits of the file, and the one of each."""
-    units, which = np.unique(np.round(directions, DIRECTION_DIGITS) + 0.0, axis=0, return_inverse=True)
-    return units, which.reshape(-1)
+class _Lists:
+    """'#7,#8,#9' for each run of entities begin + start[i] ... begin + start[i + 1] - 1, made when it is asked for."""
 
+    def __init__(self, begin: int, start: Ints) -> None:
+        self.begin, self.start = begin, start
 
-def _lists(numbers: Ints, start: Ints) -> list[str]:
-    """'#7,#8,#9' for each run numbers[start[i] : start[i + 1]]."""
-    named = [f"#{k}" for k in numbers.tolist()]
-    return [",".join(named[a:b]) for a, b in pairwise(start.tolist())]
+    def __getitem__(self, wanted: slice) -> list[str]:
+        start = self.start[wanted.start : wanted.stop + 1].tolist()
+        named = [f"#{self.begin + k}" for k in range(start[0], start[-1])]
+        return [",".join(named[a - start[0] : b - start[0]]) for a, b in pairwise(start)]

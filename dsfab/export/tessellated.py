@@ -14,7 +14,7 @@ from dsfab.export.part import Part
 from dsfab.export.readback import TOLERANCE, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name, product
-from dsfab.export.step_text import DIGITS, FIRST, header
+from dsfab.export.step_text import FACETED_DIGITS, FIRST, header
 from dsfab.export.text import listed_rows
 
 WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and gmsh do not"
@@ -44,7 +44,7 @@ def entities(part: Part) -> Iterator[str]:
 
 def _coordinates(new: Numbered, points: Floats) -> Iterator[str]:
     yield f"#{new.next()}=COORDINATES_LIST('',{len(points)},("
-    yield from listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),\n", *points.T)
+    yield from listed_rows(f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f),\n", *points.T)
     yield "));\n"
 
 

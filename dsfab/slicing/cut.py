@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, eye_array, vstack
 
 from dsfab.arrays import Bools, Floats, Ints, first
-from dsfab.errors import PatternError
-from dsfab.slicing.cells import Cells, Split, split_cells
+from dsfab.errors import PatternError, SurfaceError
+from dsfab.slicing.cells import Cells
 from dsfab.slicing.sheet import VOID, Sheet
 from dsfab.slicing.snap import SNAP_FLOOR, TIP, nearest, settled, snapped, snapped_together
+from dsfab.slicing.split import Split, split_cells
 from dsfab.slicing.triangulate import triangulate
 from dsfab.surface import Surface
 from dsfab.surface.mesh import ZERO_AREA
@@ -158,15 +159,16 @@ def filled(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
     Raises PatternError when triangles without area are left; it names their parent faces (c,).
     """
     F, cell = triangulate(cells, X)
-    a, b, c = (X[F[:, i]] for i in range(3))
-    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
-    if len(bad):
+    try:
+        return Surface(X, F), cell
+    except SurfaceError as refused:
+        a, b, c = (X[F[:, i]] for i in range(3))
+        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
             f"{len(bad)} of {len(F)} cells have no area (in faces {first(np.unique(parent[cell[bad]]))}); "
             "raise snap or the pinch radius, or remesh these faces if they are slivers themselves"
-        )
-    return Surface(X, F), cell
+        ) from refused
 
 
 def _checked_field(surface: Surface, k: int, field: Floats) -> Floats:

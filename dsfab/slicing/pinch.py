@@ -18,7 +18,7 @@ from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.cut import clean_split, extended_weights, filled
 from dsfab.slicing.sheet import VOID, Sheet
-from dsfab.surface.topology import edge_table, pieces, pinches
+from dsfab.surface.topology import edge_table, pieces
 
 Rule = Literal["join", "split"]
 
@@ -77,7 +77,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> Pinched
 def _round(sheet: Sheet, at: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
     """The sheet with a disc or a corner cut at each of the pinches `at`, and how many it took."""
     count = 0
-    for turn, group in enumerate(_apart(at, sheet.surface.edges.ends)):
+    for turn, group in enumerate(_apart(at, _links(sheet, at))):
         if turn:  # a disc of an earlier group may have swallowed some
             group = np.intersect1d(group, _pinches(sheet))
         if len(group):
@@ -98,8 +98,22 @@ def _pinches(sheet: Sheet) -> Ints:
     """Vertices around which the material has more than one edge-connected fan of cells."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
-    F = sheet.surface.F[sheet.material]
-    return pinches(F, edge_table(F), sheet.surface.n)
+    pinched = sheet.kept().surface.pinches
+    if not len(pinched):
+        return pinched
+    used = np.zeros(sheet.surface.n, dtype=bool)
+    used[sheet.surface.F[sheet.material]] = True
+    return np.flatnonzero(used)[pinched]
+
+
+def _links(sheet: Sheet, at: Ints) -> Ints:
+    """(k, 2) the edges between the vertices `at`."""
+    marked = np.zeros(sheet.surface.n, dtype=bool)
+    marked[at] = True
+    p, q, r = marked[sheet.surface.F].T
+    near = sheet.surface.F[np.flatnonzero((p & q) | (q & r) | (r & p))]
+    ends = edge_table(near).ends if len(near) else np.empty((0, 2), dtype=np.int64)
+    return np.asarray(ends[marked[ends].all(axis=1)])
 
 
 def _apart(at: Ints, ends: Ints) -> list[Ints]:
@@ -163,6 +177,8 @@ def _at_pinches(F: Ints, inside: Bools, at: Ints) -> Bools:
 
 def _first_family(sheet: Sheet, at: Ints) -> Ints:
     """The family of the first material cell at each of the vertices `at`."""
-    F, family = sheet.surface.F[sheet.material], sheet.family[sheet.material]
-    corner, where = np.unique(F.ravel(), return_index=True)
-    return np.asarray(family[where[np.searchsorted(corner, at)] // 3])
+    marked = np.zeros(sheet.surface.n, dtype=bool)
+    marked[at] = True
+    near = np.flatnonzero(sheet.material & marked[sheet.surface.F].any(axis=1))
+    corner, where = np.unique(sheet.surface.F[near].ravel(), return_index=True)
+    return np.asarray(sheet.family[near[where[np.searchsorted(corner, at)] // 3]])

@@ -1,6 +1,7 @@
 """`Sheet`: a surface cut into material and void, every cell with where it came from."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -86,16 +87,24 @@ class Sheet:
 
         Raises PatternError when nothing is marked.
         """
-        mask = self.material if mask is None else mask
+        return self._material_alone if mask is None else self._kept(mask)
+
+    @cached_property
+    def _material_alone(self) -> "Sheet":
+        """Several stages ask for it, and for its edges."""
+        return self._kept(self.material)
+
+    def _kept(self, mask: Bools) -> "Sheet":
         if not mask.any():
             raise PatternError(
                 f"none of the {self.surface.m} cells is kept: there is nothing to build; "
                 "lower the threshold or raise the frequency"
             )
-        F = self.surface.F[mask]
+        F = self.surface.F[np.flatnonzero(mask)]
         used = np.zeros(self.surface.n, dtype=bool)
         used[F] = True
-        surface = Surface(self.surface.V[used], (np.cumsum(used) - 1)[F])
+        vertices = np.flatnonzero(used)
+        surface = Surface(self.surface.V[vertices], (np.cumsum(used) - 1)[F])
         return replace(
-            self, surface=surface, parent=self.parent[mask], family=self.family[mask], weights=self.weights[used]
+            self, surface=surface, parent=self.parent[mask], family=self.family[mask], weights=self.weights[vertices]
         )

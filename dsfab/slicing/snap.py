@@ -25,8 +25,12 @@ def nearest(x: Floats, levels: Floats) -> Floats:
 def snapped(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fraction: float, free: Bools) -> Floats:
     """A copy of x with free values within `fraction` of their edges' largest range of a level moved onto it."""
     level = nearest(x, levels)
-    near = np.abs(x - level) <= fraction * _reach(x, sides) + _rounding(x)
-    moved: Floats = np.where(free & near, level, x)
+    gap, difference = np.abs(x - level), np.abs(x[sides[0]] - x[sides[1]])
+    maybe = gap <= fraction * difference.max(initial=0.0) + _rounding(x)  # most are not, and need no closer look
+    on = np.flatnonzero(maybe[sides[0]] | maybe[sides[1]])
+    reach = _reach(len(x), (sides[0][on], sides[1][on]), difference[on])
+    near = maybe & free & (gap <= fraction * reach + _rounding(x))
+    moved: Floats = np.where(near, level, x)
     return moved
 
 
@@ -37,7 +41,7 @@ def snapped_together(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fracti
     constant distance move as a single field with the levels of both would.
     """
     level = np.stack([nearest(x[:, i], levels) for i in (0, 1)], axis=1)
-    reach = np.stack([_reach(x[:, i], sides) for i in (0, 1)], axis=1)
+    reach = np.stack([_reach(len(x), sides, np.abs(x[sides[0], i] - x[sides[1], i])) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
@@ -63,10 +67,9 @@ def settled(cells: Cells, x: Floats, levels: Floats) -> tuple[Bools, Bools]:
     return np.logical_and.reduceat(wide, begins), np.maximum.reduceat(width, begins) <= _rounding(x)
 
 
-def _reach(x: Floats, sides: tuple[Ints, Ints]) -> Floats:
-    """(n,) the largest range of x over the sides at each vertex."""
-    reach = np.zeros(len(x))
-    difference = np.abs(x[sides[0]] - x[sides[1]])
+def _reach(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
+    """(n,) the largest difference over the sides at each vertex."""
+    reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)
     return reach

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, sorted_order
-from dsfab.slicing.cells import Cells
+from dsfab.slicing.cells import CHUNK, Cells
 
 LARGEST = 9
 """Polygons with more corners are first halved by a chord: the dynamic programme takes a time cubic in the corners."""
@@ -16,9 +16,9 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     without area, and no side of a polygon is passed over, so that neighbours fit.
     """
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
-    for size in np.unique(cells.sizes):
+    for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
-        waiting[int(size)] = [(cells.corner[cells.start[which][:, None] + np.arange(size)], which)]
+        waiting[size] = [(cells.corner[cells.start[which][:, None] + np.arange(size)], which)]
     triangles, owners = [], []
     while waiting:
         size = max(waiting)
@@ -28,20 +28,25 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
             for half, whose in _halves(polygons, owner, X):
                 waiting.setdefault(half.shape[1], []).append((half, whose))
         else:
-            T, row = _best_triangles(polygons, X)
-            triangles.append(T)
-            owners.append(owner[row])
+            for k in range(0, len(polygons), CHUNK):
+                T, row = _best_triangles(polygons[k : k + CHUNK], X)
+                triangles.append(T)
+                owners.append(owner[k : k + CHUNK][row])
     T, owner = np.concatenate(triangles), np.concatenate(owners)
     order = sorted_order(owner)
     return T[order], owner[order]
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """(g,) 4 sqrt(3) area / (sum of squared sides): 1 for equilateral triangles, 0 without area [Bank, Smith 1997]."""
+    """(g,) 4 sqrt(3) area / (sum of squared sides): 1 for equilateral triangles, 0 without area [Bank, Smith 1997].
+
+    a, b, c : (3, g) corners.
+    """
     u, v = b - a, c - a
     w = v - u
-    squares = sum(np.einsum("ij,ij->i", s, s) for s in (u, v, w))
-    return np.asarray(2 * np.sqrt(3) * np.linalg.norm(np.cross(u, v), axis=1) / np.maximum(squares, 1e-300))
+    squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
+    x, y, z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+    return np.asarray(2 * np.sqrt(3) * np.sqrt(x * x + y * y + z * z) / np.maximum(squares, 1e-300))
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
@@ -54,17 +59,14 @@ def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     g, size = polygons.shape
     if size == 3:
         return polygons, np.arange(g)
-    P = X[polygons]
+    P = [np.ascontiguousarray(X.take(column, axis=0).T) for column in polygons.T]
     best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
     apex = np.zeros((size, size, g), dtype=np.int64)
     for span in range(2, size):
         for i in range(size - span):
             j = i + span
             worst = np.stack(
-                [
-                    np.minimum(np.minimum(best[i, k], best[k, j]), _quality(P[:, i], P[:, k], P[:, j]))
-                    for k in range(i + 1, j)
-                ]
+                [np.minimum(np.minimum(best[i, k], best[k, j]), _quality(P[i], P[k], P[j])) for k in range(i + 1, j)]
             )
             apex[i, j] = i + 1 + worst.argmax(axis=0)
             best[i, j] = worst.max(axis=0)

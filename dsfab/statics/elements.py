@@ -149,12 +149,17 @@ def assembled(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """(size, size) sum of the blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
 
     As one product S^T Z, with Z all blocks' rows below each other and S the selection of unknowns: each entry is added
-    once, without sorting the 100 to 300 triplets of every face.
+    once, without sorting the 100 to 300 triplets of every face. S^T is turned into rows before the product, which would
+    else turn the much larger Z into columns.
     """
     m, c = columns.shape
-    Z = csr_array((blocks.ravel(), np.repeat(columns, c, axis=0).ravel(), c * np.arange(m * c + 1)), (m * c, size))
-    S = csr_array((np.ones(m * c), columns.ravel(), np.arange(m * c + 1)), (m * c, size))
-    return csr_array(S.T @ Z)
+    columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
+    count = np.arange(m * c + 1, dtype=columns.dtype)
+    Z = csr_array((blocks.ravel(), np.repeat(columns, c, axis=0).ravel(), c * count), (m * c, size))
+    S = csr_array((np.ones(m * c), columns.ravel(), count), (m * c, size))
+    K = csr_array(csr_array(S.T) @ Z)
+    K.sort_indices()
+    return K
 
 
 def padded(K: csr_array, size: int) -> csr_array:

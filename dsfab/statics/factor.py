@@ -95,9 +95,9 @@ def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 def refined(K: csr_array, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r / b . x).
 
-    A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with x and residual in the longest
+    A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with the residual in the longest
     floating-point numbers of the machine: K is badly conditioned for thin sheets, and a residual in its own precision
-    would be all rounding. The residual told is that of x as it is returned, rounded to double.
+    would be all rounding. x is rounded to double after each step, and the residual told is that of x as it is returned.
     """
     x = solve(b)
     r = b - K @ x
@@ -105,17 +105,20 @@ def refined(K: csr_array, b: Floats, solve: Callable[[Floats], Floats]) -> tuple
     if not (error > ACCURATE).any():
         return x, error
     long = K.astype(np.longdouble)
-    exact, best = x.astype(np.longdouble), np.inf
-    for _ in range(REFINEMENTS):
-        r = (b - long @ exact).astype(np.float64)
-        step = solve(r)
-        error = _energy_share(r, step, b, x)
-        if not error.max() < best / 2:
-            break
-        best, exact = error.max(), exact + step
-    x = exact.astype(np.float64)
     r = (b - long @ x).astype(np.float64)
-    return x, _energy_share(r, solve(r), b, x)
+    step = solve(r)
+    error = _energy_share(r, step, b, x)
+    for _ in range(REFINEMENTS):
+        better = (x.astype(np.longdouble) + step).astype(np.float64)
+        r = (b - long @ better).astype(np.float64)
+        step = solve(r)
+        left = _energy_share(r, step, b, better)
+        if not left.max() < error.max():
+            break
+        slow, x, error = left.max() > error.max() / 2, better, left
+        if slow or error.max() <= ACCURATE:
+            break
+    return x, error
 
 
 def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:

@@ -67,21 +67,30 @@ def compare(
     judge: Judge = quick,
     told: Told | None = None,
     rival_judge: Judge | None = None,
+    refuse: bool = True,
 ) -> Comparison:
     """The design's compliance on its own cut sheet, beside competitors of the same mass.
 
     against : names of `BASELINES`.     judge : what each is judged by; the stiffest of variants is found by `quick`.
     rival_judge : what competitors are judged by, if it is not that.
+    refuse : whether a design that does not carry its loads is refused; else it is told as an error, like competitors,
+             which are of its mass then too (there are none where it cannot be cut).
 
     Raises StaticsError when the design itself does not carry its loads: a concentrated load that stands on a piece
     which reaches no support counts as not carried. DsfabError for names of no baseline.
     """
     rivals = chosen(against)
     made = design.draft if isinstance(design, Making) else design
-    brief = Brief.of(made, design.sheet.surface.area)
-    slicing, thickness = design.slicing, made.preset.statics.thickness
+    try:
+        slicing, thickness = design.slicing, made.preset.statics.thickness
+    except DsfabError as error:
+        if refuse:
+            raise
+        brief, uncut = Brief.of(made, made.surface.area), Competitor("design", error=str(error))
+        return _compared(brief, uncut, {}, (judge, judge), told)
+    brief = Brief.of(made, slicing.sheet.surface.area)
     own = Structure(slicing.cells, made.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
-    entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse=True)
+    entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse)
     return _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
 
 
@@ -127,7 +136,7 @@ def _compared(
 def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False) -> Competitor:
     """The stiffest of the variants; `refuse` raises what the first of them is refused for."""
     start, making, found, errors = time.perf_counter(), 0.0, [], []
-    several = len(variants) > 1
+    several, structure = len(variants) > 1, None
     for variant in variants:
         before = time.perf_counter()
         try:
@@ -142,26 +151,28 @@ def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge,
     spread = Spread.of([*values, *(float("inf") for _ in errors)]) if several else None
     if not found:
         told = f"none of {len(errors)} variants carries the loads; the first: {errors[0]}" if several else errors[0]
-        return Competitor(name, spread=spread, error=told, seconds_made=making, seconds=time.perf_counter() - start)
+        lost = Competitor(name, spread=spread, error=told, seconds_made=making, seconds=time.perf_counter() - start)
+        return lost if several or structure is None else _measured(brief, lost, structure)
     says, structure, judgement = found[int(np.argmin(values))]
     try:
         judgement = judge(brief, structure) if several and judge is not quick else judgement
     except DsfabError as error:
         return Competitor(name, says, spread=spread, error=str(error), seconds=time.perf_counter() - start)
-    area, thickness = structure.sheet.surface.area, structure.thickness
-    return Competitor(
-        name,
-        says,
-        area / brief.surface.area,
-        area * thickness * brief.preset.statics.density,
-        thickness,
-        judgement,
-        structure.pieces,
-        structure.loose,
-        _smallest_member(structure),
-        spread,
-        making,
-        time.perf_counter() - start,
+    entered = Competitor(name, says, judgement=judgement, spread=spread, seconds_made=making)
+    return replace(_measured(brief, entered, structure), seconds=time.perf_counter() - start)
+
+
+def _measured(brief: Brief, entered: Competitor, structure: Structure) -> Competitor:
+    """With the structure, its mass and its sizes."""
+    area = structure.sheet.surface.area
+    return replace(
+        entered,
+        area_fraction=area / brief.surface.area,
+        mass=area * structure.thickness * brief.preset.statics.density,
+        thickness=structure.thickness,
+        pieces=structure.pieces,
+        loose=structure.loose,
+        smallest_member=_smallest_member(structure),
         structure=structure,
     )
 

@@ -43,7 +43,8 @@ class Competitor:
     smallest_member : metres; None where there is none to be measured.
     spread          : over the variants, where there are several.
     seconds_made, seconds : of making all variants, and of making and judging them.
-    structure       : what was judged, for those who want to draw it.
+    structure       : what was judged, for those who want to draw it; with an error, what does not carry the loads, if
+                      it is one structure.
     """
 
     name: str
@@ -66,6 +67,10 @@ class Competitor:
         """Joules; infinite where nothing carries the loads."""
         return self.judgement.compliance if self.judgement else float("inf")
 
+    def _failed(self) -> dict[str, Any]:
+        """Of a structure that does not carry the loads; nothing of one that could not be made."""
+        return {"verdict": "fail", "reason": self.error} if self.structure else {}
+
     def row(self, full: float, design: float) -> dict[str, Any]:
         """One row of a table, SI units: plain values, None where they are unknown. `full`, `design`: joules of both."""
         known: dict[str, Any] = {
@@ -78,7 +83,7 @@ class Competitor:
             "ratio_to_full": _number(self.compliance / full),
             "ratio_to_design": _number(self.compliance / design) if np.isfinite(design) else None,
         }
-        measured = _judged(self.judgement) if self.judgement else {}
+        measured = _judged(self.judgement) if self.judgement else self._failed()
         made = {
             "pieces": self.pieces,
             "loose_share": self.loose,

@@ -3,11 +3,11 @@
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Design
 from dsfab.errors import ExportError
 from dsfab.export.smooth.source import Curved, Divided
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.corners import outline_labels
+from dsfab.study.finished import Finished
 from dsfab.surface import Surface
 from dsfab.surface.cover import one_sided_pieces
 from dsfab.thickening import offsets
@@ -17,7 +17,7 @@ SNAP = 0.1
 """Snap fraction of the borders of charts (see `cut`)."""
 
 
-def curved_design(design: Design) -> Curved:
+def curved_design(design: Finished) -> Curved:
     """The sheet of a design; raises ExportError where the solid is more than that sheet, thickened."""
     ask = design.preset.thickening
     if ask.extra:

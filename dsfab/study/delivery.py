@@ -8,17 +8,20 @@ from dsfab.export import Details
 from dsfab.export.formats import FORMATS
 from dsfab.preset import Export
 from dsfab.slicing.corners import outline_corners
+from dsfab.study.archive import Kept
 from dsfab.study.curved import curved_design
 from dsfab.study.fields import design_fields
+from dsfab.study.finished import Finished
 from dsfab.study.lines import design_lines
 from dsfab.surface import Surface
+from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid
 
 SHARE_OF_THICKNESS = 1 / 40
 """Tolerance of lines unless export.step_tolerance says otherwise, as a share of the thickness."""
 
 
-def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
+def delivered(design: Design | Kept, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
     The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines; the
@@ -26,14 +29,16 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
     """
     ask, takes = design.preset.export, FORMATS[suffix].takes
     if takes == "fields":
-        return design.surface, {"details": Details(values=design_fields(design))}
+        values = design.values if isinstance(design, Kept) else design_fields(design)
+        return design.surface, {"details": Details(values=values)}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         details = Details(measures=_measures(design))
         how = {**step_options(ask), "corners": corners, "details": details, "curved": partial(curved_design, design)}
         return design.solid, how
     tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
-    details = Details(design_lines(design, tolerance), tolerance, facts=_facts(design))
+    exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
+    details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
 
 
@@ -42,19 +47,20 @@ def step_options(ask: Export) -> dict[str, Any]:
     return {key: getattr(ask, key) for key in ("step_faces", "step", "step_tolerance", "step_mb")}
 
 
-def _measures(design: Design) -> dict[str, float]:
+def _measures(design: Finished) -> dict[str, float]:
     """Thickness and material, SI."""
     statics = design.preset.statics
     return {key: getattr(statics, key) for key in ("thickness", "density", "young", "poisson")}
 
 
-def _facts(design: Design) -> tuple[str, ...]:
+def _facts(design: Finished) -> tuple[str, ...]:
     """Lines of a title block."""
-    statics, area, pieces = design.preset.statics, design.sheet.surface.area, len(design.slicing.pieces)
+    statics, sheet = design.preset.statics, design.sheet.surface
+    area, count = sheet.area, pieces(sheet.F, sheet.edges)[0]
     mass = f"{design.mass:,.0f}".replace(",", " ") if design.mass >= 100 else f"{design.mass:.3g}"
     return (
         f"sheet {1000 * statics.thickness:.3g} mm thick, {mass} kg",
         f"{area:.4g} m2, {area / design.surface.area:.0%} of the uncut surface",
-        f"{pieces} {'piece' if pieces == 1 else 'pieces'}",
+        f"{count} {'piece' if count == 1 else 'pieces'}",
         "centre lines: blue major, red minor",
     )

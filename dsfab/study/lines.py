@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Design
 from dsfab.slicing.lines import centre_lines, edge_lines
+from dsfab.study.finished import Finished
 from dsfab.surface.lines import Line, simplified
 
 FULL = 0.5
 """Half-width in periods at which the stripes of a family touch everywhere: one sheet, without members."""
 
 
-def design_lines(design: Design, tolerance: float = 0.0) -> tuple[Line, ...]:
+def design_lines(design: Finished, tolerance: float = 0.0) -> tuple[Line, ...]:
     """Edges of the kept sheet by family, then the middles of its members; metres, on the middle surface.
 
     tolerance : metres that points left out may be off the polylines; lengths are those of all points.
@@ -28,7 +28,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[Line, ...]:
     return tuple(replace(line, points=simplified(line.points, tolerance)) for line in lines)
 
 
-def stripe_phase(design: Design, k: int) -> Floats | None:
+def stripe_phase(design: Finished, k: int) -> Floats | None:
     """z (n,) of field k, whose integers are the middles of its stripes; None for a field that draws none."""
     pattern = design.pattern
     field = pattern.fields[k]

@@ -5,12 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, first, lock
+from dsfab.arrays import Bools, Floats, Ints, cross, first, lengths, lock
 from dsfab.errors import SurfaceError
-from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
+from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
 
 ZERO_AREA = 1e-20
 """Faces whose area is under this share of the squared size count as collapsed."""
+CHUNK = 1 << 13
+"""Faces measured together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +38,8 @@ class Surface:
         self._check_faces()
 
     def _check_vertices(self) -> None:
-        bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
-        if len(bad):
+        if not np.isfinite(self.V).all():
+            bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
             raise SurfaceError(
                 f"{len(bad)} of {self.n} vertices are not finite numbers (first: {first(bad)}); repair the mesh"
             )
@@ -67,18 +69,22 @@ class Surface:
     @cached_property
     def size(self) -> float:
         """Diagonal of the bounding box, metres: the length that tolerances are relative to."""
-        return float(np.linalg.norm(np.ptp(self.V, axis=0)))
+        return float(np.linalg.norm([np.ptp(column) for column in self.V.T]))
 
     @cached_property
     def _area_vectors(self) -> Floats:
-        a, b, c = (self.V[self.F[:, i]] for i in range(3))
-        return 0.5 * np.cross(b - a, c - a)
+        """(m, 3), some faces at a time: as many as stay in the processor's cache."""
+        result = np.empty((self.m, 3))
+        for k in range(0, self.m, CHUNK):
+            a, b, c = (self.V.take(corner, axis=0) for corner in self.F[k : k + CHUNK].T)
+            result[k : k + CHUNK] = cross(b - a, c - a)
+        result *= 0.5
+        return result
 
     @cached_property
     def areas(self) -> Floats:
         """(m,) face areas, square metres."""
-        lengths: Floats = np.linalg.norm(self._area_vectors, axis=1)
-        return lengths
+        return lengths(self._area_vectors)
 
     @cached_property
     def area(self) -> float:
@@ -93,13 +99,24 @@ class Surface:
     @cached_property
     def centroids(self) -> Floats:
         """(m, 3) centroids of the faces, metres."""
-        means: Floats = self.V[self.F].mean(axis=1)
+        a, b, c = (self.V.take(corner, axis=0) for corner in self.F.T)
+        means: Floats = (a + b + c) / 3
         return means
 
     @cached_property
     def edges(self) -> EdgeTable:
         """Every edge once, with the faces on it."""
         return edge_table(self.F)
+
+    @cached_property
+    def pieces(self) -> tuple[int, Ints]:
+        """Number of edge-connected pieces, and the piece of each face (m,): see `topology.pieces`."""
+        return pieces(self.F, self.edges)
+
+    @cached_property
+    def pinches(self) -> Ints:
+        """Vertices where the surface touches itself in a point: see `topology.pinches`."""
+        return pinches(self.F, self.edges, self.n)
 
     @cached_property
     def is_closed(self) -> bool:

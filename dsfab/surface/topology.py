@@ -127,6 +127,8 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
     """Vertices where the sheet touches itself in a point: the faces around it are more than one fan."""
+    if _whole_fans(F, edges, n):
+        return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
     vertex_of_fan = np.empty(count, dtype=np.int64)
     vertex_of_fan[fan] = F.ravel()
@@ -159,12 +161,37 @@ def _fans(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
     return int(count), fan.astype(np.int64)
 
 
+def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
+    """Whether one walk around each vertex surely meets all of its corners; walks need faces of one orientation.
+
+    A walk starts at the boundary, where there is one, and goes from corner to corner over the edges between.
+    """
+    if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
+        return False
+    start = np.full(n, -1)
+    start[F] = np.arange(3 * len(F)).reshape(-1, 3)
+    alone = edges.order[edges.start[:-1][edges.boundary]]
+    start[F.ravel()[alone]] = alone
+    h0, h1 = edges.pairs.T
+    twin = np.full(3 * len(F), -1)
+    twin[h0], twin[h1] = h1, h0
+    onward = np.ascontiguousarray(twin.reshape(-1, 3)[:, [2, 0, 1]]).ravel()
+    start = start[start >= 0]
+    at, met = start, 0
+    while len(at):
+        met += len(at)
+        at = onward[at]
+        still = np.flatnonzero((at != start) & (at >= 0))
+        at, start = at[still], start[still]
+    return met == 3 * len(F)
+
+
 def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
     """Indices of the edges that both neighbours run through in the same direction."""
-    a, _ = half_edges(F)
+    a = F.ravel()
     h0, h1 = edges.pairs.T
-    opposed: Ints = np.flatnonzero(edges.count == 2)[a[h0] == a[h1]]
-    return opposed
+    same = np.flatnonzero(a[h0] == a[h1])
+    return np.flatnonzero(edges.count == 2)[same] if len(same) else same
 
 
 def euler_characteristic(F: Ints, edges: EdgeTable) -> int:

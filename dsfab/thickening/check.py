@@ -6,7 +6,7 @@ from dsfab.arrays import Ints, first
 from dsfab.errors import SolidError
 from dsfab.surface.cover import one_sided_pieces
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import misoriented_edges, pinches
+from dsfab.surface.topology import misoriented_edges
 
 
 def check_edges(surface: Surface) -> None:
@@ -35,7 +35,7 @@ def check_oriented(surface: Surface) -> None:
 
 def check_contacts(surface: Surface) -> None:
     """Raise SolidError where parts of the sheet meet in a vertex only: no solid is a manifold there."""
-    pinched = pinches(surface.F, surface.edges, surface.n)
+    pinched = surface.pinches
     if len(pinched):
         raise SolidError(
             f"parts of the sheet meet in nothing but a point at {len(pinched)} vertices (first: {first(pinched)}); "

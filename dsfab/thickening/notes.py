@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import half_edges
 from dsfab.thickening.repair import Repaired
 from dsfab.units import MM_PER_M
 
@@ -67,13 +68,17 @@ def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
     """Which faces lose a corner when vertices are rounded to single precision in millimetres, as STL stores them."""
-    single = (V * MM_PER_M).astype(np.float32)
-    lost = (single[F] == single[np.roll(F, -1, axis=1)]).all(axis=2).any(axis=1)
-    if not lost.any():
+    a, b = half_edges(F)
+    lost = np.arange(len(a))
+    for column in V.T:
+        single = (column * MM_PER_M).astype(np.float32)
+        lost = lost[single[a[lost]] == single[b[lost]]]
+    lost = np.unique(lost // 3)
+    if not len(lost):
         return ()
-    where = _place(V[F[lost.argmax()]].mean(axis=0))
+    where = _place(V[F[lost[0]]].mean(axis=0))
     return (
-        f"{int(lost.sum())} of {len(F)} faces collapse in files of single precision (STL), the first near {where}; "
+        f"{len(lost)} of {len(F)} faces collapse in files of single precision (STL), the first near {where}; "
         "coarsen the sheet there or move it to the origin",
     )
 

@@ -18,12 +18,12 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, first, lock
+from dsfab.arrays import Floats, Ints, cross, first, lengths, lock
 from dsfab.errors import SolidError
 from dsfab.surface.cover import corner_sides, one_sided_pieces
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.check import check_oriented
-from dsfab.thickening.normals import corner_angles, mitres, visible_normals
+from dsfab.thickening.normals import CHUNK, corner_angles, mitres, visible_normals
 
 Side = Literal["mid", "out", "in"]
 
@@ -114,12 +114,15 @@ def safe_shares(surface: Surface, D: Floats, sides: Ints, shift: int = 0) -> Flo
     share = np.ones(surface.n)
     look = np.arange(surface.m)
     while len(look):
-        F = surface.F[look]
-        d = (D * share[:, None])[F]
-        C, asked = _prism_jacobians(surface.V[F] + shift * d, d * sides[look][:, :, None])
-        tight = ((C - asked[:, None, :] < 0) & (asked[:, None, :] > 0)).any(axis=(1, 2))
-        shrinks = np.zeros(surface.n, dtype=bool)
-        shrinks[F[tight]] = True
+        shrinks, left = np.zeros(surface.n, dtype=bool), D * share[:, None]
+        for k in range(0, len(look), CHUNK):
+            some = look[k : k + CHUNK]
+            F = surface.F[some]
+            d = left.take(F, axis=0)
+            C, asked = _prism_jacobians(surface.V.take(F, axis=0) + shift * d, d * sides[some][:, :, None])
+            least = np.minimum(np.minimum(C[:, 0], C[:, 1]), C[:, 2])
+            tight = ((least < asked) & (asked > 0)).any(axis=1)
+            shrinks[F[tight]] = True
         shrinks &= share > SMALLEST_OFFSET
         share[shrinks] = np.maximum(share[shrinks] * SHRINK, SMALLEST_OFFSET)
         look = np.flatnonzero(shrinks[surface.F].any(axis=1))
@@ -135,9 +138,9 @@ def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     """
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
-    below, above = np.cross(e1 - d1, e2 - d2), np.cross(e1 + d1, e2 + d2)
-    middle = np.cross(e1, e2) - np.cross(d1, d2)
-    scale = np.linalg.norm(np.cross(e1, e2), axis=1) * np.linalg.norm(d, axis=2).mean(axis=1)
-    C = np.einsum("kmi,mvi->mkv", np.stack([below, middle, above]), d) / scale[:, None, None]
-    straight = np.einsum("mi,mvi->mv", np.cross(e1, e2), d) / scale[:, None]
+    flat = cross(e1, e2)
+    normals = cross(e1 - d1, e2 - d2), flat - cross(d1, d2), cross(e1 + d1, e2 + d2)
+    scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
+    C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
+    straight = np.einsum("mi,mvi->mv", flat, d) / scale
     return C, np.minimum(SAFE_JACOBIAN, 0.5 * straight)

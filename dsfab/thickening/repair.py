@@ -62,6 +62,8 @@ def _flipped(
     skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, among: Bools | None = None
 ) -> tuple[Bools, Ints]:
     """Diagonals of the walls in `pairs` flipped, those only that are free of intersections afterwards."""
+    if not len(pairs):
+        return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(FLIP_ROUNDS):
         walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours may block each other: then every second
@@ -89,6 +91,8 @@ def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, fr
 
     free : (n,) whether a vertex may be shortened.
     """
+    if not len(pairs):
+        return D, pairs
     faces = skin.faces(backslash)
     share = np.ones(skin.n)
     best_share, best = share, pairs

@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, first, lock, locked
 from dsfab.errors import SolidError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces
+from dsfab.surface.topology import edge_table, misoriented_edges, pieces
 from dsfab.thickening.check import check_contacts, check_edges
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.notes import Repairs, repairs_of, rounding_notes
@@ -63,7 +63,7 @@ class Solid:
         """A few faces at a time: that is faster, and needs little memory."""
         V, volume, area = np.ascontiguousarray((self.V - self.box.mean(axis=0)).T), 0.0, 0.0
         for k in range(0, len(self.F), CHUNK):
-            a, b, c = (V[:, corner] for corner in self.F[k : k + CHUNK].T)
+            a, b, c = (np.stack([column.take(corner) for column in V]) for corner in self.F[k : k + CHUNK].T)
             (x, y, z), (u, v, w) = b - a, c - a
             N = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
             volume += float((a * N).sum()) / 6
@@ -119,7 +119,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     solid = Solid(
         V=V,
         F=F,
-        genus=shells - euler_characteristic(F, edge_table(F)) // 2,
+        genus=shells - _euler_characteristic(F) // 2,
         pieces=count,
         notes=(*notes, *rounding_notes(V, F)),
         repairs=repairs,
@@ -181,12 +181,19 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
     return Surface(surface.V[used], (np.cumsum(used) - 1)[surface.F]), D[used]
 
 
+def _euler_characteristic(F: Ints) -> int:
+    """Vertices - edges + faces of a closed mesh: every edge has two faces, or `judge` refuses it."""
+    return int(np.count_nonzero(np.bincount(F.ravel()))) - len(F) // 2
+
+
 def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
     """Raise SolidError for pieces whose offset vectors point to the back of the faces: they would be inside out."""
-    count, label = pieces(surface.F, surface.edges)
-    turned_corners = skin.upper >= surface.n
-    upward = np.einsum("mi,mvi->mv", surface.normals, D[surface.F]) * np.where(turned_corners, -1, 1)
-    turned = np.flatnonzero(np.bincount(label, upward.sum(axis=1) * surface.areas, count) <= 0)
+    count, label = surface.pieces
+    upward = np.zeros(surface.m)
+    for corner, copy in zip(surface.F.T, skin.upper.T, strict=True):
+        along = np.einsum("mi,mi->m", surface.normals, D.take(corner, axis=0))
+        upward += np.where(copy >= surface.n, -along, along)
+    turned = np.flatnonzero(np.bincount(label, upward * surface.areas, count) <= 0)
     if len(turned):
         raise SolidError(
             f"the offset vectors point to the back of {len(turned)} of {count} pieces of the sheet (first piece with "
@@ -196,9 +203,10 @@ def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
 
 def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
     """Pieces of the sheet, and closed boundary surfaces of its solid F: a closed piece with two sides has two."""
-    count, label = pieces(surface.F, surface.edges)
+    count, label = surface.pieces
     if len(misoriented_edges(surface.F, surface.edges)):
         return count, pieces(F, edge_table(F))[0]
     open_ = np.zeros(count, dtype=bool)
-    open_[label[surface.edges.boundary[surface.edges.of].any(axis=1)]] = True
+    edges = surface.edges
+    open_[label[edges.order[edges.start[:-1][edges.boundary]] // 3]] = True
     return count, count + int((~open_).sum())

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.app.build import versions
-from dsfab.app.compliance import sections
-from dsfab.app.compliance.charts import charts
-from dsfab.app.compliance.document import Document, Numbers
+from dsfab.app.compliance import failed, sections
+from dsfab.app.compliance.charts import Charts, charts
+from dsfab.app.compliance.document import Document, Numbers, Section
 from dsfab.app.compliance.findings import Findings
 from dsfab.app.compliance.html import page
 from dsfab.app.compliance.pdf import pdf
@@ -28,21 +28,9 @@ def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Picture
     """Everything that was found. rows : those of `results.json`, at several volumes."""
     from dsfab.preset_file import preset_toml
 
-    number, preset = Numbers(), found.brief.preset
-    known = versions()
-    parts = [
-        sections.summary(found, pictures, number),
-        sections.checks(found, number),
-        sections.subject(found, number),
-        sections.loads(found, pictures, number),
-        sections.convergence(found, number),
-        sections.reactions(found, number),
-        sections.comparison(found, number, charts(found, rows)),
-        sections.answers(found, pictures, number),
-        *sections.scope(found),
-        sections.calibrated(number),
-        sections.reproduction(found, known, preset_toml(preset), number),
-    ]
+    preset, known = found.brief.preset, versions()
+    make = _parts if found.carries else failed.parts
+    parts = make(found, pictures, Numbers(), charts(found, rows), known, preset_toml(preset))
     facts = [
         ("Design", preset.name),
         ("Date", datetime.now(UTC).strftime("%d %B %Y")),
@@ -54,6 +42,25 @@ def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Picture
         subject += f", at {found.share:.0%} of the material"
     footer = f"Made by dsfab {known['dsfab']}; about stiffness, no proof of safety under a code"
     return Document("Structural compliance report", subject, facts, parts, footer)
+
+
+def _parts(
+    found: Findings, pictures: Pictures, number: Numbers, drawn: Charts, known: Mapping[str, str], preset: str
+) -> list[Section]:
+    """Of a design that carries its loads."""
+    return [
+        sections.summary(found, pictures, number),
+        sections.checks(found, number),
+        sections.subject(found, number),
+        sections.loads(found, pictures, number),
+        sections.convergence(found, number),
+        sections.reactions(found, number),
+        sections.comparison(found, number, drawn),
+        sections.answers(found, pictures, number),
+        *sections.scope(found),
+        sections.calibrated(number),
+        sections.reproduction(found, known, preset, number),
+    ]
 
 
 def write_report(found: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from dsfab.app.compare_chart import STYLES, drawn
 from dsfab.app.compliance.findings import LABELS, Findings
-from dsfab.app.compliance.words import unit_for
+from dsfab.app.compliance.words import digits_of, unit_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 DPI = 200
 
 Chart = tuple[bytes, tuple[int, int]]
+"""PNG, and its width and height in pixels."""
+
+Charts = Mapping[str, Chart]
 
 FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"], "font.size": 9}
 
@@ -39,7 +42,7 @@ def _bars(found: Findings) -> "Figure":
     from matplotlib.figure import Figure
 
     shown = [one for one in found.compared.competitors if one.judgement]
-    factor, unit = unit_for(found.design.compliance, "J")
+    factor, unit = unit_for(found.unit_of, "J")
     figure = Figure(figsize=(6.7, 0.7 + 0.36 * len(shown)), layout="constrained")
     axes = figure.add_subplot()
     values = [one.compliance / factor for one in shown]
@@ -48,7 +51,7 @@ def _bars(found: Findings) -> "Figure":
     axes.barh(range(len(shown)), values, 0.62, color=colours, xerr=bounds, error_kw={"lw": 1, "capsize": 3})
     most = max(value + bound for value, bound in zip(values, bounds, strict=True))
     for place, (value, bound) in enumerate(zip(values, bounds, strict=True)):
-        axes.text(value + bound + 0.012 * most, place, f"{value:.3g}", va="center", fontsize=8.5)
+        axes.text(value + bound + 0.012 * most, place, digits_of(value), va="center", fontsize=8.5)
     axes.set_yticks(range(len(shown)), [LABELS[one.name] for one in shown])
     axes.invert_yaxis()
     axes.set_xlim(0, 1.1 * most)

@@ -49,7 +49,9 @@ class Checked:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison of a design that carries its loads, and those at several volumes, which may be none.
+    """A comparison, and those at several volumes, which may be none.
+
+    Where the design does not carry its loads (`carries`), there is nothing that was `judged`, and no `fields`.
 
     command : that made it.       share : of the surface, where the design is not as its preset draws it.
     """
@@ -66,6 +68,21 @@ class Findings:
     @property
     def design(self) -> Competitor:
         return self.compared.design
+
+    @property
+    def carries(self) -> bool:
+        """Whether the design carries the loads that its pattern follows."""
+        return self.design.judgement is not None
+
+    @property
+    def drawn(self) -> bool:
+        """Whether there is a structure to be drawn."""
+        return self.design.structure is not None
+
+    @property
+    def unit_of(self) -> float:
+        """J, the compliance whose unit is used for all."""
+        return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
     def judged(self) -> Judgement:
@@ -88,6 +105,8 @@ class Findings:
     @cached_property
     def cases(self) -> list[str]:
         """The names of what was judged, the governing one first."""
+        if not self.carries:
+            return list(self.brief.loads)
         if self.judged.check:
             return [case.name for case in self.judged.check.cases]
         return sorted(self.judged.cases, key=lambda name: -self.judged.cases[name].compliance)
@@ -118,6 +137,9 @@ class Findings:
     @cached_property
     def checks(self) -> list[Checked]:
         """What is asked of the structure."""
+        if not self.carries:
+            told = f"no: {self.design.error}"
+            return [Checked("Carries its loads", "fail", told, "equilibrium with its supports")]
         found = [self._carries(), self._known(), self._balanced(), self._member(), self._faceted()]
         return [one for one in (*found, self._strong(), self._buckles()) if one]
 
@@ -197,6 +219,8 @@ class Findings:
 
     def _claim(self, rival: Competitor) -> Checked:
         name = f"Stiffer than: {LABELS[rival.name].lower().replace('simp', 'SIMP').replace('von mises', 'von Mises')}"
+        if rival.judgement and not self.carries:
+            return Checked(name, "fail", "it carries the loads, the design does not", "above 1")
         if rival.judgement is None:
             return Checked(name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1")
         low, middle, high = self.gain(rival)

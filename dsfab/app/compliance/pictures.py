@@ -15,6 +15,7 @@ from dsfab.app.palette import PAPER, Palette
 from dsfab.app.scene import Bytes, Colour
 from dsfab.app.view import up_axis
 from dsfab.arrays import Floats, Ints
+from dsfab.slicing.features import kept_cells
 from dsfab.study.judging import Answered, quantile
 from dsfab.surface import LoadCase, Surface
 
@@ -33,6 +34,9 @@ MOVES = 0.07
 """Displacements are exaggerated until the largest is this share of the surface's size, or a little less."""
 
 WHITE = replace(PAPER, paper=(255, 255, 255))
+
+RED: Colour = (200, 60, 40)
+"""Of what is not built."""
 
 QUALITY = 90
 """Of JPEG."""
@@ -62,6 +66,16 @@ class Pictures:
         """What is built, with its loads and supports."""
         sheet, brief = self.found.structure.sheet.surface, self.found.brief
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, brief.surface, brief.statics.load)
+
+    def everything(self, caption: str, width: float) -> Figure:
+        """All material, with its loads and supports; what is not built is red."""
+        made, brief = self.found.structure, self.found.brief
+        sheet = made.drawn
+        lost = np.where(kept_cells(sheet, made.sheet), -1, 0)
+        red = replace(WHITE, families=(RED,))
+        return self._figure(
+            caption, width, SIZE, sheet.surface.V, sheet.surface.F, brief.surface, brief.statics.load, red, lost
+        )
 
     def case(self, name: str, caption: str, width: float) -> Figure:
         """The uncut surface with the loads and supports of one case."""

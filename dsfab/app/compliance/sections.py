@@ -176,7 +176,7 @@ def scope(found: Findings) -> list[Section]:
     ]
     if statics.law == "stvk":
         assumed[0] = "The paper's material (St. Venant and Kirchhoff's, linearised); small displacements."
-    cases = list(found.judged.cases.values())
+    cases = list(found.judged.cases.values()) if found.carries else []
     missing = [
         "Strength: the preset gives none, so stress is shown and not judged." if not statics.strength else "",
         ""

@@ -21,6 +21,7 @@ from dsfab.app.compliance.words import (
 from dsfab.app.report import mass
 from dsfab.statics import resultant
 from dsfab.study.competitors import Competitor
+from dsfab.surface import Surface
 
 GB = 1e9
 
@@ -57,21 +58,28 @@ def _over_full(found: Findings) -> str:
 def structure_table(found: Findings, number: Numbers) -> Table:
     """What was checked."""
     preset, design, brief = found.brief.preset, found.design, found.brief
-    statics, sheet = preset.statics, found.structure.sheet.surface
+    statics, sheet = preset.statics, found.structure.sheet.surface if found.drawn else None
     size = [length(float(x)) for x in np.ptp(brief.surface.V, axis=0)]
     rows = [
         ("Surface", f"{digits_of(brief.surface.area)} m², {' × '.join(size)}"),
-        ("Kept", f"{digits_of(sheet.area)} m² ({share_of(design.area_fraction)}), in {_count(design.pieces, 'piece')}"),
+        ("Kept", _kept(design, sheet)),
         ("Thickness", length(statics.thickness)),
-        ("Mass", mass(design.mass)),
+        ("Mass", mass(design.mass) if sheet else "-"),
         ("Smallest member", length(design.smallest_member)),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
         ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not given: stress is not judged"),
         ("Mesh of the surface", f"{_thousands(brief.surface.n)} vertices, edges of {length(brief.surface.mean_edge)}"),
-        ("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"),
     ]
+    if sheet:
+        rows.append(("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"))
     return Table(number.table("Structure and material."), ("Property", "Value"), rows, 2, "", (2, 5))
+
+
+def _kept(design: Competitor, sheet: Surface | None) -> str:
+    if sheet is None:
+        return "nothing: see the verdict"
+    return f"{digits_of(sheet.area)} m² ({share_of(design.area_fraction)}), in {_count(design.pieces, 'piece')}"
 
 
 def loads_table(found: Findings, number: Numbers) -> Table:
@@ -85,7 +93,7 @@ def loads_table(found: Findings, number: Numbers) -> Table:
         case = cases[name]
         made = " + ".join(f"{k:g} {escaped(part)}" for part, k in case.factors.items()) if case.factors else ""
         followed = "yes" if name in brief.preset.followed else "no"
-        judged = "yes" if name in found.judged.cases else "no"
+        judged = "yes" if name in found.cases else "no"
         made_of = (made,) if combined else ()
         rows.append((escaped(name), *made_of, *(_small(x / factor) for x in sums[name]), followed, judged))
     more, wide = (("Made of",), (2.4,)) if combined else ((), ())
@@ -188,7 +196,8 @@ def levels_table(found: Findings, number: Numbers) -> Table | None:
     note = (
         f"Extrapolated: <b>{digits_of(value.value / factor, 5)} {unit} ± {percent(value.bound)}</b>. "
         "Level 1 is the mesh as it is cut, each further one has four triangles for one, with new points on the smooth "
-        "surface. ZZ: recovery error, membrane and bending apart. Seconds of both pairs; memory of the whole process."
+        "surface. The spread of the two pairs is that of level 1. ZZ: recovery error, membrane and bending apart. "
+        "Memory of the whole process."
     )
     head = (
         "Level",
@@ -271,7 +280,7 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
 def rivals_table(found: Findings, number: Numbers) -> Table:
     """All competitors, how they carry the loads, and how they were judged."""
     rows = [_rival(found, one) for one in found.compared.competitors]
-    _, unit = unit_for(found.design.compliance, "J")
+    _, unit = unit_for(found.unit_of, "J")
     head = (
         "Structure", "Mass", "Kept", f"Compliance, {unit}", "Over whole sheet", "Over design", "Moves", "99.9 % stress",
         "Level",
@@ -291,8 +300,9 @@ def rivals_table(found: Findings, number: Numbers) -> Table:
 def _rival(found: Findings, one: Competitor) -> tuple[str, ...]:
     name = LABELS[one.name] + (f" ({escaped(one.variant)})" if one.variant else "")
     if one.judgement is None:
-        return (name, "-", "-", "carries nothing", "-", "-", "-", "-", "-")
-    factor, _ = unit_for(found.design.compliance, "J")
+        sizes = (mass(one.mass), share_of(one.area_fraction)) if one.structure else ("-", "-")
+        return (name, *sizes, "carries nothing", "-", "-", "-", "-", "-")
+    factor, _ = unit_for(found.unit_of, "J")
     worst = one.judgement.worst
     return (
         name,
@@ -300,7 +310,7 @@ def _rival(found: Findings, one: Competitor) -> tuple[str, ...]:
         share_of(one.area_fraction),
         f"{digits_of(one.compliance / factor)} ± {percent(one.judgement.bound or 0)}",
         digits_of(one.compliance / found.compared.full.compliance),
-        digits_of(one.compliance / found.design.compliance),
+        digits_of(one.compliance / found.design.compliance) if found.carries else "-",
         length(worst("displacement").value),
         quantity(worst("stress").quantile, "Pa"),
         one.judgement.level,
@@ -315,7 +325,12 @@ def volumes_table(found: Findings, number: Numbers) -> Table:
         cells = [_ratio(compared[name], compared.full.compliance) for name in names]
         rows.append((percent(share), mass(share * compared.full.mass), *cells))
     head = ("Share", "Mass", *(LABELS[name] for name in names))
-    note = "Compliance over that of the whole sheet; - : carries nothing at that share. Judged by one solve each."
+    asked = {one.judgement.level for _, compared in found.volumes for one in compared.competitors if one.judgement}
+    how = {
+        frozenset(("full",)): "Judged by full checks.",
+        frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",
+    }.get(frozenset(asked), "Whole sheets are judged by full checks, those that are cut by one solve.")
+    note = f"Compliance over that of the whole sheet; - : carries nothing at that share. {how}"
     return Table(number.table("Compliance at other masses."), head, rows, 1, note)
 
 

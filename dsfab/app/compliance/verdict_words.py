@@ -2,7 +2,7 @@
 
 from dsfab.app.compliance.document import Banner, escaped
 from dsfab.app.compliance.findings import LABELS, Findings
-from dsfab.app.compliance.words import listed, percent, times, within
+from dsfab.app.compliance.words import digits_of, listed, percent, times, within
 from dsfab.app.report import length, mass
 from dsfab.study.competitors import Competitor
 
@@ -16,6 +16,8 @@ TITLES = {
 def banner(found: Findings) -> Banner:
     """The verdict on the structure itself."""
     bad = [one for one in found.checks if one.status == found.status != "pass"]
+    if not found.carries:
+        return Banner("fail", "Fail: the structure does not carry its loads", f"{_sentence(found.design.error)}.")
     if found.status == "fail":
         text = " ".join(f"{one.name}: {one.found} (wanted: {one.limit})." for one in bad)
         return Banner("fail", f"Fail: {listed([one.name.lower() for one in bad])}", text)
@@ -42,6 +44,9 @@ def _against(found: Findings, rival: Competitor) -> str:
     label = label if label.startswith("SIMP") else label[0].lower() + label[1:]
     if rival.judgement is None:
         return f"No structure was found for <b>{label}</b>: {escaped(shortly(rival.error))}."
+    if not found.carries:
+        ratio = f"{digits_of(rival.compliance / found.compared.full.compliance)} times that of the whole sheet"
+        return f"Of the same mass, <b>{label}</b> would carry the loads; compliance {ratio}."
     low, middle, high = found.gain(rival)
     if rival.name == "thinner":
         return _against_thinner(found, rival)
@@ -52,6 +57,11 @@ def _against(found: Findings, rival: Competitor) -> str:
     if high < 1:
         return f"{at} <b>softer</b>: {times(low, middle, high)} times as stiff."
     return f"{at} {times(low, middle, high)} times as stiff: too close to call within what is known."
+
+
+def _sentence(error: str) -> str:
+    """As markup, with a capital letter."""
+    return escaped(error[0].upper() + error[1:])
 
 
 def shortly(error: str) -> str:
@@ -77,21 +87,38 @@ def _against_thinner(found: Findings, rival: Competitor) -> str:
 def thinner_at_volumes(found: Findings) -> str:
     """Where a thinner whole sheet is the stiffer one, over the range of masses; '' where that was not asked."""
     pairs = [
-        (share, one.design.compliance, one["thinner"].compliance)
+        (f"{share:.0%}", one.design, one["thinner"])
         for share, one in found.volumes
         if any(rival.name == "thinner" and rival.judgement for rival in one.rivals)
     ]
-    if not pairs:
-        return ""
-    lost = [share for share, own, thin in pairs if not own <= thin]
-    if not lost:
-        return "At every share that was tried the design is stiffer than a thinner whole sheet of the same mass."
-    where = listed([f"{share:.0%}" for share in lost])
-    return f"<b>At {where} of the material a thinner whole sheet of the same mass is stiffer than the design.</b>"
+    lost = [share for share, own, thin in pairs if _least(own) > _most(thin)]
+    won = [share for share, own, thin in pairs if _most(own) < _least(thin)]
+    left = [share for share, _, _ in pairs if share not in (*lost, *won)]
+    told = []
+    if lost:
+        told.append(f"<b>At {listed(lost)} of the material a thinner whole sheet of the same mass is stiffer.</b>")
+    if won:
+        where = "every share that was tried" if len(won) == len(pairs) else f"{listed(won)} of the material"
+        told.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
+    if left:
+        told.append(f"At {listed(left)} design and thinner sheet are too close to call within their bounds.")
+    return " ".join(told)
+
+
+def _least(one: Competitor) -> float:
+    """The smallest that its compliance may be, J."""
+    return one.compliance * (1 - ((one.judgement.bound if one.judgement else None) or 0.0))
+
+
+def _most(one: Competitor) -> float:
+    """The largest that its compliance may be, J."""
+    return one.compliance * (1 + ((one.judgement.bound if one.judgement else None) or 0.0))
 
 
 def one_line(found: Findings) -> str:
     """'pass: compliance 59.9 J ± 1.8 % ...' for the terminal."""
+    if not found.carries:
+        return "fail: the design does not carry its loads"  # why stands in the table above
     told = within(found.judged.compliance, found.judged.bound, "J")
     bad = next((one for one in found.checks if one.status == found.status != "pass"), None)
     known = bad is None or bad.name == "Compliance is known"

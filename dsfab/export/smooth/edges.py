@@ -1,34 +1,35 @@
-"""Runs as curves: over the plane of each chart, and in space on both skins, with the same parameter everywhere."""
+"""Walls as curves: over the plane of their chart, and in space on both skins, with the same parameter everywhere.
+
+An outline is a polyline with a vertex on each edge of the mesh that it crosses. Its curve stays within a share of the
+thickness of it everywhere; a run that no spline follows so closely is cut in two where it is farthest off, and a
+segment is its own curve in the end.
+"""
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
-from dsfab.export.smooth.charts import Chart
-from dsfab.export.smooth.outline import WALL, Run, Sheet
+from dsfab.arrays import Floats
+from dsfab.export.smooth.nodes import Nodes
+from dsfab.export.smooth.outline import Run
 from dsfab.export.smooth.splines import Spline, evenly, spline_through, straight
 
 TIGHTER = (1.0, 0.2, 0.04)
 """Tolerances of a run that was refused so often."""
 
-FLAT = 1 / 40
-"""Tolerance of outlines over their polylines, as a share of the thickness; the mesh's chord error comes on top."""
+FLAT = 2 / 3
+"""Tolerance of outlines over their polylines, as a share of the distance that is allowed."""
 
-IN_SPACE = 1 / 100
+OF_CHORD = 0.5
+"""Share of the mesh's own chord error that is added to it: so much less does the mesh know of its outline."""
+
+IN_SPACE = 1 / 50
 """Tolerance of the curves on the skins, as a share of the thickness."""
-
-ON_SEAM = 1 / 1000
-"""Tolerance of a seam over each of its charts: what is left counts twice in the gap between them."""
 
 OF_LOOP = 0.005
 """A loop is followed at least as closely as this share of its length."""
-
-STEEP = 16
-"""Places of an outline where the slope of the skin is asked for."""
-
-OF_EDGE = 0.05
-"""And as this share of the mesh's edges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,86 +51,78 @@ class Edge:
     gap: float
     wall: bool
 
-    @property
+    @cached_property
     def spans(self) -> int:
         """The power of two that makes all knots whole numbers, short to write: they are halves of halves of [0, 1]."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
 
-@dataclass(frozen=True, eq=False)
-class Nodes:
-    """Ends of runs: where each vertex lies over the charts around it, and on both skins.
+@dataclass(frozen=True)
+class Allowed:
+    """Millimetres: the thickness of the sheet, how far its solid may be off the mesh, and the mesh's chord error."""
 
-    uv : by chart, (n, 2), nan where a vertex is not in it.    at : by vertex, (2, 3): upper and lower point.
-    gap : by vertex, largest distance of the skins of its charts from these.
-    """
+    thickness: float
+    distance: float
+    chord: float
 
-    uv: dict[int, Floats]
-    at: dict[int, Floats]
-    gap: dict[int, float]
-
-
-def nodes_of(sheet: Sheet, charts: list[Chart]) -> Nodes:
-    """Outline vertices on the middle surfaces of their charts, each at the nearest point."""
-    uv = {}
-    for k in {region.chart for region in sheet.regions}:
-        runs = [run.vertices for region in sheet.regions if region.chart == k for loop in region.loops for run in loop]
-        used = np.unique(np.concatenate(runs))
-        flat = np.full((len(sheet.V), 2), np.nan)
-        flat[used] = charts[k].middle.nearest(sheet.V[used], charts[k].over(sheet.V[used]))
-        uv[k] = flat
-    ends = {int(v) for region in sheet.regions for loop in region.loops for run in loop for v in run.vertices[[0, -1]]}
-    at, gap = {}, {}
-    start = np.searchsorted(sheet.charts[:, 0], np.arange(len(sheet.V) + 1))
-    for v in sorted(ends):
-        around = sheet.charts[start[v] : start[v + 1], 1].tolist()
-        points = np.array([[skin(uv[k][[v]])[0] for skin in (charts[k].upper, charts[k].lower)] for k in around])
-        at[v] = points.mean(axis=0)
-        gap[v] = float(np.linalg.norm(points - at[v], axis=2).max())
-    return Nodes(uv, at, gap)
+    def outline(self, run: Run, steep: float, level: int) -> float:
+        """How far the curve of a run may be off its polyline, seen in the plane."""
+        most = min(FLAT * self.distance + OF_CHORD * self.chord, OF_LOOP * run.around)
+        return TIGHTER[level] * most / steep
 
 
-def wall_edge(run: Run, k: int, chart: Chart, nodes: Nodes, sheet: Sheet, level: int, t: float) -> Edge:
-    """The curves of a wall in chart k. t : thickness, millimetres."""
+class _Part(NamedTuple):
+    """A part of a run of walls, its curve over the plane and the level it was fitted at."""
+
+    run: Run
+    flat: Spline
+    level: int
+
+
+def wall_edges(runs: list[tuple[Run, int]], k: int, nodes: Nodes, allowed: Allowed) -> list[list[Edge]]:
+    """The edges of each of the runs, with the level that it was refused to, in chart k; all skins are asked at once."""
+    found = [_parts(run, level, k, nodes, allowed) for run, level in runs]
+    parts = [part for some in found for part in some]
+    nodes.add(np.unique([v for part in parts for v in part.run.vertices[[0, -1]]]))
+    x = [parameters(part.flat) for part in parts]
+    on = nodes.charts[k].both(np.concatenate([part.flat(at) for part, at in zip(parts, x, strict=True)]))
+    both = np.split(on, np.cumsum([len(at) for at in x])[:-1])
+    edges = iter([_in_space(*of, k, nodes, allowed) for of in zip(parts, x, both, strict=True)])
+    return [[next(edges) for _ in some] for some in found]
+
+
+def _parts(run: Run, level: int, k: int, nodes: Nodes, allowed: Allowed) -> list[_Part]:
+    """A run over the plane, divided until each part has a curve within the tolerance."""
     line = nodes.uv[k][run.vertices]
-    tolerance = TIGHTER[level] * _tolerance(run, line, chart, sheet, t)
-    if len(line) > 2:
-        x, Q = _spread(line)
-        flat, _ = spline_through(x, Q, tolerance)
-    else:
-        flat = straight(line[0], line[1])
-    x = _parameters(flat)
-    on = flat(x)
-    both = np.concatenate([chart.upper(on), chart.lower(on)], axis=1)
-    space, off = spline_through(x, both, TIGHTER[level] * IN_SPACE * t, parts=2)
-    return _ended(run, space, {k: flat}, off, nodes, wall=True)
+    if len(line) == 2:
+        return [_Part(run, straight(line[0], line[1]), level)]
+    tolerance = allowed.outline(run, float(nodes.steep[k][run.vertices].max()), level)
+    x, Q = spread(line)
+    flat, off = spline_through(x, Q, tolerance)
+    if off <= tolerance:
+        return [_Part(run, flat, level)]
+    worst = x[np.linalg.norm(flat(x) - Q, axis=1).argmax()]
+    length = np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))
+    at = 1 + int(np.abs(length[:-1] / length[-1] - worst).argmin())
+    halves = (Run(v, run.beyond, run.around) for v in (run.vertices[: at + 1], run.vertices[at:]))
+    return [part for half in halves for part in _parts(half, level, k, nodes, allowed)]
 
 
-def _spread(line: Floats) -> tuple[Floats, Floats]:
-    """Even samples of a polyline, more than it has vertices."""
-    count = int(np.clip(8 * len(line), 48, 1500))
+def _in_space(part: _Part, x: Floats, both: Floats, k: int, nodes: Nodes, allowed: Allowed) -> Edge:
+    """The curves on both skins (m, 6) at parameters x."""
+    space, off = spline_through(x, both, TIGHTER[part.level] * IN_SPACE * allowed.thickness, parts=2)
+    return ended(part.run, space, {k: part.flat}, off, nodes, wall=True)
+
+
+def spread(line: Floats) -> tuple[Floats, Floats]:
+    """Even samples of a polyline, many more than it has vertices; their number is a power of two."""
+    count = 1 << int(np.ceil(np.log2(np.clip(16 * len(line), 64, 4096))))
     total = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     return evenly(line, total / count, fewest=count, most=count)
 
 
-def _tolerance(run: Run, line: Floats, chart: Chart, sheet: Sheet, t: float) -> float:
-    """Millimetres over the plane: a share of the thickness on the skin, and what the polyline itself is off a curve."""
-    _, a, b = chart.middle.slopes(line[:: len(line) // STEEP + 1])
-    steep = float(np.linalg.norm(np.cross(a, b), axis=1).max())
-    points = sheet.V[run.vertices]
-    along = np.diff(points, axis=0)
-    length = np.linalg.norm(along, axis=1)
-    chord = 0.0
-    if len(length) > 2:
-        unit = along / np.maximum(length, 1e-300)[:, None]
-        turn = np.linalg.norm(np.diff(unit, axis=0), axis=1)
-        sag = (length[1:] + length[:-1]) / 2 * turn / 8
-        chord = min(float(np.percentile(sag, 75)), OF_EDGE * float(length.max()))
-    return min(FLAT * t + chord, OF_LOOP * run.around) / max(steep, 1.0)
-
-
-def _parameters(curve: Spline) -> Floats:
+def parameters(curve: Spline) -> Floats:
     """Parameters to measure at: many in each span."""
     breaks = np.unique(curve.knots)
     each = max(24, int(np.ceil(128 / (len(breaks) - 1))))
@@ -137,31 +130,7 @@ def _parameters(curve: Spline) -> Floats:
     return np.concatenate([steps.ravel(), [1.0]])
 
 
-def seam_edge(run: Run, k: int, charts: list[Chart], nodes: Nodes, sheet: Sheet, level: int, t: float) -> Edge:
-    """The curves between chart k and the chart beyond: one for both, half way between what the two say."""
-    pair, tight = (k, run.beyond), TIGHTER[level]
-    points = sheet.V[run.vertices]
-    if len(points) > 2:
-        x, Q = _spread(points)
-        length = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        middle, _ = spline_through(x, Q, tight * OF_EDGE * float(length.max()))
-    else:
-        middle = straight(points[0], points[1])
-    x = _parameters(middle)
-    flat: dict[int, Spline] = {}
-    for c in pair:
-        ends = nodes.uv[c][run.vertices[[0, -1]]]
-        uv = charts[c].middle.nearest(middle(x), charts[c].over(middle(x)))
-        uv[0], uv[-1] = ends
-        flat[c], _ = spline_through(x, uv, tight * ON_SEAM * t)
-    x = np.unique(np.concatenate([_parameters(flat[c]) for c in pair]))
-    sides = [np.concatenate([charts[c].upper(flat[c](x)), charts[c].lower(flat[c](x))], axis=1) for c in pair]
-    space, off = spline_through(x, (sides[0] + sides[1]) / 2, tight * ON_SEAM * t, parts=2)
-    apart = (sides[0] - sides[1]).reshape(len(x), 2, 3)
-    return _ended(run, space, flat, off + float(np.linalg.norm(apart, axis=2).max()), nodes, wall=False)
-
-
-def _ended(run: Run, space: Spline, flat: dict[int, Spline], off: float, nodes: Nodes, wall: bool) -> Edge:
+def ended(run: Run, space: Spline, flat: dict[int, Spline], off: float, nodes: Nodes, wall: bool) -> Edge:
     """The curves with their ends pulled onto the nodes."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     both = space.poles.copy()
@@ -170,16 +139,3 @@ def _ended(run: Run, space: Spline, flat: dict[int, Spline], off: float, nodes: 
     both[[0, -1]] = wanted
     upper, lower = (Spline(space.knots, both[:, i : i + 3], space.degree) for i in (0, 3))
     return Edge(start, end, upper, lower, flat, off + moved, wall)
-
-
-def seam_key(run: Run) -> tuple[tuple[int, int, int, int], bool]:
-    """What both charts call a seam's run, and whether this one runs the way the key does."""
-    v: Ints = run.vertices
-    ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
-    back = (ahead[2], ahead[3], ahead[0], ahead[1])
-    return min(ahead, back), ahead <= back
-
-
-def is_wall(run: Run) -> bool:
-    """Whether a wall stands on the run."""
-    return run.beyond == WALL

@@ -7,11 +7,10 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.plate import enclosed
 from dsfab.export.smooth.charts import Chart
-from dsfab.export.smooth.edges import Edge, Nodes, is_wall, nodes_of, seam_edge, seam_key, wall_edge
-from dsfab.export.smooth.outline import Run, Sheet
-
-Key = tuple[int, int, int, int]
-"""The first two and the last two vertices of a run."""
+from dsfab.export.smooth.edges import Allowed, Edge, wall_edges
+from dsfab.export.smooth.nodes import Nodes, nodes_of
+from dsfab.export.smooth.outline import WALL, Region, Run, Sheet
+from dsfab.export.smooth.seams import Key, run_key, seam_edge
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class Skin:
 
 @dataclass(eq=False)
 class Piece:
-    """A piece: edges, skins, and its widest gap, millimetres.
+    """A piece: edges with the keys of their runs, skins, and its widest gap, millimetres.
 
     traced : whether its edges are written with their curves on skins and walls, too.
     refused : why it cannot be one closed shell, or ''.
@@ -42,6 +41,11 @@ class Piece:
         """A wall for each edge that is no seam, and two skins for each region."""
         return sum(edge.wall for edge in self.edges) + 2 * len(self.skins)
 
+    @property
+    def ends(self) -> Floats:
+        """(k, 3) the upper ends of its edges."""
+        return np.array([edge.upper.poles[0] for edge in self.edges])
+
 
 @dataclass(frozen=True, eq=False)
 class Model:
@@ -56,19 +60,24 @@ class Model:
 class Builder:
     """Builds pieces, again where asked, on one sheet and its charts."""
 
-    def __init__(self, sheet: Sheet, charts: list[Chart], thickness: float) -> None:
-        self.sheet, self.charts, self.t = sheet, charts, thickness
+    def __init__(self, sheet: Sheet, charts: list[Chart], allowed: Allowed) -> None:
+        self.sheet, self.allowed = sheet, allowed
         self.nodes = nodes_of(sheet, charts)
-        self._made: dict[tuple[Key, int], Edge] = {}
+        self._made: dict[tuple[Key, int], list[Edge]] = {}
+        for k in range(len(charts)):
+            self._walls([region for region in sheet.regions if region.chart == k], {})
 
     def piece(self, number: int, level: dict[Key, int]) -> Piece:
         """One piece; level : how often each of its runs was refused."""
         made, seams = Piece(traced=bool(level)), dict[Key, int]()
-        for region in self.sheet.regions:
-            if region.piece != number:
-                continue
-            loops = [tuple(self._edge(made, seams, run, region.chart, level) for run in loop) for loop in region.loops]
-            area = [enclosed(self._polygon(made, loop, region.chart)) for loop in loops]
+        regions = [region for region in self.sheet.regions if region.piece == number]
+        for region in regions:
+            self._walls([region], level)
+            loops = [
+                tuple(step for run in loop for step in self._edges(made, seams, run, region.chart, level))
+                for loop in region.loops
+            ]
+            area = [enclosed(_polygon(made, loop, region.chart)) for loop in loops]
             order = sorted(range(len(loops)), key=lambda i: -area[i])
             if not loops or sum(a > 0 for a in area) != 1:
                 made.refused = "a chart does not see a part of it as one outline"
@@ -78,28 +87,38 @@ class Builder:
         made.gap = max((edge.gap for edge in made.edges), default=0.0)
         return made
 
-    def _edge(
-        self, made: Piece, seams: dict[Key, int], run: Run, chart: int, level: dict[Key, int]
-    ) -> tuple[int, bool]:
-        """The number of a run's edge, and whether the run goes along it."""
-        key, ahead = seam_key(run)
-        tight = level.get(key, 0)
-        if not is_wall(run) and key in seams:
-            return seams[key], ahead
-        if (key, tight) not in self._made:
-            way = run if ahead or is_wall(run) else Run(run.vertices[::-1], run.beyond, run.around)
-            self._made[key, tight] = (
-                wall_edge(way, chart, self.charts[chart], self.nodes, self.sheet, tight, self.t)
-                if is_wall(run)
-                else seam_edge(way, chart, self.charts, self.nodes, self.sheet, tight, self.t)
-            )
-        if not is_wall(run):
-            seams[key] = len(made.edges)
-        made.edges.append(self._made[key, tight])
-        made.keys.append(key)
-        return len(made.edges) - 1, ahead or is_wall(run)
+    def _walls(self, regions: list[Region], level: dict[Key, int]) -> None:
+        """Make the walls of regions of one chart that are not made yet."""
+        runs = [run for region in regions for loop in region.loops for run in loop if run.beyond == WALL]
+        wanted = {(key, level.get(key, 0)): run for key, run in ((run_key(run)[0], run) for run in runs)}
+        new = [(made, run) for made, run in wanted.items() if made not in self._made]
+        if new:
+            found = wall_edges([(run, tight) for (_, tight), run in new], regions[0].chart, self.nodes, self.allowed)
+            self._made |= dict(zip((made for made, _ in new), found, strict=True))
 
-    def _polygon(self, made: Piece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
-        """A loop over the plane, as the poles of its curves."""
-        ways = [made.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
-        return np.concatenate([way[:-1] for way in ways])
+    def _edges(
+        self, made: Piece, seams: dict[Key, int], run: Run, chart: int, level: dict[Key, int]
+    ) -> list[tuple[int, bool]]:
+        """The numbers of a run's edges, and whether the run goes along them."""
+        key, ahead = run_key(run)
+        tight = level.get(key, 0)
+        first = len(made.edges)
+        if run.beyond == WALL:
+            edges = self._made[key, tight]
+            made.edges += edges
+            made.keys += [key] * len(edges)
+            return [(first + i, True) for i in range(len(edges))]
+        if key not in seams:
+            if (key, tight) not in self._made:
+                way = run if ahead else Run(run.vertices[::-1], run.beyond, run.around)
+                self._made[key, tight] = [seam_edge(way, chart, self.nodes, self.sheet, tight, self.allowed)]
+            seams[key] = first
+            made.edges += self._made[key, tight]
+            made.keys.append(key)
+        return [(seams[key], ahead)]
+
+
+def _polygon(made: Piece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
+    """A loop over the plane, as the poles of its curves."""
+    ways = [made.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
+    return np.concatenate([way[:-1] for way in ways])

@@ -2,7 +2,6 @@
 
 import importlib.util
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.errors import StaticsError
+from dsfab.export.program import ProgramError, run_program
 from dsfab.study.shipped import gmsh_program
 from dsfab.study.shipped.reading import Found
 from dsfab.surface import Surface
@@ -74,16 +74,14 @@ def _filled(given: Mapping[str, Any]) -> tuple[Floats, Ints]:
     with tempfile.TemporaryDirectory() as folder:
         source, made = Path(folder) / "surface.npz", Path(folder) / "tets.npz"
         np.savez(source, **given)
-        command = [sys.executable, "-P", gmsh_program.__file__, str(source), str(made)]
         try:
-            run = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False)
+            run_program(gmsh_program.__file__, str(source), str(made), seconds=SECONDS)
+            with np.load(made) as mesh:
+                return np.asarray(mesh["X"], dtype=np.float64), np.asarray(mesh["T"], dtype=np.int64)
         except subprocess.TimeoutExpired:
             raise StaticsError(f"gmsh did not fill the solid with tetrahedra within {SECONDS:.0f} s") from None
-        if run.returncode or not made.is_file():
-            reason = (run.stderr.strip().splitlines() or [f"exit code {run.returncode}"])[-1][:160]
-            raise StaticsError(f"gmsh could not fill the solid with tetrahedra ({reason})")
-        with np.load(made) as mesh:
-            return np.asarray(mesh["X"], dtype=np.float64), np.asarray(mesh["T"], dtype=np.int64)
+        except (ProgramError, FileNotFoundError) as error:
+            raise StaticsError(f"gmsh could not fill the solid with tetrahedra ({str(error)[:160]})") from None
 
 
 def _sound(X: Floats, T: Ints, volume: float, tolerance: float) -> Tetrahedra:

@@ -22,7 +22,7 @@ class Row:
     width, share : its width rule, and the share of the surface that is material.
     vertices, triangles : of the uncut mesh, and of the cut one.     per_member, facets : see `Verdict`.
     quick        : J, by quadratic + midedge on the mesh as it is cut.
-    midedge      : J, by the same on the refined mesh.
+    midedge      : J, by the same on the first mesh of the verdict.
     compliance   : J, by quadratic + hhj, mesh after mesh.           recovery : ZZ of the same, both parts together.
     """
 
@@ -81,7 +81,7 @@ class Row:
         return abs(self.truth - found.value) <= found.bound * found.value
 
     def _after(self, count: int) -> rules.Estimate:
-        spread = 0.0 if self.plane else self.midedge / self.compliance[1] - 1
+        spread = 0.0 if self.plane else self.midedge / self.compliance[0] - 1
         return rules.estimate(self.compliance[:count], spread, self.recovery[count - 1])
 
 

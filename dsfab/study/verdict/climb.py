@@ -84,8 +84,8 @@ class Climb:
         if self.progress:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
-        # the third mesh is there for the last step alone
-        pairs = (MIDEDGE,) if self.depth == "quick" else (HHJ, MIDEDGE) if len(self.levels) < 2 else (HHJ,)
+        # finer meshes are there for the steps between them: how far the two pairs are apart is told by the first
+        pairs = (MIDEDGE,) if self.depth == "quick" else (HHJ,) if self.levels else (HHJ, MIDEDGE)
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs))
 
     def _case(self, name: str) -> CaseVerdict:
@@ -95,8 +95,8 @@ class Climb:
             typical, most = rules.QUICK
             told = f"one solve on the cut mesh: typically within {percent(typical)}, nine in ten within {percent(most)}"
             return CaseVerdict(name, values[0], most, "unknown", told, 0.0, *errors)
-        both = [one.midedge[name] / one.compliance[name] - 1 for one in self.levels if one.midedge]
-        spread = both[-1] if both else 0.0
+        first = self.levels[0]
+        spread = first.midedge[name] / first.compliance[name] - 1 if first.midedge else 0.0
         found = rules.estimate(values, spread, sum(errors))
         known = len(values) > 1 and found.bound <= rules.CONVERGED
         if len(values) == 1:

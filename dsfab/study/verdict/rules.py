@@ -15,8 +15,8 @@ STEP = 2.0
 OF_STEP = 0.6
 """The bound is at least this share of the last step |c1 - c0|."""
 
-OF_SPREAD = 0.3
-"""And at least this share of the spread against quadratic + midedge."""
+OF_SPREAD = 0.5
+"""And at least this share of what is left of the spread against quadratic + midedge."""
 
 OF_RECOVERY = 0.3
 """And at least this share of the recovery error, membrane and bending together."""
@@ -49,14 +49,14 @@ class Estimate:
 def estimate(values: Sequence[float], spread: float, recovery: float) -> Estimate:
     """From compliances by quadratic + hhj on one or more meshes, each of four times the triangles, coarse to fine.
 
-    spread   : against quadratic + midedge on the second mesh (the first, where there is one only); about half of it is
-               left on a third one.
+    spread   : against quadratic + midedge on the first mesh; about half of it is left on each further one, where it is
+               not measured: it would cost half as much again.
     recovery : ZZ on the finest mesh.
     """
     if len(values) < 2:
         return Estimate(values[0], max(ONE_MESH * recovery, OF_SPREAD * abs(spread), FLOOR))
     step = values[-1] - values[-2]
     value = values[-1] + step / STEP
-    left = abs(spread) / 2 ** (len(values) - 2)
+    left = abs(spread) / 2 ** (len(values) - 1)
     off = max(OF_STEP * abs(step) / value, OF_SPREAD * left, OF_RECOVERY * recovery, FLOOR)
     return Estimate(value, off)

@@ -23,7 +23,7 @@ class CaseVerdict:
 
     value  : compliance, J; nan where it could not be found.
     bound  : half width of the interval that the true compliance lies in, over the value; inf where nothing is known.
-    spread : compliance of quadratic + midedge over that of quadratic + hhj on the finest mesh, less 1.
+    spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, less 1.
     zz_membrane, zz_bending : on the finest mesh, see `Level`.
     """
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, grouped
+from dsfab.arrays import Floats, Ints, grouped, lengths
 from dsfab.thickening.apart.layer import Layer
 
 REACH = 2
@@ -39,10 +39,13 @@ class Boxes:
 def boxes_of(layer: Layer, off: float, count: int) -> Boxes:
     """The faces of the uncut surface in boxes that are larger than any prism."""
     uncut = layer.uncut
-    middle = uncut.V[uncut.F].mean(axis=1)
-    size = np.linalg.norm(layer.D, axis=1) * (1 + abs(layer.shift))
-    reach = (np.linalg.norm(uncut.V[uncut.F] - middle[:, None], axis=2) + size[uncut.F]).max(axis=1) + off
-    low, extent = middle.min(axis=0), np.ptp(middle, axis=0)
+    middle = uncut.centroids
+    size = lengths(layer.D) * (1 + abs(layer.shift))
+    reach = np.zeros(uncut.m)
+    for corner in uncut.F.T:
+        arm = lengths(uncut.V.take(corner, axis=0) - middle)
+        np.maximum(reach, arm + size[corner] + off, out=reach)
+    low, extent = (np.array([of(column) for column in middle.T]) for of in (np.min, np.ptp))
     least = (uncut.area / count) ** 0.5, (extent.prod() / MOST_BOXES) ** (1 / 3), extent.max() / MOST_BOXES**0.4
     width = max(2.1 * reach.max(), *least)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
@@ -56,7 +59,7 @@ def boxes_of(layer: Layer, off: float, count: int) -> Boxes:
     axis: Floats = np.stack([np.bincount(of, column) for column in uncut.normals.T], axis=1).astype(np.float64)
     axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), np.finfo(float).tiny)
     radius = np.zeros(len(key))
-    np.maximum.at(radius, of, np.linalg.norm(middle - centre[of], axis=1) + reach)
+    np.maximum.at(radius, of, lengths(middle - centre.take(of, axis=0)) + reach)
     at = np.stack(np.unravel_index(key, tuple(shape)), axis=1)
     return Boxes(of, at, centre, axis, radius, grid, key)
 

@@ -6,7 +6,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.thickening.apart.boxes import Boxes
 from dsfab.thickening.apart.layer import Layer
 
-CHUNK = 1 << 15
+CHUNK = 1 << 14
 """Cells looked at together: as many as the processor's cache takes."""
 
 Three = tuple[Floats, Floats, Floats]
@@ -23,7 +23,9 @@ def prisms(layer: Layer, boxes: Boxes, off: float) -> tuple[Bools, Floats, Float
     for begin in range(0, m, CHUNK):
         part = slice(begin, begin + CHUNK)
         corner = np.ascontiguousarray(F[part].T)
-        folded[part], cosine[part], reach[part] = _prism(upper[:, corner], lower[:, corner], axes[:, box[part]], off)
+        over, under = (np.stack([column.take(corner) for column in skin]) for skin in (upper, lower))
+        axis = np.stack([column.take(box[part]) for column in axes])
+        folded[part], cosine[part], reach[part] = _prism(over, under, axis, off)
     least = np.ones(len(boxes.axis))
     np.minimum.at(least, box, cosine)
     return folded, least, reach
@@ -38,16 +40,17 @@ def _prism(upper: Floats, lower: Floats, axis: Floats, off: float) -> tuple[Bool
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + off
-    bottom, top = _cross(A[:, 2] - A[:, 0], A[:, 1] - A[:, 0]), _cross(B[:, 1] - B[:, 0], B[:, 2] - B[:, 0])
+    (p, q, r), (u, v, w) = ((P[:, 1] - P[:, 0], P[:, 2] - P[:, 0], P[:, 2] - P[:, 1]) for P in (A, B))
+    bottom, top = _cross(q, p), _cross(u, v)
     least = np.minimum(_dot(bottom, A[:, 0]), _dot(top, B[:, 0]))
     for i, j in ((0, 1), (1, 2), (2, 0)):
         under, over = _cross(A[:, i], A[:, j]), _cross(B[:, j], B[:, i])
         for side, point in ((under, B[:, j]), (under, B[:, i]), (over, A[:, i]), (over, A[:, j])):
             np.minimum(least, _dot(side, point), out=least)
     cosines = []
-    for normal, skin, sign in ((top, B, 1), (bottom, A, -1)):
+    for normal, sides, sign in ((top, (u, v, w), 1), (bottom, (p, q, r), -1)):
         length = np.maximum(np.sqrt(_dot(normal, normal)), np.finfo(float).tiny)
-        side = np.sqrt(((skin - np.roll(skin, 1, axis=1)) ** 2).sum(axis=0).max(axis=0)) + 2 * off
+        side = np.sqrt(np.maximum.reduce([_dot(s, s) for s in sides])) + 2 * off
         tilt = 5 * off * side / length
         cosines.append(np.where(tilt < 0.5, sign * _dot(normal, axis) / length - 2 * tilt, -1.0))
     return least <= 4 * off * reach**2, np.minimum(*cosines), reach

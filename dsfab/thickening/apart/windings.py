@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, grouped
+from dsfab.arrays import Bools, Floats, Ints, grouped, lengths
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.apart.boxes import REACH, Boxes, steps
 from dsfab.thickening.apart.layer import Layer
@@ -25,7 +25,7 @@ def fronts(boxes: Boxes, cosine: Floats) -> Bools:
 def once_around(layer: Layer, boxes: Boxes, good: Bools, off: float) -> Bools:
     """(k,) boxes, of the good ones (k,), around whose cylinder the rim of the block runs once, outside."""
     uncut = layer.uncut
-    thick = np.linalg.norm(layer.D, axis=1) * (1 + abs(layer.shift)) + off
+    thick = lengths(layer.D) * (1 + abs(layer.shift)) + off
     good, turns = good.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
     other = np.cross(boxes.axis, np.eye(3)[np.abs(boxes.axis).argmin(axis=1)])
     first = other / np.linalg.norm(other, axis=1, keepdims=True)
@@ -34,8 +34,8 @@ def once_around(layer: Layer, boxes: Boxes, good: Bools, off: float) -> Bools:
     for box, h in _rims(uncut, boxes, good):
         flat = []
         for end in ends:
-            arm = uncut.V[end[h]] - boxes.middle[box]
-            flat.append((np.einsum("ki,ki->k", arm, first[box]), np.einsum("ki,ki->k", arm, second[box])))
+            arm = uncut.V.take(end[h], axis=0) - boxes.middle.take(box, axis=0)
+            flat.append(tuple(np.einsum("ki,ki->k", arm, axis.take(box, axis=0)) for axis in (first, second)))
         (ax, ay), (bx, by) = flat
         ux, uy = bx - ax, by - ay
         t = np.clip(-(ax * ux + ay * uy) / np.maximum(ux**2 + uy**2, np.finfo(float).tiny), 0, 1)

@@ -1,0 +1,62 @@
+"""OCCT's findings about smooth pieces, from a program of its own (`check`), with the triangles it makes of them."""
+
+import json
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.export.program import ProgramError, last_line
+from dsfab.export.smooth import check
+
+RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+"""A triangle of a binary STL file, after 84 bytes of header."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """A solid as OCCT reads it: see `check`. bad : (k, 3) ends of edges that cross; V, F : its triangles; millimetres.
+
+    The triangles of different faces share no vertices.
+    """
+
+    valid: bool
+    closed: bool
+    tessellates: bool
+    faces: int
+    volume: float
+    gap: float
+    bad: Floats
+    V: Floats
+    F: Ints
+
+
+def findings(text: str, deflection: float, limit: float) -> list[Finding]:
+    """About each solid of a file; nothing when it takes OCCT longer than `limit` seconds, or it fails.
+
+    deflection : how far the triangles may be off the solid, millimetres.
+    """
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
+        path = Path(folder) / "a.step"
+        path.write_text(text, encoding="ascii")
+        try:
+            said = _said(str(path), folder, deflection, limit)
+        except (subprocess.TimeoutExpired, ProgramError):
+            return []
+        return [_finding(one, Path(folder) / f"{i}.stl") for i, one in enumerate(said)]
+
+
+def _said(path: str, folder: str, deflection: float, limit: float) -> list[dict[str, Any]]:
+    return list(json.loads(last_line(check.__file__, path, folder, str(deflection), seconds=limit))["solids"])
+
+
+def _finding(said: dict[str, Any], path: Path) -> Finding:
+    data = path.read_bytes() if path.is_file() else b""
+    corners = np.frombuffer(data, RECORD, offset=84)["corners"] if len(data) > 84 else np.zeros((0, 3, 3))
+    V, F = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    bad = np.array(said.pop("bad"), dtype=np.float64).reshape(-1, 3)
+    return Finding(**said, bad=bad, V=V.astype(np.float64), F=F.reshape(-1, 3).astype(np.int64))

@@ -1,0 +1,193 @@
+"""What a smooth piece must be to be taken: OCCT's findings, gaps, its volume, and its distance from the mesh.
+
+BRepCheck's word alone is not enough: it calls edges valid within whatever tolerance they have. And a valid solid may
+be another one than the mesh: every piece is compared with the mesh of its own solid, from both sides.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.export.part import Part
+from dsfab.export.shells import solids_of
+from dsfab.export.smooth.ask import Finding
+from dsfab.export.smooth.outline import Sheet
+from dsfab.export.smooth.solid import Piece
+
+GAP = 1 / 20
+"""Widest gap between a skin and the edges on it, as a share of the thickness."""
+
+DISTANCE = 1 / 20
+"""Largest distance from the mesh unless asked otherwise, as a share of the thickness, beside its chord error."""
+
+VOLUME = 5e-3
+"""Largest change of a volume, beside what the smooth surface has more than the triangles between its points."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Millimetres: the thickness, and how far the smooth solid may be off the mesh beside the mesh's own chord error.
+
+    V, chord : (n, 3) and (n,) vertices of the uncut surface, and the chord error around them.
+    rounder  : by what share the volume may be larger, since the mesh cuts its curves short.
+    """
+
+    thickness: float
+    distance: float
+    V: Floats
+    chord: Floats
+    rounder: float
+
+    @cached_property
+    def usual(self) -> float:
+        """The chord error that nine of ten vertices stay under."""
+        return float(np.percentile(self.chord, 90))
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.V)
+
+    def allowed(self, points: Floats) -> Floats:
+        """(k,) how far points may be off: the chord error counts where they are."""
+        return np.asarray(self.distance + self.chord[self._tree.query(points)[1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """reason : why a piece is refused, '' when it is accepted.    bad : (k, 3) places where tighter curves may help.
+
+    there, back : largest distance of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
+    """
+
+    reason: str
+    bad: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    there: float = 0.0
+    back: float = 0.0
+    volume: float = 0.0
+
+
+class _Away(NamedTuple):
+    """Distances between a piece and the mesh, one way: the largest, the largest excess over what is allowed with the
+    distance and the allowance there, and the places that are too far off."""
+
+    most: float
+    worst: float
+    allowed: float
+    bad: Floats
+
+
+_NOWHERE = _Away(0.0, 0.0, 0.0, np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Gate:
+    """Judges the pieces of a sheet against a part, millimetres."""
+
+    part: Part
+    sheet: Sheet
+    limits: Limits
+
+    @cached_property
+    def solid(self) -> Ints:
+        """The solid of the mesh that each piece is: that of the vertex nearest to one of its own."""
+        shell, solids = self._shells
+        first = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
+        nearest = cKDTree(self.part.V).query((self.sheet.V + self.sheet.D)[first])[1]
+        at = np.full(len(self.part.V), -1)
+        at[self.part.F] = shell[:, None]
+        of = np.empty(int(shell.max()) + 1, dtype=np.int64)
+        for i, some in enumerate(solids):
+            of[some] = i
+        return np.asarray(of[at[nearest]])
+
+    @cached_property
+    def _shells(self) -> tuple[Ints, list[list[int]]]:
+        return solids_of(self.part)
+
+    def mesh(self, solid: int) -> Ints:
+        """(m, 3) the triangles of a solid."""
+        shell, solids = self._shells
+        return np.asarray(self.part.F[np.isin(shell, solids[solid])])
+
+    def without(self, accepted: Bools) -> Ints:
+        """(m, 3) the triangles of the solids none of whose pieces was accepted."""
+        shell, solids = self._shells
+        taken = set(self.solid[accepted].tolist())
+        left = [shell for i, some in enumerate(solids) if i not in taken for shell in some]
+        return np.asarray(self.part.F[np.isin(shell, left)])
+
+    def verdicts(self, pieces: dict[int, Piece], found: dict[int, Finding]) -> dict[int, Verdict]:
+        """About pieces by their numbers, with what OCCT says about those that it read."""
+        away = self._distances({k: found[k] for k in pieces if k in found and found[k].tessellates})
+        return {
+            k: self._verdict(k, piece, found.get(k), away.get(k, (_NOWHERE, _NOWHERE))) for k, piece in pieces.items()
+        }
+
+    def _verdict(self, k: int, piece: Piece, found: Finding | None, away: tuple[_Away, _Away]) -> Verdict:
+        if piece.refused or found is None:
+            return Verdict(piece.refused or "OCCT did not read it within the time limit")
+        limits, wanted, gap = self.limits, self.volumes[k], max(piece.gap, found.gap)
+        there, back = away
+        far = max(away, key=lambda way: way.worst - way.allowed)
+        sound = found.valid and found.closed
+        near = far.worst <= far.allowed
+        tests = (
+            (sound, "OCCT finds it invalid"),
+            (found.faces == piece.faces, f"OCCT reads {found.faces} faces instead of {piece.faces}"),
+            (found.tessellates, "OCCT makes no triangles of a face"),
+            (gap <= GAP * limits.thickness, f"a gap of {gap:.2g} mm is wider than {GAP * limits.thickness:.2g} mm"),
+            (near, f"it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
+            (
+                abs(found.volume - wanted) <= (VOLUME + limits.rounder) * wanted,
+                f"its volume is off by {found.volume / wanted - 1:.1%}",
+            ),
+        )
+        reason = next((text for good, text in tests if not good), "")
+        bad = found.bad if not sound else np.concatenate([there.bad, back.bad])
+        if sound and found.tessellates and near and gap <= GAP * limits.thickness:
+            bad = bad[:0]
+        elif not len(bad):
+            bad = piece.ends
+        return Verdict(reason, bad, there.most, back.most, found.volume)
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """Millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the skins."""
+        sheet = self.sheet
+        low, high = ((sheet.V + side * sheet.D)[sheet.F] for side in (-1, 1))
+        d = sheet.D[sheet.F]
+        total = np.zeros(len(sheet.F))
+        for s, weight in ((-np.sqrt(0.6), 5 / 9), (0.0, 8 / 9), (np.sqrt(0.6), 5 / 9)):  # cubic in s: exact
+            P = (low + high) / 2 + s * d
+            cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
+            total += weight * np.einsum("mi,mi->m", cross, d.mean(axis=1)) / 2
+        return np.asarray(np.bincount(sheet.piece, total, sheet.count), dtype=np.float64)
+
+    def _distances(self, found: dict[int, Finding]) -> dict[int, tuple[_Away, _Away]]:
+        """By piece, from it to the mesh, and back."""
+        away = dict[int, tuple[_Away, _Away]]()
+        for solid in {int(self.solid[k]) for k in found}:
+            mesh, these = self.mesh(solid), [k for k in found if self.solid[k] == solid]
+            V = np.concatenate([found[k].V for k in these])
+            start = np.cumsum([0, *(len(found[k].V) for k in these)])
+            F = np.concatenate([found[k].F + i for k, i in zip(these, start, strict=False)])
+            back = self._farthest(self.part.V, mesh, V, F)
+            for k in these:
+                away[k] = (self._farthest(found[k].V, found[k].F, self.part.V, mesh), back)
+        return away
+
+    def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> _Away:
+        """Of the vertices and the middles of triangles, from the other triangles."""
+        points = np.concatenate([V[np.unique(F)], V[F].mean(axis=1)])
+        away = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, np.array(V2), np.array(F2))[0]))
+        far = points[away > self.limits.distance]  # the others need not be asked
+        if not len(far):
+            return _Away(float(away.max()), float(away.max()), self.limits.distance, far)
+        most, allowed = away[away > self.limits.distance], self.limits.allowed(far)
+        k = int((most - allowed).argmax())
+        return _Away(float(away.max()), float(most[k]), float(allowed[k]), far[most > allowed])

@@ -1,0 +1,198 @@
+"""`split_cells`: polygons on shared vertices, cut along the level lines of one field.
+
+Of a fine mesh most polygons lie between two levels. Their strip is that of any corner; only the others, and those that
+share a side with them, are taken apart, sorted by strip and put together again.
+"""
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Bools, Floats, Ints, grouped, sorted_order
+from dsfab.slicing.cells import Cells
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """What `split_cells` gives.
+
+    cells  : the new polygons, on the old vertices followed by the new ones.
+    source : (c',) the old polygon that each new one is a part of.
+    strip  : (c',) how many levels lie below a new polygon; -1 for those that were not to be cut.
+    low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
+    """
+
+    cells: Cells
+    source: Ints
+    strip: Ints
+    low: Ints
+    high: Ints
+    t: Floats
+
+    def extended(self, old: Floats) -> Floats:
+        """Values (n, ...) on the old vertices, followed by the interpolated ones on the new vertices."""
+        t = self.t.reshape(-1, *[1] * (old.ndim - 1))
+        return np.concatenate([old, (1 - t) * old[self.low] + t * old[self.high]])
+
+    def blend(self, n: int) -> csr_array:
+        """(k, n) sparse weights of the new vertices on the n old ones."""
+        k = len(self.t)
+        data = np.stack([1 - self.t, self.t], axis=1).ravel()
+        columns = np.stack([self.low, self.high], axis=1).ravel()
+        return csr_array((data, columns, np.arange(0, 2 * k + 1, 2)), shape=(k, n))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sides:
+    """Where levels cross the sides of polygons, (h,) each.
+
+    low   : how many levels are not above the lower end: the strip in which a side starts.
+    count : how many levels lie strictly between its ends; 0 where no active polygon has the side.
+    first : the first new vertex on it, counted from the lower end, the same for all polygons with this side.
+    up    : whether it runs from the lower to the higher end.    flat : whether it lies wholly on a level.
+
+        lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
+                     2   |   3   |  4                   strips 2, 3, 4
+                      levels[2] levels[3]
+    """
+
+    low: Ints
+    count: Ints
+    first: Ints
+    up: Bools
+    flat: Bools
+
+    def at(self, slots: Ints) -> "_Sides":
+        return _Sides(*(getattr(self, field.name)[slots] for field in fields(self)))
+
+
+class _Between(NamedTuple):
+    """New vertices (k,): at (1 - t) low + t high of two old ones."""
+
+    low: Ints
+    high: Ints
+    t: Floats
+
+
+def split_cells(cells: Cells, x: Floats, levels: Floats, active: Bools, above: Bools | None = None) -> Split:
+    """Cut the active polygons along every level of the field x (n,) on their vertices, each along straight chords.
+
+    levels : (l,) strictly ascending. Polygons that are not active get the new vertices of the sides that they share
+             with active ones, and stay whole. A side that lies on a level goes with the side before it.
+    above  : (l,) whether a polygon that lies on a level with all its corners gets the strip above it or the one below;
+             when left out, the even one of the two, which is void.
+    """
+    above = np.arange(len(levels)) % 2 == 1 if above is None else above
+    place = _places(x, levels)
+    corner = place[cells.corner]
+    least, most = (cells.reduced(np.minimum, corner) + 1) // 2, cells.reduced(np.maximum, corner) // 2
+    strip = np.where(most < least, most + above[np.minimum(most, len(levels) - 1)], least)  # of those that stay whole
+    strip[~active] = -1
+    which = np.flatnonzero(most > least)
+    crossed = cells.some(which)
+    sides, new = _sides(crossed, x, levels, active[which], place)
+    cut = active[which] | (crossed.reduced(np.maximum, sides.count) > 0)
+    if not cut.all():
+        sides, crossed, which = (
+            sides.at(crossed.slots(np.flatnonzero(cut))),
+            crossed.some(np.flatnonzero(cut)),
+            which[cut],
+        )
+    part, label = _subdivided(crossed, sides)
+    label[~active[which][part.owner]] = -1
+    return _merged(cells, strip, which, _grouped(part, label, len(levels)), new)
+
+
+def _places(x: Floats, levels: Floats) -> Ints:
+    """Where values are: 2 k in strip k, above k levels; 2 k + 1 on levels[k]."""
+    below = np.searchsorted(levels, x)
+    return np.asarray(2 * below + (levels[np.minimum(below, len(levels) - 1)] == x))
+
+
+def _sides(cells: Cells, x: Floats, levels: Floats, active: Bools, place: Ints) -> tuple[_Sides, _Between]:
+    a, b = cells.corner, cells.ahead(cells.corner)
+    up, one, two = x[a] < x[b], place[a], place[b]
+    low, high = (np.minimum(one, two) + 1) // 2, np.maximum(one, two) // 2
+    crossed = np.flatnonzero(high > low)
+    p, q = a[crossed], b[crossed]
+    order, begins, edge = grouped(np.minimum(p, q) * len(x) + np.maximum(p, q))
+    some = crossed[order[begins]]
+    live = np.logical_or.reduceat(active[cells.owner[crossed]][order], begins) if len(some) else some > 0
+    levels_on = np.where(live, high[some] - low[some], 0)
+    begin = np.cumsum(levels_on) - levels_on
+    new = np.repeat(np.arange(len(some)), levels_on)
+    value = levels[low[some][new] + np.arange(len(new)) - begin[new]]
+    p, q = (np.where(up[some], ends[0][some], ends[1][some])[new] for ends in ((a, b), (b, a)))
+    count, first = np.zeros_like(a), np.zeros_like(a)
+    count[crossed], first[crossed] = levels_on[edge], len(x) + begin[edge]
+    return _Sides(low, count, first, up, high < low), _Between(p, q, (value - x[p]) / (x[q] - x[p]))
+
+
+def _subdivided(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
+    """The same polygons with the new vertices as corners, and the strip of each side.
+
+    A side on a level gets the strip of the last other side before it, around its polygon, which must have one.
+    """
+    count = sides.count + 1
+    offset = np.concatenate([[0], np.cumsum(count)])
+    side = np.repeat(np.arange(len(count)), count)
+    step = np.arange(offset[-1]) - offset[side]  # 0 at the old corner, then 1, 2, ... along the side
+    up = sides.up[side]
+    climbed = np.where(up, step, sides.count[side] - step)
+    corner = sides.first[side] + climbed - up
+    corner[offset[:-1]] = cells.corner
+    strip, divided = sides.low[side] + climbed, Cells(offset[cells.start], corner)
+    return divided, _carried_over(divided, strip, sides.flat[side])
+
+
+def _carried_over(cells: Cells, strip: Ints, flat: Bools) -> Ints:
+    """Strips with those of the flat sides replaced by that of the last other side before them."""
+    if not flat.any():
+        return strip
+    slot = np.where(flat, -1, np.arange(len(strip)))
+    source = np.maximum.accumulate(slot)
+    before = source < cells.start[:-1][cells.owner]  # none in this polygon yet: its last one
+    source[before] = cells.reduced(np.maximum, slot)[cells.owner[before]]
+    return np.asarray(strip[source])
+
+
+def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
+    """Polygons of one strip each: the sides of one strip of one polygon, closed by chords.
+
+        b            Sides a-b and c-d are of strip 1. Each gives its first corner, and its last one too
+      / |  strip 2   where the next side is of another strip (b and d): a b c d is the new polygon, with
+    a   |            the chords b-c and d-a.
+    |   c
+    d /   strip 0
+    """
+    key = sides.owner * (level_count + 2) + strip + 1
+    order = sorted_order(key)
+    leaves = (strip[sides.following] != strip)[order]
+    at = np.cumsum(1 + leaves) - (1 + leaves)
+    corner = np.empty(len(order) + int(leaves.sum()), dtype=np.int64)
+    corner[at] = sides.corner[order]
+    corner[at[leaves] + 1] = sides.corner[sides.following[order[leaves]]]
+    begins = np.flatnonzero(np.diff(key[order], prepend=-1))
+    found = key[order][begins]
+    start = np.append(at[begins], len(corner))
+    return Cells(start, corner), found // (level_count + 2), found % (level_count + 2) - 1
+
+
+def _merged(cells: Cells, strip: Ints, which: Ints, made: tuple[Cells, Ints, Ints], new: _Between) -> Split:
+    """All polygons in order, some of them (k,) replaced by what was `made` of them; strip : (c,) of the others."""
+    pieces, of, label = made
+    count = np.ones(len(strip), dtype=np.int64)
+    count[which] = np.bincount(of, minlength=len(which))
+    replaced = np.zeros(len(strip), dtype=bool)
+    replaced[which] = True
+    source = np.repeat(np.arange(len(count)), count)
+    at = np.flatnonzero(replaced[source])
+    strips, sizes = strip[source], cells.sizes[source]
+    strips[at], sizes[at] = label, pieces.sizes
+    start, begin = np.concatenate([[0], np.cumsum(sizes)]), cells.start[source]
+    begin[at] = len(cells.corner) + pieces.start[:-1]
+    slots = np.repeat(begin - start[:-1], sizes) + np.arange(start[-1])
+    corner = np.concatenate([cells.corner, pieces.corner])[slots]
+    return Split(Cells(start, corner), source, strips, *new)

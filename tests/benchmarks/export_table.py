@@ -1,0 +1,277 @@
+"""Every format of a design: size, seconds, volume error, and what a program of somebody else finds in the file.
+
+    python tests/benchmarks/export_table.py [sphere dome cantilever tower bob] [-o FOLDER] [--only .stl,.step]
+
+Rows of a Markdown table. Meshes are looked for in DSFAB_MESHES; the folder gltf-validator is in, in GLTF_VALIDATOR.
+Seconds are dsfab's, writing and reading back, on the clock. Asked where they are installed: admesh, prusa-slicer,
+FreeCAD (freecadcmd), gmsh, ifcopenshell, ezdxf, rhino3dm, VTK, the glTF validator of Khronos.
+"""
+
+import argparse
+import csv
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import xml.etree.ElementTree as ElementTree
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.design import Design
+from dsfab.errors import DsfabError
+from dsfab.export import write
+from dsfab.pipeline import run
+from dsfab.preset_file import load_preset, overridden
+from dsfab.study.delivery import delivered
+
+DESIGNS = ("sphere", "dome", "cantilever", "tower", "bob")
+FORMATS = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".3dm", ".ifc", ".step", ".smooth.step", ".stpz", ".brep",
+           ".lines.step", ".dxf", ".svg", ".csv", ".json", ".vtu")  # fmt: skip
+SECONDS = 300
+
+FREECAD = """
+import json, os, sys, time
+import Part, Mesh
+found = {}
+for path in json.load(open(os.environ["DSFAB_FILES"])):
+    begin = time.time()
+    try:
+        if path.endswith((".step", ".brep")):
+            shape = Part.read(path)
+            said = {"solids": len(shape.Solids), "valid": all(s.isValid() for s in shape.Solids),
+                    "volume": sum(s.Volume for s in shape.Solids), "faces": len(shape.Faces),
+                    "edges": len(shape.Edges), "length": sum(e.Length for e in shape.Edges)}
+            picture = os.environ.get("DSFAB_PICTURE")
+            if picture and path.endswith(picture):
+                points, faces = shape.tessellate(0.002 * shape.BoundBox.DiagonalLength)
+                Mesh.Mesh([[tuple(points[i]) for i in f] for f in faces]).write(path + ".freecad.stl")
+        else:
+            mesh = Mesh.Mesh(path)
+            said = {"triangles": mesh.CountFacets, "closed": mesh.isSolid(), "volume": mesh.Volume}
+    except Exception as error:
+        said = {"error": str(error)[:80]}
+    found[path] = said | {"seconds": time.time() - begin}
+    json.dump(found, open(os.environ["DSFAB_FILES"] + ".found", "w"))
+"""
+
+VALIDATE = """
+const fs = require('fs'), validator = require(process.argv[1] + '/node_modules/gltf-validator');
+validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])), {maxIssues: 0})
+  .then(report => console.log(JSON.stringify(report)));
+"""
+
+GMSH = """
+import sys, gmsh
+gmsh.initialize(interruptible=False)
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+gmsh.model.occ.importShapes(sys.argv[1])
+gmsh.model.occ.synchronize()
+solids = gmsh.model.getEntities(3)
+print(len(solids), sum(gmsh.model.occ.getMass(*s) for s in solids), len(gmsh.model.getEntities(1)))
+"""
+
+
+@dataclass
+class Row:
+    """A file, what it cost, the reader's words, and the volume it finds (mm3); NaN where there is none."""
+
+    path: Path
+    seconds: float
+    said: str = ""
+    volume: float = float("nan")
+
+
+def made(name: str) -> Design:
+    mesh = Path(os.environ.get("DSFAB_MESHES", ".")) / f"{name}.obj"
+    return run(load_preset(name, {"surface.unit": "m"}, mesh) if mesh.is_file() else load_preset(name))
+
+
+def written(design: Design, suffix: str, folder: Path) -> Row:
+    """The file, or why it is not there."""
+    path, told, begin = folder / f"a{suffix}", list[str](), time.perf_counter()
+    if suffix == ".smooth.step":
+        design = replace(design, preset=overridden(design.preset, {"export.step": "smooth"}))
+    try:
+        thing, how = delivered(design, path.suffix if suffix == ".smooth.step" else suffix)
+        write(thing, path, name=design.preset.name, note=told.append, **how)
+    except DsfabError as error:
+        return Row(path, time.perf_counter() - begin, f"refused: {error}")
+    return Row(path, time.perf_counter() - begin, told[0][:90] if told else "")
+
+
+def asked(command: list[object]) -> str:
+    done = subprocess.run([str(x) for x in command], capture_output=True, text=True, timeout=SECONDS, check=False)
+    return done.stdout + done.stderr
+
+
+def admesh(path: Path) -> tuple[str, float]:
+    said = asked(["admesh", path])
+    numbers = {k.strip(): float(v) for k, v in re.findall(r"([A-Z][A-Za-z ]+?)\s*:\s*(-?[\d.]+)", said)}
+    faults = ("Degenerate facets", "Edges fixed", "Facets removed", "Facets added", "Facets reversed",
+              "Backwards edges", "Normals fixed", "Total disconnected facets")  # fmt: skip
+    return f"admesh: {sum(numbers[x] for x in faults):.0f} repairs", numbers["Volume"]
+
+
+def slicer(path: Path) -> tuple[str, float]:
+    info = dict(re.findall(r"^(\w+) = +(.+)$", asked(["prusa-slicer", "--info", path]), re.M))
+    return f"PrusaSlicer: manifold {info.get('manifold')}", float(info.get("volume", "nan"))
+
+
+def khronos(path: Path) -> tuple[str, float]:
+    where = os.environ.get("GLTF_VALIDATOR", "")
+    if not where:
+        return "GLTF_VALIDATOR is not set", float("nan")
+    report = json.loads(asked(["node", "-e", VALIDATE, where, path]))
+    found = report["issues"]
+    return f"Khronos: {found['numErrors']} errors, {found['numWarnings']} warnings", float("nan")
+
+
+def rhino(path: Path) -> tuple[str, float]:
+    import rhino3dm
+
+    model = rhino3dm.File3dm.Read(str(path))
+    shapes = [item.Geometry for item in model.Objects]
+    curves = [x for x in shapes if x.ObjectType == rhino3dm.ObjectType.Curve]
+    smooth = sum(type(x) is rhino3dm.NurbsCurve for x in curves)
+    mesh = next(x for x in shapes if x.ObjectType == rhino3dm.ObjectType.Mesh)
+    V = np.array([(v.X, v.Y, v.Z) for v in mesh.Vertices])
+    a, b, c = (V[[mesh.Faces[i][k] for i in range(mesh.Faces.Count)]] for k in range(3))
+    volume = float(np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
+    valid = all(x.IsValid for x in shapes)
+    return f"rhino3dm: valid {valid}, {len(curves)} curves, {smooth} NURBS, mesh closed {mesh.IsClosed}", volume
+
+
+def building(path: Path) -> tuple[str, float]:
+    import ifcopenshell
+    import ifcopenshell.validate
+
+    log = ifcopenshell.validate.json_logger()
+    ifcopenshell.validate.validate(ifcopenshell.open(str(path)), log)
+    return f"ifcopenshell: {len(log.statements)} faults", float("nan")
+
+
+def drawing(path: Path) -> tuple[str, float]:
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    kinds = [entity.dxftype() for entity in document.modelspace()]
+    count = ", ".join(f"{kinds.count(kind)} {kind}" for kind in sorted(set(kinds)))
+    return f"ezdxf: {len(document.audit().errors)} errors; {count}", float("nan")
+
+
+def gmsh(path: Path) -> tuple[str, float]:
+    words = asked([sys.executable, "-c", GMSH, path]).split()
+    if len(words) != 3:
+        return f"gmsh: {' '.join(words)[-60:]}", float("nan")
+    solids, volume, curves = words
+    return (f"gmsh: {solids} solids" if solids != "0" else f"gmsh: {curves} curves"), float(volume)
+
+
+def paraview(path: Path) -> tuple[str, float]:
+    import pyvista
+
+    grid = pyvista.read(path)
+    return f"VTK: {grid.n_cells:,} triangles, {len(grid.array_names)} fields", float("nan")
+
+
+def text(path: Path) -> tuple[str, float]:
+    if path.suffix == ".csv":
+        with open(path, encoding="utf-8", newline="") as file:
+            return f"csv: {sum(1 for _ in csv.DictReader(file)):,} points", float("nan")
+    if path.suffix == ".json":
+        return f"json: {len(json.loads(path.read_text(encoding='utf-8'))['lines'])} lines", float("nan")
+    return f"XML: {sum(1 for _ in ElementTree.parse(path).iter())} elements", float("nan")
+
+
+def packed(path: Path) -> tuple[str, float]:
+    with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(path) as archive:
+        inside = Path(archive.extract(archive.namelist()[0], folder)).rename(Path(folder) / "a.step")
+        said, volume = gmsh(inside)
+    return f"zip: {archive.testzip() if archive.fp else 'sound'}; {said}", volume
+
+
+READERS: dict[str, tuple[Callable[[Path], tuple[str, float]], ...]] = {
+    ".stl": (admesh, slicer), ".3mf": (slicer,), ".glb": (khronos,), ".3dm": (rhino,), ".ifc": (building,),
+    ".step": (gmsh,), ".smooth.step": (gmsh,), ".stpz": (packed,), ".lines.step": (gmsh,), ".dxf": (drawing,),
+    ".svg": (text,), ".csv": (text,), ".json": (text,), ".vtu": (paraview,),
+}  # fmt: skip
+FREECAD_READS = (".obj", ".ply", ".off", ".step", ".smooth.step", ".brep", ".lines.step")
+
+
+def freecad(rows: dict[str, Row], folder: Path) -> None:
+    """All files of a design in one process; a file that it does not end with is said to be so."""
+    listed = folder / "files.json"
+    paths = [str(rows[suffix].path) for suffix in FREECAD_READS if suffix in rows and rows[suffix].path.exists()]
+    listed.write_text(json.dumps(paths))
+    script = folder / "look.py"
+    script.write_text(FREECAD)
+    try:
+        subprocess.run(["freecadcmd", str(script)], env=os.environ | {"DSFAB_FILES": str(listed)}, timeout=2 * SECONDS,
+                       capture_output=True, check=False)  # fmt: skip
+        late = "FreeCAD: nothing"
+    except subprocess.TimeoutExpired:
+        late = f"FreeCAD: no end within {2 * SECONDS} s"
+    answer = Path(f"{listed}.found")
+    found = json.loads(answer.read_text()) if answer.exists() else {}
+    for row in rows.values():
+        if str(row.path) in paths:
+            said = found.get(str(row.path))
+            words = ", ".join(f"{k} {v:.6g}" if isinstance(v, float) else f"{k} {v}" for k, v in said.items()
+                              if k not in ("volume", "seconds")) if said else ""  # fmt: skip
+            row.said = "; ".join(
+                filter(None, [row.said, f"FreeCAD: {words}, {said['seconds']:.1f} s" if said else late])
+            )
+            row.volume = (said.get("volume") or row.volume) if said else row.volume
+
+
+def table(name: str, folder: Path, only: tuple[str, ...]) -> None:
+    design = made(name)
+    solid = design.solid
+    print(
+        f"\n### {name}: {len(solid.F):,} triangles, {1e9 * solid.volume:.6g} mm3, {solid.pieces} pieces\n", flush=True
+    )
+    print("| format | MB | s | volume error | read by |\n|---|---|---|---|---|", flush=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = {}
+    for suffix in only:
+        row = rows[suffix] = written(design, suffix, folder)
+        for reader in READERS.get(suffix, ()) if row.path.exists() else ():
+            if shutil.which({"admesh": "admesh", "slicer": "prusa-slicer"}.get(reader.__name__, "python")) is None:
+                continue
+            try:
+                said, volume = reader(row.path)
+            except subprocess.TimeoutExpired:
+                said, volume = f"{reader.__name__}: no end within {SECONDS} s", float("nan")
+            except Exception as error:  # a program of somebody else: whatever it does is a result
+                said, volume = f"{reader.__name__}: {str(error)[:80]}", float("nan")
+            row.said = "; ".join(filter(None, [row.said, said]))
+            row.volume = volume or row.volume
+    if shutil.which("freecadcmd"):
+        freecad(rows, folder)
+    for suffix, row in rows.items():
+        size = f"{row.path.stat().st_size / 1e6:.2f}" if row.path.exists() else "-"
+        error = "-" if np.isnan(row.volume) else f"{abs(row.volume / (1e9 * solid.volume) - 1):.0e}"
+        print(f"| {suffix[1:]} | {size} | {row.seconds:.1f} | {error} | {row.said} |", flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("designs", nargs="*", default=DESIGNS)
+    parser.add_argument("-o", "--output", type=Path, default=Path("outputs/export_table"))
+    parser.add_argument("--only", default=",".join(FORMATS), help="suffixes, as .stl,.step")
+    ask = parser.parse_args()
+    for name in ask.designs:
+        table(name, ask.output / name, tuple(ask.only.split(",")))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+"""What a build keeps: every format comes from the folder as it does from the design, and no stage runs again."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from dsfab import pipeline
+from dsfab.app.cli import main
+from dsfab.export import FORMATS, write
+from dsfab.pipeline import run
+from dsfab.preset_file import load_preset
+from dsfab.study.archive import LAYOUT, MADE_BY, NAME, keep, kept
+from dsfab.study.delivery import delivered
+
+SMALL = {"surface.edge": 0.12}
+STEPS = ("surface_step", "statics_step", "diffusion_step", "pattern_step", "slicing_step", "thickening_step")
+
+
+@pytest.fixture(scope="module")
+def design():
+    return run(load_preset("cantilever", SMALL))
+
+
+@pytest.fixture(scope="module")
+def folder(design, tmp_path_factory):
+    """A folder that was built."""
+    made = tmp_path_factory.mktemp("archive") / "built"
+    words = [f"{key}={value}" for key, value in SMALL.items()]
+    arguments = ["build", "cantilever", "--set", *words, "--format", "stl", "--no-picture", "-q", "-o", str(made)]
+    assert main(arguments) == 0
+    return made
+
+
+@pytest.fixture
+def poisoned(monkeypatch):
+    """No stage may run."""
+
+    def fail(*_args, **_more):
+        raise AssertionError("a stage ran")
+
+    for name in STEPS:
+        monkeypatch.setattr(pipeline, name, fail)
+    monkeypatch.setattr(type(load_preset("cantilever").surface), "build", fail)
+
+
+def same(one: object, two: object) -> None:
+    assert np.array_equal(np.asarray(one), np.asarray(two))
+
+
+def test_what_was_kept_comes_back(design, tmp_path):
+    path = keep(design, tmp_path)
+    back = kept(tmp_path, design.preset)
+    assert path == tmp_path / NAME
+    assert back is not None
+    for ours, theirs in ((design.surface, back.surface), (design.sheet.surface, back.sheet.surface)):
+        same(ours.V, theirs.V)
+        same(ours.F, theirs.F)
+    same(design.sheet.parent, back.sheet.parent)
+    same(design.sheet.family, back.sheet.family)
+    assert (design.sheet.weights != back.sheet.weights).nnz == 0
+    same(design.solid.V, back.solid.V)
+    same(design.solid.F, back.solid.F)
+    assert (back.solid.genus, back.solid.pieces) == (design.solid.genus, design.solid.pieces)
+    assert back.solid.repairs.rung == design.solid.repairs.rung
+    assert back.mass == design.mass
+    for key in ("names", "factor", "frequency", "mode", "phase"):
+        assert getattr(back.pattern, key) == getattr(design.pattern, key), key
+    for key in ("fields", "levels", "half_widths"):
+        for one, two in zip(getattr(design.pattern, key), getattr(back.pattern, key), strict=True):
+            same(one, two)
+    assert path.stat().st_size < 30 * (len(design.solid.F) + len(design.surface.F) + len(design.sheet.surface.F))
+
+
+def test_the_same_design_gives_the_same_archive(design, tmp_path):
+    (tmp_path / "a").mkdir()
+    assert keep(design, tmp_path).read_bytes() == keep(design, tmp_path / "a").read_bytes()
+
+
+@pytest.mark.parametrize("suffix", [s for s in FORMATS if s not in (".stp", ".stpz", ".brep", ".ifc", ".lines.step")])
+def test_the_folder_delivers_what_the_design_does(suffix, design, tmp_path):
+    keep(design, tmp_path)
+    back = kept(tmp_path, design.preset)
+    assert back is not None
+    if suffix in (".step", ".3dm", ".dxf"):  # slow, or with random identifiers
+        (one, how), (two, other) = (delivered(x, suffix) for x in (design, back))
+        same(one.V, two.V)
+        assert how.keys() == other.keys()
+        for ours, theirs in zip(how["details"].lines, other["details"].lines, strict=True):
+            assert (ours.id, ours.length) == (theirs.id, theirs.length)
+            same(ours.points, theirs.points)
+        return
+    files = []
+    for name, source in (("a", design), ("b", back)):
+        thing, how = delivered(source, suffix)
+        files.append(write(thing, tmp_path / f"{name}{suffix}", name="x", **how))
+    if suffix == ".vtu":
+        numbers = [delivered(source, suffix)[1]["details"].values for source in (design, back)]
+        assert list(numbers[0]) == list(numbers[1])
+        for name, values in numbers[0].items():
+            assert numbers[1][name] == pytest.approx(values, rel=1e-6, abs=1e-30), name
+        return
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--to", "obj"],
+        ["--to", "svg"],
+        ["--to", "ply", "--sheet", "uncut"],
+        pytest.param(["--estimate"], marks=pytest.mark.slow),
+    ],
+)
+def test_export_of_a_folder_runs_no_stage(words, folder, poisoned, tmp_path, capsys):
+    where = [] if words == ["--estimate"] else ["-o", str(tmp_path / f"a.{words[1]}")]
+    assert main(["export", str(folder), *words, *where]) == 0
+    with pytest.raises(AssertionError, match="a stage ran"):  # so it is poison
+        main(["export", "cantilever", "--to", "stl", "-o", str(tmp_path / "b.stl")])
+
+
+def test_step_options_leave_the_design_as_it_is_and_others_make_it_again(folder, poisoned, tmp_path):
+    target = ["-o", str(tmp_path / "a.obj")]
+    assert main(["export", str(folder), *target, "--step", "faceted", "--max-faces", "9"]) == 0
+    for change in ("statics.thickness=0.02", "pattern.major.frequency=5", "slicing.snap=0.0"):
+        with pytest.raises(AssertionError, match="a stage ran"):
+            main(["export", str(folder), *target, "--set", change])
+
+
+def spoilt(path, spoil):
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    arrays = spoil(arrays)
+    np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda path: path.unlink(),
+        lambda path: path.write_bytes(path.read_bytes()[:2000]),
+        lambda path: path.write_text("no archive"),
+        lambda path: spoilt(path, lambda a: {k: x for k, x in a.items() if k != "solid_F"}),
+        lambda path: spoilt(path, lambda a: a | {"about": np.array(changed(a["about"], layout=LAYOUT + 1))}),
+    ],
+    ids=["gone", "cut off", "text", "without faces", "another layout"],
+)
+def test_without_a_good_archive_the_design_is_made_again(spoil, folder, tmp_path):
+    copy = shutil.copytree(folder, tmp_path / "copy")
+    given = load_preset(copy / "preset.toml")
+    assert kept(copy, given) is not None
+    spoil(copy / NAME)
+    assert kept(copy, given) is None
+    assert main(["export", str(copy), "--to", "stl", "-q", "-o", str(tmp_path / "again.stl")]) == 0
+    assert (tmp_path / "again.stl").read_bytes() == (folder / "cantilever.stl").read_bytes()
+
+
+def changed(text: np.ndarray, **values: object) -> str:
+    return json.dumps(json.loads(str(text)) | values)
+
+
+def test_every_section_that_makes_a_design_counts():
+    assert MADE_BY == ("surface", "statics", "diffusion", "pattern", "slicing", "thickening")
