@@ -6,6 +6,7 @@ import http.client
 import json
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -306,6 +307,18 @@ def test_a_change_of_stripes_solves_nothing_again():
         assert len(part) < 0.2 * len(whole)
 
 
+def test_a_page_that_begins_gets_what_is_being_solved():
+    with Session(opened("dome", COARSE)) as session:
+        assert session.early() == b""  # nobody has asked for anything
+        job = session.ask_solve({})
+        assert session.ask_solve({}) == job  # by dsfab edit, and then by the page
+        facts, _ = unpacked(session.early())  # waited for
+        assert (facts["whole"], facts["opening"]) == (True, 1)
+        wait(session.jobs, job)
+        assert session.ask_solve({}) != job
+        assert session.ask_solve({"pattern.keep": 0.4}) != session.ask_solve({"pattern.keep": 0.5})
+
+
 def test_what_cannot_be_is_refused_in_a_sentence():
     with Session(opened("dome", COARSE)) as session:
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
@@ -460,7 +473,6 @@ def test_it_listens_on_this_machine_alone(server):
 
 
 def test_every_file_that_the_page_names_is_there(server):
-    import re
 
     page = doors.static_files()
     named = re.findall(r'(?:src|href)="/static/([^"]+)"', page["index.html"].decode())
@@ -488,6 +500,18 @@ def test_three_js_is_as_its_authors_published_it():
     assert {name: found[name] for name in found if name.startswith("vendor/")} == known
 
 
+def test_all_modules_are_asked_for_at_once(server):
+    """None is found only after another one has come (the way to a notebook is none of them)."""
+    html = ask(server, "GET", f"/?token={server.token}")[2].decode()
+    told = set(re.findall(r'modulepreload" href="/static/([^"]+)"', html))
+    assert told == {name for name in doors.static_files() if name.endswith(".js")} - {
+        "widget.js",
+        "transport_notebook.js",
+    }
+    assert "{" + "token}" not in html
+    assert ask(server, "GET", "/api/early")[0] in (200, 204)
+
+
 @pytest.mark.parametrize(
     ("method", "path", "body", "headers", "status"),
     [
@@ -500,6 +524,7 @@ def test_three_js_is_as_its_authors_published_it():
         ("GET", "/", None, {"X_Dsfab_Token": None}, 403),
         ("GET", "/?token=guess", None, {"X_Dsfab_Token": None}, 403),
         ("GET", "/api/events", None, {"X_Dsfab_Token": None}, 403),
+        ("GET", "/api/early", None, {"X_Dsfab_Token": None}, 403),
         ("GET", "/api/file?build=1&index=0", None, {"X_Dsfab_Token": None}, 403),
         ("POST", "/api/build", {"changes": {}, "formats": []}, {"X_Dsfab_Token": None}, 403),
         ("POST", "/api/preset", {"changes": {}}, {"Content_Type": "text/plain"}, 415),

@@ -164,7 +164,7 @@ def test_the_mouse_turns_the_picture_and_nothing_is_drawn_at_rest(tab):
     after = tab.run("dsfab.viewer.eye.numbers")
     assert after[2] > before[2]  # seen from higher up
     assert after[3:6] == before[3:6]
-    tab.run("new Promise(done => setTimeout(done, 600))")
+    until(tab, "!dsfab.viewer.asked && !dsfab.viewer.shadowDue")
     frames = tab.run("dsfab.viewer.frames")
     tab.run("new Promise(done => setTimeout(done, 700))")
     assert tab.run("dsfab.viewer.frames") == frames
@@ -221,6 +221,73 @@ def test_a_lasso_becomes_a_force(tab):
     assert load["force"] == [0, 0, -10000]
     assert len(load["at"]["indices"]) > 3
     solved(tab)
+
+
+def test_springs_and_lines_in_a_case_of_their_own(tab):
+    tab.run("document.getElementById('loads').open = true; document.querySelector('[data-way=edge]').click()")
+    tab.run("dsfab.views.view({layers: ['sheet']})")
+    x, y = place_of(tab, *tab.run("[...dsfab.model.arrays.V.subarray(3 * dsfab.model.arrays.loops[0]).slice(0, 3)]"))
+    cx, cy = place_of(tab, 0, 0, 0)
+    tab.click(x + 0.04 * (cx - x), y + 0.04 * (cy - y))
+    choose(tab, "line")
+    tab.run("document.getElementById('add-case').value = 'parapet'; document.getElementById('add').click()")
+    load = tab.run("dsfab.state.changes['surface.load'].at(-1)")
+    picked = {"pick": "boundary", "loop": 0}
+    assert load == {"at": picked, "kind": "line", "per_metre": [0, 0, -1000], "case": "parapet"}
+    tab.run("dsfab.loads.picked = {picker: {pick: 'boundary', loop: 0}, places: [0, 0, 0], list: [0]};"
+            "dsfab.loads.refresh()")  # fmt: skip
+    choose(tab, "spring")
+    tab.run("document.getElementById('add-way').value = 'vertically'; document.getElementById('add').click()")
+    assert tab.run("dsfab.state.changes['surface.support'].at(-1)") == {"at": picked, "spring": [0, 0, 1e6]}
+    assert "parapet" in tab.run("document.getElementById('load-list').innerText")
+    side = "{at: {pick: 'side', axis: 'x', end: 'min', depth: 1}, hold: 'xy'}"
+    tab.run(f"dsfab.state.set({{'surface.support': [dsfab.state.preset.surface.support.at(-1), {side}]}})")
+    solved(tab)
+    assert tab.run("document.getElementById('notice').hidden"), tab.run("document.getElementById('notice').textContent")
+    sunk = tab.run("dsfab.model.facts.limits.displacement")
+    type_into(tab, "support-0", "2000000")
+    solved(tab)
+    assert tab.run("dsfab.model.facts.limits.displacement") < 0.7 * sunk  # it stands on springs
+
+
+def test_fingers_turn_move_and_zoom(tab):
+    """One finger turns, two move and zoom, as on a telephone."""
+
+    def touch(kind, *places):
+        points = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(places)]
+        tab.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
+
+    def distance(eye):
+        return np.linalg.norm(np.array(eye[:3]) - eye[3:6])
+
+    tab.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
+    try:
+        eye = "dsfab.viewer.eye.numbers"
+        x, y = place_of(tab, 0, 0, 0)
+        start = tab.run(eye)
+        touch("touchStart", (x, y))
+        for step in range(1, 7):
+            touch("touchMove", (x + 10 * step, y))
+        touch("touchEnd")
+        turned = tab.run(eye)
+        assert turned[3:6] == start[3:6]  # about the same place
+        assert distance(turned) == pytest.approx(distance(start), rel=1e-3)
+        assert abs(np.arctan2(turned[1], turned[0]) - np.arctan2(start[1], start[0])) > 0.2
+        touch("touchStart", (x - 30, y), (x + 30, y))
+        for step in range(1, 7):
+            touch("touchMove", (x - 30 - 5 * step, y), (x + 30 + 5 * step, y))
+        touch("touchEnd")
+        near = tab.run(eye)
+        assert distance(near) < 0.8 * distance(turned)
+        touch("touchStart", (x - 30, y), (x + 30, y))
+        for step in range(1, 7):
+            touch("touchMove", (x - 30, y + 8 * step), (x + 30, y + 8 * step))
+        touch("touchEnd")
+        moved = tab.run(eye)
+        assert distance(moved) == pytest.approx(distance(near), rel=0.02)
+        assert np.linalg.norm(np.array(moved[3:6]) - near[3:6]) > 0.3
+    finally:
+        tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
 def test_a_reload_restores_everything(tab, server):

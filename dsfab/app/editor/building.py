@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.app.build import caption, write_all
-from dsfab.app.editor.jobs import Telling
+from dsfab.app.editor.job import Telling
 from dsfab.app.fabrication import fabrication_facts
 from dsfab.app.report import Reporter
 from dsfab.design import Draft

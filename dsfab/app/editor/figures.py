@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from dsfab.app.editor.jobs import Telling
+from dsfab.app.editor.job import Telling
 from dsfab.design import Draft
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log

@@ -17,7 +17,7 @@ from typing import Any
 import dsfab
 from dsfab.app.editor.building import Built
 from dsfab.app.editor.carrying import carried
-from dsfab.app.editor.jobs import Progress
+from dsfab.app.editor.job import Progress
 from dsfab.design import Draft
 from dsfab.errors import DsfabError
 from dsfab.preset import Preset

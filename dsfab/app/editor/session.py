@@ -13,7 +13,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.jobs import Jobs, Progress
+from dsfab.app.editor.job import Progress
+from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.opened import MESHES, Opened, opened_mesh, opened_shipped
 from dsfab.app.editor.payload import colours, model, packed, widths
 from dsfab.design import Draft

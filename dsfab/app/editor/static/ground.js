@@ -1,7 +1,6 @@
 /** The ground and the soft shadow of what stands on it: the stripes seen from a lamp above, blurred. */
 
 import * as THREE from 'three';
-import { BLUR, FULL_VERTEX, GROUND, GROUND_VERTEX } from './shader.js';
 
 const SIDE = 1024;
 
@@ -81,3 +80,47 @@ function blurring(texture) {
   full.frustumCulled = false;
   return new THREE.Scene().add(full);
 }
+
+/** A rectangle that fills the picture. */
+const FULL_VERTEX = `
+precision highp float;
+in vec3 position;
+out vec2 vAt;
+void main() { vAt = position.xy * 0.5 + 0.5; gl_Position = vec4(position.xy, 0.0, 1.0); }`;
+
+/** A shadow that is as soft as a wide sky makes it: the mean over a disc. */
+const BLUR = `
+precision highp float;
+in vec2 vAt; uniform sampler2D uSharp;
+out vec4 colour;
+void main() {
+  float light = 0.0;
+  for (int i = 0; i < 32; i++) {  // points of a sunflower
+    float r = sqrt((float(i) + 0.5) / 32.0) * 0.004, a = 2.39996 * float(i);
+    light += texture(uSharp, vAt + r * vec2(cos(a), sin(a))).r;
+  }
+  colour = vec4(vec3(light / 32.0), 1.0);
+}`;
+
+const GROUND_VERTEX = `
+precision highp float;
+in vec3 position;
+uniform mat4 modelMatrix; uniform mat4 viewMatrix; uniform mat4 projectionMatrix; uniform mat4 uLight;
+out vec2 vAt; out vec2 vOff;
+void main() {
+  vec4 place = modelMatrix * vec4(position, 1.0);
+  vec4 at = uLight * place;
+  vAt = at.xy * 0.5 + 0.5; vOff = position.xy;
+  gl_Position = projectionMatrix * viewMatrix * place;
+}`;
+
+const GROUND = `
+precision highp float;
+in vec2 vAt; in vec2 vOff; uniform sampler2D uShadow; uniform float uDark; uniform vec3 uTint;
+out vec4 colour;
+void main() {
+  float fade = 1.0 - smoothstep(0.5, 1.0, length(vOff));
+  float dark = 1.0 - texture(uShadow, vAt).r;
+  if (fade * dark <= 0.0) discard;
+  colour = vec4(uTint, uDark * fade * dark);
+}`;

@@ -1,7 +1,7 @@
 /** The list of loads and supports: what there is, how much, and adding more by pointing at the surface. */
 
+import { form, KINDS, magnitude, where } from './acting.js';
 import { make, short } from './controls.js';
-import { told } from './looks.js';
 
 const WAYS = { spot: 'Point', region: 'Region', edge: 'Edge', lasso: 'Lasso' };
 const SAY = {
@@ -10,12 +10,10 @@ const SAY = {
   edge: 'Click near a free edge: the whole edge is taken.',
   lasso: 'Draw around vertices; those behind count too.',
 };
-const TOWARDS = { down: [0, 0, -1], up: [0, 0, 1], '+x': [1, 0, 0], '−x': [-1, 0, 0], '+y': [0, 1, 0], '−y': [0, -1, 0] };
-
 export class Loads {
   /** picked(picker, ...) of Picking is handed to `pick`; place: where the list goes. */
-  constructor(place, state, viewer, picking, pending) {
-    Object.assign(this, { place, state, viewer, picking, pending, kind: 'force' });
+  constructor(place, state, viewer, picking) {
+    Object.assign(this, { place, state, viewer, picking, kind: 'force' });
   }
 
   refresh() {
@@ -29,9 +27,10 @@ export class Loads {
   item(list, thing, index) {
     const box = make('div', { className: 'acting' });
     const head = make('div', { className: 'head' });
-    const name = list === 'load' ? thing.kind.replace('_', ' ') : `support ${thing.hold || 'spring'}`;
+    const name = list === 'load' ? thing.kind.replace('_', ' ') : thing.hold ? `support ${thing.hold}` : 'spring';
     const words = make('span', { title: JSON.stringify(thing.at ?? {}) });
-    words.append(make('strong', { textContent: name }), ` ${where(thing.at)}`);
+    const group = this.cases.length > 1 && thing.case ? `case ${thing.case}` : '';
+    words.append(make('strong', { textContent: name }), ` ${[where(thing.at), group].filter(Boolean).join(', ')}`);
     const remove = make('button', { textContent: '×', title: 'Remove' });
     remove.setAttribute('aria-label', `Remove ${list} ${index + 1}`);
     remove.addEventListener('click', () => {
@@ -40,23 +39,24 @@ export class Loads {
     });
     head.append(words, remove);
     box.append(head);
-    if (list === 'load' && magnitude(thing)) box.append(this.amount(thing, index));
+    if (magnitude(thing)) box.append(this.amount(list, thing, index));
     return box;
   }
 
   /** How large a load is: a slider from a hundredth to a hundred times of what it was, and a number. */
-  amount(load, index) {
-    const [field, size, unit] = magnitude(load);
-    const id = `load-${index}`;
+  amount(list, thing, index) {
+    const [field, size, unit] = magnitude(thing);
+    const id = `${list}-${index}`;
     const start = Math.log10(size);
     const slider = make('input', { type: 'range', min: Math.floor(start) - 1, max: Math.ceil(start) + 1, step: 0.01, value: start, id: `${id}-slider` });
-    slider.setAttribute('aria-label', `size of load ${index + 1}, slider`);
+    slider.style.setProperty('--filled', `${(100 * (start - slider.min)) / (slider.max - slider.min)}%`);
+    slider.setAttribute('aria-label', `size of ${list} ${index + 1}, slider`);
     const number = make('input', { type: 'text', inputMode: 'decimal', id, value: short(size) });
     const send = (value, final) => {
       if (!(value > 0) || !Number.isFinite(value)) return this.refresh();
-      const was = load[field];
+      const was = thing[field];
       const next = Array.isArray(was) ? was.map((x) => (x / size) * value) : Math.sign(was) * value;
-      return this.state.set({ [`surface.load.${index}.${field}`]: next }, final);
+      return this.state.set({ [`surface.${list}.${index}.${field}`]: next }, final);
     };
     const read = () => Number((10 ** slider.valueAsNumber).toPrecision(3));
     slider.addEventListener('input', () => (number.value = short(read())));
@@ -91,75 +91,63 @@ export class Loads {
   }
 
   /** Something was picked: ask what acts there. */
-  pick(picker, places) {
-    this.picked = { picker, places };
+  pick(picker, places, list) {
+    this.picked = { picker, places, list };
     this.refresh();
     document.getElementById('add-kind')?.focus();
   }
 
+  /** Names of the load cases, in the order of the loads. */
+  get cases() {
+    return [...new Set(this.state.preset.surface.load.map((load) => load.case))];
+  }
+
   form() {
     const kind = make('select', { id: 'add-kind' });
-    for (const name of ['support', 'force', 'pressure']) kind.append(make('option', { value: name, textContent: name, selected: name === this.kind }));
+    for (const name of Object.keys(KINDS)) kind.append(make('option', { value: name, textContent: name, selected: name === this.kind }));
     kind.setAttribute('aria-label', 'What acts there');
     kind.addEventListener('change', () => {
       this.kind = kind.value;
       this.refresh();
       document.getElementById('add-kind').focus();
     });
-    const parts = [kind];
-    const amount = make('input', { type: 'text', id: 'add-size', inputMode: 'decimal', value: this.kind === 'pressure' ? '1000' : '10000' });
-    amount.setAttribute('aria-label', `size in ${this.kind === 'pressure' ? 'pascals' : 'newtons'}`);
-    const towards = make('select', { id: 'add-way' });
-    towards.setAttribute('aria-label', 'direction');
-    for (const name of Object.keys(TOWARDS)) towards.append(make('option', { textContent: name }));
-    if (this.kind === 'force') parts.push(amount, make('span', { textContent: 'N' }), towards);
-    if (this.kind === 'pressure') parts.push(amount, make('span', { textContent: 'Pa' }));
+    const { parts, read } = form(this.kind, this.cases);
     const add = make('button', { textContent: 'Add', id: 'add' });
-    add.addEventListener('click', () => this.add(Number(amount.value.replace(',', '.')), TOWARDS[towards.value]));
-    return [...parts, add];
+    add.addEventListener('click', () => {
+      const acts = read();
+      if (acts) this.add(acts);
+    });
+    return [kind, ...parts, add];
   }
 
-  add(size, direction) {
-    const { picker, places } = this.picked;
-    const { surface } = this.state.preset;
-    const { facts } = this.viewer.data;
-    if (this.kind !== 'support' && !(size > 0 && Number.isFinite(size))) return;
+  add(acts) {
+    const { picker, places, list } = this.picked;
+    const { kind } = this;
+    const name = KINDS[kind].list;
+    if (kind === 'line' && !this.free(list)) acts.edges = 'all';
     this.picked = null;
     this.begin('');
-    if (this.kind === 'support') {
-      this.viewer.marks.pendSupports(thin(places), facts.up, facts.size);
-      this.state.set({ 'surface.support': [...surface.support, { at: picker, hold: 'xyz' }] });
-      return;
-    }
-    const load = { at: picker, kind: this.kind, case: surface.load[0]?.case ?? 'load' };
-    if (this.kind === 'pressure') load.pressure = size;
-    else {
-      load.force = direction.map((x) => x * size);
-      const middle = [0, 1, 2].map((i) => places.filter((_, k) => k % 3 === i).reduce((a, b) => a + b, 0) / (places.length / 3));
-      this.viewer.marks.pend([...middle, ...load.force], facts.size);
-    }
-    this.state.set({ 'surface.load': [...surface.load, load] });
+    this.pend(kind, acts, places);
+    this.state.set({ [`surface.${name}`]: [...this.state.preset.surface[name], { at: picker, ...acts }] });
+  }
+
+  /** Whether vertices lie along a free edge: two of them at least. */
+  free(list) {
+    const edge = new Set(this.viewer.data.arrays.loops);
+    return list.filter((i) => edge.has(i)).length > 1;
+  }
+
+  /** Marks that stand until the server has solved. */
+  pend(kind, acts, places) {
+    const { marks, data: { facts } } = this.viewer;
+    const few = thin(places);
+    if (KINDS[kind].list === 'support') marks.pendSupports(few, facts.up, facts.size);
+    else if (kind === 'force') marks.pend([...middle(places), ...acts.force], facts.size);
+    else if (kind === 'line') marks.pend(Array.from({ length: few.length / 3 }, (_, i) => [...few.slice(3 * i, 3 * i + 3), ...acts.per_metre]).flat(), facts.size);
   }
 }
 
-/** [field, size, unit] of a load that has one size, or null. */
-function magnitude(load) {
-  if (load.kind === 'force') return ['force', Math.hypot(...load.force), 'N'];
-  if (load.kind === 'pressure') return ['pressure', Math.abs(load.pressure), 'Pa'];
-  if (load.kind === 'line') return ['per_metre', Math.hypot(...load.per_metre), 'N/m'];
-  return null;
-}
-
-/** A picker in words. */
-function where(at) {
-  if (!at) return '';
-  if (at.pick === 'nearest') return at.points.length === 1 ? `at (${at.points[0].map(short).join(', ')})` : `at ${at.points.length} points`;
-  if (at.pick === 'ball') return `within ${told(at.radius, 'm')} of (${at.center.map(short).join(', ')})`;
-  if (at.pick === 'side') return `at the ${at.end === 'min' ? 'lowest' : 'highest'} ${at.axis}`;
-  if (at.pick === 'boundary') return at.loop === 'all' || at.loop === undefined ? 'on all edges' : `on edge ${at.loop + 1}`;
-  if (at.pick === 'vertices') return `on ${at.indices.length} vertices`;
-  return at.pick === 'all' ? 'everywhere' : `by ${at.pick}`;
-}
+const middle = (places) => [0, 1, 2].map((i) => places.filter((_, k) => k % 3 === i).reduce((a, b) => a + b, 0) / (places.length / 3));
 
 function thin(places) {
   const step = Math.ceil(places.length / 3 / 40);

@@ -3,9 +3,11 @@
 import { Controls, make } from './controls.js';
 import { estimated, histogram, measured, unknown } from './figures.js';
 import { Files } from './files.js';
+import { keyed } from './keys.js';
 import { Loads } from './loads.js';
 import { recall } from './looks.js';
 import { drawn, Sampler } from './pattern.js';
+import { notes, notice, outdated } from './notices.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
 import { State } from './state.js';
@@ -62,7 +64,7 @@ class Editor {
     by('undo').addEventListener('click', () => this.state.undo());
     by('redo').addEventListener('click', () => this.state.redo());
     this.views.wire();
-    document.addEventListener('keydown', (event) => this.key(event));
+    document.addEventListener('keydown', (event) => keyed(event, this));
     new ResizeObserver(() => {
       this.viewer?.resize();
       histogram();
@@ -79,31 +81,13 @@ class Editor {
     this.refresh();
   }
 
-  key(event) {
-    const writing = event.target.matches('input[type="text"], select, textarea');
-    const key = event.key.toLowerCase();
-    if ((event.ctrlKey || event.metaKey) && key === 'z') {
-      event.preventDefault();
-      event.shiftKey ? this.state.redo() : this.state.undo();
-    } else if ((event.ctrlKey || event.metaKey) && key === 'y') {
-      event.preventDefault();
-      this.state.redo();
-    } else if (!writing && !event.ctrlKey && !event.metaKey && !event.altKey) {
-      if ('1234'.includes(key)) this.views.look(['iso', 'top', 'front', 'side'][key - 1]);
-      else if (key === 'f') this.viewer?.eye.fit();
-      else if (key === 'p') this.views.parallel();
-      else if (key === 'escape') this.loads?.begin('');
-      else if (event.target === by('canvas')) this.viewer?.eye.keyed(key) && event.preventDefault();
-    }
-  }
-
   /** What was solved before the page came is shown at once; its own wish comes later. */
   found(got) {
     if (!got || this.model || got.facts.opening !== this.start.opening) return;
     this.model = got;
     this.stale = true;
     this.surface();
-    this.outdated(!this.stripes());
+    outdated(!this.stripes());
   }
 
   /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */
@@ -111,7 +95,7 @@ class Editor {
     this.refresh(keys);
     this.stale = true;
     const live = keys && keys.every((key) => key.startsWith('pattern.'));
-    if (!(live && this.stripes())) this.outdated(true);
+    if (!(live && this.stripes())) outdated(true);
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => this.solve(), WAIT);
     if (final) this.remember();
@@ -155,10 +139,10 @@ class Editor {
     this.model = facts.whole ? got : { facts: { ...this.model.facts, ...facts }, arrays: { ...this.model.arrays, ...arrays } };
     this.model.facts.opening = this.start.opening;
     if (facts.whole) this.surface();
-    this.outdated(!this.stripes());
+    outdated(!this.stripes());
     this.stale = false;
     this.figures();
-    this.notes(facts.notes);
+    notes(facts.notes);
     this.pictures?.ask(this.state.changes);
     this.done = job; // what is shown is what this job made
   }
@@ -207,20 +191,8 @@ class Editor {
     this.changed(null, true);
   }
 
-  outdated(yes) {
-    by('picture').classList.toggle('outdated', yes);
-  }
-
-  notes(list) {
-    by('notes-box').hidden = !list.length;
-    by('note-count').textContent = list.length;
-    by('notes').replaceChildren(...list.map((textContent) => make('li', { textContent })));
-  }
-
   notice(text, calm = false) {
-    by('notice').textContent = text || this.standing || '';
-    by('notice').hidden = !by('notice').textContent;
-    by('notice').classList.toggle('calm', calm || !text);
+    notice(text || this.standing || '', calm || !text);
   }
 
   /** Keep everything, so that a reload or a bookmark brings it back. */

@@ -1,0 +1,24 @@
+/** What the page tells the person: notes on what was solved, a notice, and that the picture is not of now. */
+
+import { make } from './controls.js';
+
+const by = (id) => document.getElementById(id);
+
+/** Of another moment than the sliders: paler. */
+export function outdated(yes) {
+  by('picture').classList.toggle('outdated', yes);
+}
+
+/** What every stage has to say. */
+export function notes(list) {
+  by('notes-box').hidden = !list.length;
+  by('note-count').textContent = list.length;
+  by('notes').replaceChildren(...list.map((textContent) => make('li', { textContent })));
+}
+
+/** Over the picture; nothing takes it away. calm: it is no refusal. */
+export function notice(text, calm) {
+  by('notice').textContent = text;
+  by('notice').hidden = !text;
+  by('notice').classList.toggle('calm', calm);
+}
