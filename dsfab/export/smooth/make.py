@@ -31,7 +31,7 @@ from dsfab.units import MM_PER_M
 FIT = 1 / 3
 """Tolerance of the skins, as a share of the distance that is allowed."""
 
-LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3), (36.0, 40, 4))
+LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
 
 LOOPS = 40
@@ -46,7 +46,7 @@ MOST_WALLS = 1500
 MOST_CHORD = 1 / 4
 """No more of the mesh's own chord error counts, as a share of the thickness: at creases it is no such thing."""
 
-REFITS = 3
+REFITS = 2
 """How often the refused pieces of a layout are built tighter."""
 
 DEFLECTION = 1 / 4
