@@ -212,6 +212,16 @@ def test_a_folded_sheet_is_refused_and_says_why(tmp_path, here):
         written(surface, sheet, tmp_path / "b.step")
 
 
+def test_auto_leaves_many_walls_faceted_and_says_why(tmp_path, monkeypatch):
+    surface = dome(2.0, 0.6, edge=0.3)
+    sheet = holed(surface, [[0, 0, 0.6]], 0.3)
+    monkeypatch.setattr(make, "MOST_WALLS", 3)
+    _, shape, said = written(surface, sheet, tmp_path / "a.step", "auto")
+    assert said[0].startswith("STEP is faceted")
+    assert "would have 4 walls, more than 3" in said[0]
+    assert len(shape.faces()) > 100
+
+
 def test_smooth_without_its_sheet_is_refused(tmp_path):
     surface = dome(2.0, 0.6, edge=0.3)
     with pytest.raises(ExportError, match="only its solid is known"):

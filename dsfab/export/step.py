@@ -1,4 +1,4 @@
-"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of three ways.
+"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of four ways.
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`).
@@ -7,7 +7,7 @@ faceted : any solid, as planar faces that coplanar triangles were joined to; sim
 tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
 `auto` takes planar where the solid is flat, else smooth where the sheet is known and has no more walls than are made
-in about fifteen seconds, and either only where the file stands the check; else faceted. The text is written directly
+in about ten seconds, and either only where the file stands the check; else faceted. The text is written directly
 and read back through build123d. Building the same topology in OCCT first gives larger files (with a curve on the
 surface for each edge) and is 30 to 300 times slower to write. Reading back, in a process of its own, is nearly all of
 the time; measured for `faceted` with OCCT 8 on a busy machine of two cores:

@@ -19,7 +19,7 @@ from dsfab.export.smooth.splines import Spline, evenly, spline_through, straight
 TIGHTER = (1.0, 0.2, 0.04)
 """Tolerances of a run that was refused so often."""
 
-FLAT = 2 / 3
+FLAT = 0.55
 """Tolerance of outlines over their polylines, as a share of the distance that is allowed."""
 
 OF_CHORD = 0.5

@@ -55,12 +55,13 @@ class Made:
         )
 
 
-def file_text(part: Part, model: Model, which: list[int], rest: Part | None = None) -> str:
-    """The file of some pieces, named like the part, and of the triangles of `rest` as planar faces."""
+def file_text(part: Part, which: list[tuple[Model, int]], rest: Part | None = None) -> str:
+    """The file of some pieces of layouts, named like the part, and of the triangles of `rest` as planar faces."""
     new = Entities()
-    writer, faces, shells = SmoothText(new, model), list[int](), list[int]()
-    for i, k in enumerate(which):
-        added = writer.piece(model.pieces[k])
+    writers = {id(model): SmoothText(new, model) for model, _ in which}
+    faces, shells = list[int](), list[int]()
+    for i, (model, k) in enumerate(which):
+        added = writers[id(model)].piece(model.pieces[k])
         faces += added
         shells += [i] * len(added)
     name, solids = part.name, [[i] for i in range(len(which))]

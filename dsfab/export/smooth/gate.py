@@ -12,7 +12,7 @@ import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Floats, Ints
 from dsfab.export.part import Part
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.ask import Finding
@@ -114,11 +114,10 @@ class Gate:
         shell, solids = self._shells
         return np.asarray(self.part.F[np.isin(shell, solids[solid])])
 
-    def without(self, accepted: Bools) -> Ints:
-        """(m, 3) the triangles of the solids none of whose pieces was accepted."""
+    def without(self, done: set[int]) -> Ints:
+        """(m, 3) the triangles of all other solids."""
         shell, solids = self._shells
-        taken = set(self.solid[accepted].tolist())
-        left = [shell for i, some in enumerate(solids) if i not in taken for shell in some]
+        left = [k for i, some in enumerate(solids) if i not in done for k in some]
         return np.asarray(self.part.F[np.isin(shell, left)])
 
     def verdicts(self, pieces: dict[int, Piece], found: dict[int, Finding]) -> dict[int, Verdict]:

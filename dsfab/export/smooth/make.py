@@ -2,7 +2,7 @@
 
 charts found, skins fitted -> all pieces built -> file -> `check` -> `gate` -> refused pieces: tighter curves there
  ^                                                                |  still refused
- '---------------- another layout of charts ---------------------'-> faceted, piece by piece
+ '------------- another layout of charts, for these only ---------'-> faceted, piece by piece
 """
 
 from functools import cached_property
@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
 from dsfab.export.smooth.ask import Finding, findings
@@ -31,7 +31,7 @@ from dsfab.units import MM_PER_M
 FIT = 1 / 3
 """Tolerance of the skins, as a share of the distance that is allowed."""
 
-LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3), (36.0, 40, 4))
+LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
 """Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
 
 LOOPS = 40
@@ -40,16 +40,16 @@ LOOPS = 40
 MOST_INSPECTED = 6000
 """After so many faces were read back, a minute or two, no further layout is tried."""
 
-MOST_WALLS = 2500
-"""Walls of a sheet that is to be made in a hurry: about fifteen seconds."""
+MOST_WALLS = 1500
+"""Walls of a sheet that is to be made in a hurry: about ten seconds. Nor are more faces read back twice."""
 
 MOST_CHORD = 1 / 4
 """No more of the mesh's own chord error counts, as a share of the thickness: at creases it is no such thing."""
 
-REFITS = 3
+REFITS = 2
 """How often the refused pieces of a layout are built tighter."""
 
-DEFLECTION = 1 / 3
+DEFLECTION = 1 / 4
 """Of the triangles by which a piece is compared with the mesh, as a share of the distance that is allowed."""
 
 SECONDS = 60
@@ -57,17 +57,12 @@ SECONDS_PER_FACE = 0.05
 """Time for a check, several times what was measured; it may not end."""
 
 
-class _Tried(NamedTuple):
-    """The pieces of a layout and what the gate says about each."""
+class _Taken(NamedTuple):
+    """A piece that was accepted: the layout it is in, its number there, and its verdict."""
 
-    gate: Gate
     model: Model
-    verdicts: list[Verdict]
-    text: str
-
-    @property
-    def accepted(self) -> list[int]:
-        return [k for k, verdict in enumerate(self.verdicts) if not verdict.reason]
+    number: int
+    verdict: Verdict
 
 
 _MADE: WeakKeyDictionary[Part, Made] = WeakKeyDictionary()
@@ -85,7 +80,7 @@ def drafted(part: Part) -> tuple[int, int]:
     ladder = _Ladder(part)
     model = ladder.built(*ladder.layouts[0])[2]
     which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
-    return sum(model.pieces[k].faces for k in which), len(file_text(part, model, which))
+    return sum(model.pieces[k].faces for k in which), len(file_text(part, [(model, k) for k in which]))
 
 
 class _Ladder:
@@ -99,28 +94,26 @@ class _Ladder:
         V = MM_PER_M * self.surface.V
         self.limits = Limits(t, part.tolerance or DISTANCE * t, V, chord, excess(self.surface))
         self.allowed = Allowed(t, self.limits.distance, self.limits.usual)
-        self.inspected = 0
+        self.inspected, self.most = 0, MOST_WALLS if part.hurry else MOST_INSPECTED
+        self.taken, self.reason, self.pieces = list[_Taken](), "", 0
+        self.left: Ints = part.F
+        self.done = set[int]()
         if part.hurry:
             self._ask_walls()
 
     def made(self) -> Made:
-        """The best of the layouts: the first one without a refused piece."""
-        best: _Tried | None = None
-        reason = ""
+        """Each solid in the first layout that has all its pieces accepted; those of other solids may be in others."""
         for cone, fewest, start in self.layouts:
             try:
-                tried = self._tried(cone, fewest, start)
+                self._try(cone, fewest, start)
             except ExportError as error:
-                reason = reason or str(error)
+                self.reason = self.reason or str(error)
                 continue
-            reason = next((verdict.reason for verdict in tried.verdicts if verdict.reason), reason)
-            if best is None or len(tried.accepted) > len(best.accepted):
-                best = tried
-            if len(best.accepted) == len(best.verdicts) or self.inspected > MOST_INSPECTED or self.part.hurry:
+            if not len(self.left) or self.inspected > self.most or self.part.hurry:
                 break
-        if best is None or not best.accepted:
-            raise ExportError(f"{reason}; write step = 'faceted'")
-        return self._file(best)
+        if not self.taken:
+            raise ExportError(f"{self.reason}; write step = 'faceted'")
+        return self._file()
 
     @property
     def layouts(self) -> list[tuple[float, int, int]]:
@@ -156,50 +149,49 @@ class _Ladder:
         pieces = [builder.piece(k, {}) for k in range(sheet.count)]
         return sheet, builder, Model(charts, builder.nodes, pieces, self.limits.thickness)
 
-    def _tried(self, cone: float, fewest: int, start: int) -> _Tried:
-        """A layout, its pieces refitted where they were refused, and what is said about them in the end."""
+    def _try(self, cone: float, fewest: int, start: int) -> None:
+        """A layout: its pieces of solids that are not done yet, refitted where they are refused."""
         sheet, builder, model = self.built(cone, fewest, start)
         gate, levels = Gate(self.part, sheet, self.limits), [dict[Key, int]() for _ in range(sheet.count)]
-        verdicts, text = [Verdict("")] * sheet.count, ""
-        todo = list(range(sheet.count))
+        asked = [k for k in range(sheet.count) if int(gate.solid[k]) not in self.done]
+        verdicts, todo = dict[int, Verdict](), asked
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
-            text = file_text(self.part, model, ready)
-            found = self._found(model, ready, text)
-            for k, verdict in gate.verdicts({k: model.pieces[k] for k in todo}, found).items():
-                verdicts[k] = verdict
+            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._found(model, ready))
             todo = [k for k in todo if len(verdicts[k].bad) and _tighten(model, k, levels[k], verdicts[k].bad)]
-            if not todo or turn == REFITS or self.inspected > MOST_INSPECTED:
+            if not todo or turn == REFITS or self.inspected > self.most:
                 break
             for k in todo:
                 model.pieces[k] = builder.piece(k, levels[k])
-        return _Tried(gate, model, verdicts, text if len(ready) == sheet.count else "")
+        refused = {int(gate.solid[k]) for k in asked if verdicts[k].reason}
+        taken = [k for k in asked if int(gate.solid[k]) not in refused]
+        self.taken += [_Taken(model, k, verdicts[k]) for k in taken]
+        self.done |= {int(gate.solid[k]) for k in taken}
+        self.reason = next((verdicts[k].reason for k in asked if verdicts[k].reason), "")
+        self.left, self.pieces = gate.without(self.done), sheet.count
 
-    def _found(self, model: Model, which: list[int], text: str) -> dict[int, Finding]:
+    def _found(self, model: Model, which: list[int]) -> dict[int, Finding]:
         """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
+        text = file_text(self.part, [(model, k) for k in which])
         found = findings(text, DEFLECTION * self.limits.distance, SECONDS + SECONDS_PER_FACE * count) if which else []
         return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
 
-    def _file(self, best: _Tried) -> Made:
-        which, model = best.accepted, best.model
-        mask = np.zeros(len(best.verdicts), dtype=bool)
-        mask[which] = True
-        F = best.gate.without(mask)
-        text = best.text if mask.all() else ""
-        text = text or file_text(self.part, model, which, rest_of(self.part, F) if len(F) else None)
+    def _file(self) -> Made:
+        rest = rest_of(self.part, self.left) if len(self.left) else None
+        text = file_text(self.part, [(model, k) for model, k, _ in self.taken], rest)
         return Made(
             text=text,
-            pieces=len(mask),
-            smooth=len(which),
+            pieces=self.pieces,
+            smooth=len(self.taken),
             faces=text.count("=ADVANCED_FACE("),
-            gap=max(model.pieces[k].gap for k in which),
-            there=max(best.verdicts[k].there for k in which),
-            back=max(best.verdicts[k].back for k in which),
+            gap=max(model.pieces[k].gap for model, k, _ in self.taken),
+            there=max(verdict.there for _, _, verdict in self.taken),
+            back=max(verdict.back for _, _, verdict in self.taken),
             limits=self.limits,
-            volume=sum(best.verdicts[k].volume for k in which),
-            refused=next((verdict.reason for verdict in best.verdicts if verdict.reason), ""),
+            volume=sum(verdict.volume for _, _, verdict in self.taken),
+            refused=self.reason if len(self.left) else "",
         )
 
 
