@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from dsfab.errors import ExportError
 from dsfab.export import STEP_FACES, step, step_check, write
 from dsfab.export.coplanar import FLATNESS
+from dsfab.export.loops import outline_of
 from dsfab.export.part import part_of
-from dsfab.export.planar import Polyhedron, _corners, _outline, polyhedron
+from dsfab.export.planar import Polyhedron, _corners, polyhedron
 from dsfab.export.shells import solids_of, winding
 from dsfab.export.step_pieces import quoted
 from dsfab.surface import Surface
@@ -169,7 +170,7 @@ def test_a_finely_divided_arc_with_corners_keeps_its_vertices():
     table = edge_table(F)
     other = np.empty(3 * len(F), dtype=np.int64)
     other[table.pairs], other[table.pairs[:, ::-1]] = table.pairs[:, ::-1], table.pairs
-    outline = _outline(np.repeat([0, 1], [600, len(below)]), other)
+    outline = outline_of(np.repeat([0, 1], [600, len(below)]), other)
     assert len(outline.start) == 3
     assert _corners(V, F, table, outline).all()
     V[2:601] = np.linspace(V[1], V[601], 601)[1:-1]
@@ -186,7 +187,7 @@ def test_a_finely_divided_circle_without_corners_keeps_its_vertices():
     table = edge_table(F)
     other = np.empty(3 * len(F), dtype=np.int64)
     other[table.pairs], other[table.pairs[:, ::-1]] = table.pairs[:, ::-1], table.pairs
-    outline = _outline(np.repeat([0, 1], [2400, 2398]), other)
+    outline = outline_of(np.repeat([0, 1], [2400, 2398]), other)
     assert np.flatnonzero(_corners(V, F, table, outline)).tolist() == rim.tolist()
 
 

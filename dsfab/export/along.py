@@ -20,6 +20,9 @@ from dsfab.surface.lines import polyline_length
 CLOSEST = 1e-3
 """Millimetres: curves are not asked to be nearer than this when the lines are exact."""
 
+SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
+"""A spline that would take more samples than this has more poles than the polyline has points, and takes long."""
+
 PER_SPAN = 16
 """Points of a span when a curve is measured: its length is then right to 1e-4 where it turns by less than a radian."""
 
@@ -44,7 +47,7 @@ def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     found = list[Curve]()
     for a, b in pairwise([0, *at.tolist(), len(points) - 1]):
         run = points[a : b + 1]
-        curve = fitted(run, tolerance, smooth=smooth)
+        curve = fitted(run, tolerance, smooth, max(SAMPLES_PER_POINT * len(run), FEWEST_SAMPLES))
         found += [curve] if curve is not None else _segments(run)
     return found
 

@@ -80,8 +80,11 @@ def turning(loop: Floats) -> Floats:
     return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
 
 
-def fitted(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
-    """One curve along the polyline (k, 2), or None. smooth: a closed polyline's curve leaves as it arrives."""
+def fitted(line: Floats, tolerance: float, smooth: bool = False, most: int = MOST_SAMPLES) -> Curve | None:
+    """One curve along the polyline (k, 2) or (k, 3), or None where that would take more than `most` samples.
+
+    smooth: a closed polyline's curve leaves as it arrives.
+    """
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     total = float(np.round(length[-1], KNOT_DIGITS))
     if not total > 0:
@@ -92,7 +95,7 @@ def fitted(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None
         if off <= tolerance:  # between vertices the difference is linear, so this is the largest
             return Curve(np.array([0, 0, total, total]), line[[0, -1]], 1, off)
     count = max(8 * len(line), 16 * SAMPLES_PER_SPAN)
-    while count <= MOST_SAMPLES:
+    while count <= most:
         curve = _refined(line, length, total, count, tolerance, smooth)
         if curve is not None:
             return curve

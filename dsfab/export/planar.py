@@ -13,6 +13,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.coplanar import FLATNESS, coplanar_regions
+from dsfab.export.loops import Outline, ends_of_runs, outline_of, positions, simple
 from dsfab.surface.topology import EdgeTable, edge_table
 
 
@@ -42,93 +43,18 @@ class Polyhedron:
     shell: Ints
 
 
-@dataclass(frozen=True, eq=False)
-class _Outline:
-    """Loops of vertices: loop i has the half-edges h[start[i] : start[i + 1]], each leaving its vertex."""
-
-    h: Ints
-    start: Ints
-
-    @property
-    def loop(self) -> Ints:
-        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
-
-    @property
-    def next(self) -> Ints:
-        """Position of the next half-edge of the same loop."""
-        onward = np.arange(1, len(self.h) + 1)
-        onward[self.start[1:] - 1] = self.start[:-1]
-        return onward
-
-
 def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
     """Planar faces of a closed triangle mesh whose edges have two triangles each; shell (m,) labels its triangles."""
     table = edge_table(F)
     other = np.empty(3 * len(F), dtype=np.int64)
     other[table.pairs[:, 0]], other[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
     region, vectors = coplanar_regions(V, F, table)
-    outline = _simple(_outline(region, other), F)
+    outline = simple(outline_of(region, other), F)
     alive = _corners(V, F, table, outline)
     return _assembled(V, F, shell, region, vectors, table, outline, alive)
 
 
-def _outline(region: Ints, other: Ints) -> _Outline:
-    """The half-edges between different regions, chained with their region on the left.
-
-    After a half-edge, the next one is found by turning about its end through triangles of the same region: loops never
-    jump across a vertex where a region touches itself.
-    """
-    kept = region[np.arange(len(other)) // 3] != region[other // 3]
-    onward = np.arange(len(other))
-    onward += np.where(onward % 3 == 2, -2, 1)
-    follow = onward.copy()
-    turning = np.flatnonzero(kept)  # about a vertex inside a region one would turn for ever
-    while len(turning := turning[~kept[onward[turning]]]):
-        onward[turning] = follow[other[onward[turning]]]
-    step, passed = onward.tolist(), bytearray(len(other))
-    h, start = list[int](), [0]
-    for at in np.flatnonzero(kept).tolist():
-        while not passed[at]:
-            passed[at] = True
-            h.append(at)
-            at = step[at]
-        if len(h) > start[-1]:
-            start.append(len(h))
-    return _Outline(np.array(h, dtype=np.int64), np.array(start))
-
-
-def _simple(outline: _Outline, F: Ints) -> _Outline:
-    """The loops cut where they come back to a vertex, so that none touches itself."""
-    vertex = F.ravel()[outline.h]
-    visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
-    touching = set((visits[1:][visits[1:] == visits[:-1]] // (int(F.max()) + 1)).tolist())
-    if not touching:
-        return outline
-    loops: list[list[int]] = []
-    for i, (begin, end) in enumerate(zip(outline.start[:-1], outline.start[1:], strict=True)):
-        h = outline.h[begin:end].tolist()
-        loops.extend(_cut_apart(h, vertex[begin:end].tolist()) if i in touching else [h])
-    return _Outline(np.concatenate([np.array(loop) for loop in loops]), np.cumsum([0, *map(len, loops)]))
-
-
-def _cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
-    """One loop of half-edges as loops that visit each vertex once."""
-    loops, path, place = [], list[int](), dict[int, int]()
-    visited: list[int] = []
-    for half_edge, vertex in zip(h, vertices, strict=True):
-        if vertex in place:
-            begin = place[vertex]
-            loops.append(path[begin:])
-            for v in visited[begin:]:
-                del place[v]
-            del path[begin:], visited[begin:]
-        place[vertex] = len(path)
-        path.append(half_edge)
-        visited.append(vertex)
-    return [*loops, path]
-
-
-def _corners(V: Floats, F: Ints, table: EdgeTable, outline: _Outline) -> Bools:
+def _corners(V: Floats, F: Ints, table: EdgeTable, outline: Outline) -> Bools:
     """(n,) vertices that the outlines need: not those in the middle of a straight edge.
 
     A vertex can go when just two outline edges meet there, in line. Then every run of such vertices must lie on the
@@ -149,32 +75,13 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: _Outline) -> Bools:
         few = np.repeat(np.add.reduceat(alive[a], outline.start[:-1]) < 3, np.diff(outline.start))
         bent = dead[few[dead]]
         if not len(bent):
-            run, end = _ends_of_runs(alive[a], outline)
+            run, end = ends_of_runs(alive[a], outline)
             off = _from_line(V[a[dead]], V[a[run[dead]]], V[a[end[dead]]]) > FLATNESS
             bent = dead[np.isin(run[dead], run[dead[off]])]
         if not len(bent):
             break
         alive[a[bent]] = True
     return alive
-
-
-def _ends_of_runs(alive: Bools, outline: _Outline) -> tuple[Ints, Ints]:
-    """For each position, the last corner of its loop at or before it, and the first corner after it."""
-    at = np.flatnonzero(alive)
-    loop = outline.loop
-    first = np.searchsorted(at, outline.start[:-1])
-    last = np.searchsorted(at, outline.start[1:]) - 1
-    rank = np.searchsorted(at, np.arange(len(alive)), side="right") - 1
-    run = np.where(rank >= first[loop], rank, last[loop])
-    end = np.where(rank + 1 <= last[loop], rank + 1, first[loop])
-    return at[run], at[end]
-
-
-def _positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """The positions of all steps of some loops, loop after loop, and for each of them which of `loops` it is of."""
-    length = np.diff(start)[loops]
-    loop = np.repeat(np.arange(len(loops)), length)
-    return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
 
 
 def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
@@ -186,14 +93,14 @@ def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def _assembled(
-    V: Floats, F: Ints, shell: Ints, region: Ints, vectors: Floats, table: EdgeTable, outline: _Outline, alive: Bools
+    V: Floats, F: Ints, shell: Ints, region: Ints, vectors: Floats, table: EdgeTable, outline: Outline, alive: Bools
 ) -> Polyhedron:
     """Number points, edges and faces; what has a row per step is let go early, since there are three to a triangle."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
     order = np.lexsort((-_around(V, begin, start, face_of_loop, normals), face_of_loop))
-    steps = _positions(start, order)[0]
+    steps = positions(start, order)[0]
     used, point = np.unique(begin, return_inverse=True)
     of_vertex = np.zeros(len(V), dtype=np.int64)
     of_vertex[used] = np.arange(len(used))
@@ -215,7 +122,7 @@ def _assembled(
 
 
 def _long_edges(
-    F: Ints, table: EdgeTable, outline: _Outline, alive: Bools
+    F: Ints, table: EdgeTable, outline: Outline, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
     """The vertex that each step of the loops begins at, where the loops start, and of the steps their edges.
 
@@ -224,7 +131,7 @@ def _long_edges(
     """
     a = F.ravel()[outline.h]
     kept = alive[a]
-    run, end = _ends_of_runs(kept, outline)
+    run, end = ends_of_runs(kept, outline)
     smallest = np.full(len(a), len(table.ends))
     np.minimum.at(smallest, run, table.of.ravel()[outline.h])
     start = np.concatenate([[0], np.cumsum(np.add.reduceat(kept, outline.start[:-1]))])
@@ -242,7 +149,7 @@ def _around(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Fl
     if len(many):
         ahead = np.arange(1, len(begin) + 1)
         ahead[start[1:] - 1] = start[:-1]
-        at, loop = _positions(start, many)
+        at, loop = positions(start, many)
         base = V[begin[start[many]]][loop]
         swept = np.cross(V[begin[at]] - base, V[begin[ahead[at]]] - base)
         around[many] = np.bincount(loop, np.einsum("hi,hi->h", swept, normals[face_of_loop[many]][loop]))

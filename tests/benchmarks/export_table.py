@@ -255,12 +255,19 @@ def table(name: str, folder: Path, only: tuple[str, ...]) -> None:
                 said, volume = f"{reader.__name__}: {str(error)[:80]}", float("nan")
             row.said = "; ".join(filter(None, [row.said, said]))
             row.volume = volume or row.volume
+        told(suffix[1:], row, 1e9 * solid.volume)
     if shutil.which("freecadcmd"):
         freecad(rows, folder)
-    for suffix, row in rows.items():
-        size = f"{row.path.stat().st_size / 1e6:.2f}" if row.path.exists() else "-"
-        error = "-" if np.isnan(row.volume) else f"{abs(row.volume / (1e9 * solid.volume) - 1):.0e}"
-        print(f"| {suffix[1:]} | {size} | {row.seconds:.1f} | {error} | {row.said} |", flush=True)
+        for suffix in FREECAD_READS:
+            if suffix in rows and rows[suffix].path.exists():
+                told(suffix[1:], rows[suffix], 1e9 * solid.volume)
+
+
+def told(name: str, row: Row, volume: float) -> None:
+    """A row at once: what follows may take long."""
+    size = f"{row.path.stat().st_size / 1e6:.2f}" if row.path.exists() else "-"
+    error = "-" if np.isnan(row.volume) else f"{abs(row.volume / volume - 1):.0e}"
+    print(f"| {name} | {size} | {row.seconds:.1f} | {error} | {row.said} |", flush=True)
 
 
 def main() -> None:
