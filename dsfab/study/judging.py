@@ -139,8 +139,8 @@ def answered(brief: Brief, structure: Structure, every: bool = False) -> dict[st
 def quick(brief: Brief, structure: Structure, ask: Ask | None = None, every: bool = False) -> Judgement:
     """One solve on the mesh as it is cut, by quadratic membrane and mid-edge bending.
 
-    At four elements across a member typically within 3 %, nine in ten within 8 %, which is the bound that is told: good
-    for comparing like with like, not a verdict.
+    Typically within 3 %, nine in ten within 11 %, which is the bound that is told: good for comparing like with like,
+    not a verdict.
 
     ask   : how many frequencies and load factors are wanted besides (one is kept), by the most accurate elements.
     every : judge each case and combination, not those alone that the pattern follows.

@@ -15,7 +15,7 @@ STEP = 2.0
 OF_STEP = 0.6
 """The bound is at least this share of the last step |c1 - c0|."""
 
-OF_SPREAD = 0.5
+OF_SPREAD = 0.4
 """And at least this share of what is left of the spread against quadratic + midedge."""
 
 OF_RECOVERY = 0.3
@@ -28,7 +28,7 @@ ONE_MESH = 1.6
 """Where one mesh alone was solved, the bound is at least this multiple of its recovery error. It is told (19 of 20
 designs keep it), but a compliance is never called converged by one mesh."""
 
-QUICK = (0.03, 0.08)
+QUICK = (0.03, 0.11)
 """Error of the quick level (quadratic + midedge, as cut): the median, and what nine in ten designs keep."""
 
 MEMBER = 4.0
