@@ -90,7 +90,7 @@ def measure(triangles: int) -> dict[str, Any]:
                 number += 1
     finally:
         for scene in scenes.values():
-            scene.plotter.close()
+            scene.close()
     found |= {kind: 1 / median(taken[1:]) for kind, taken in seconds.items()}  # the first compiles
     return found | {"change_ms": 1000 * median(change[1 : 2 * len(seconds["shader"]) : 2])}
 
@@ -103,7 +103,7 @@ def _changed(stripes: "StripeShader", number: int) -> None:
 
 def _renderer(scene: Any) -> str:
     """What VTK draws with, by its own words."""
-    said = re.search(r"OpenGL renderer string:\s*(.+)", scene.window.ReportCapabilities())
+    said = re.search(r"OpenGL renderer string:\s*(.+)", scene.window.window.ReportCapabilities())
     return said.group(1).strip() if said else "unknown"
 
 

@@ -116,7 +116,7 @@ class Previewer:
 
     def close(self) -> None:
         """Give the window back."""
-        self._scene.plotter.close()
+        self._scene.close()
 
     @property
     def preset(self) -> Preset:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.app.scene import Bytes, Colour, Floats32
+from dsfab.app.window import put
 from dsfab.arrays import Floats, Ints
 from dsfab.pattern.wave import GLSL
 
@@ -167,13 +168,13 @@ class StripeShader:
         values: Floats32 = np.where(np.isfinite(fields), fields, FAR).astype(np.float32)
         for part in self._parts:
             mesh, at = part["mesh"], part["source"]
-            mesh.point_data["stripes"] = np.ascontiguousarray(values[at, :4])
-            mesh.point_data["kept"] = np.ascontiguousarray(values[at, 4:])
+            put(mesh.GetPointData(), "stripes", values[at, :4])
+            put(mesh.GetPointData(), "kept", values[at, 4:])
 
     def recolour(self, face: Bytes) -> None:
         """Other colours of the faces, (m, 3)."""
         for part in self._parts:
-            part["mesh"].cell_data["colour"] = np.array(face)
+            put(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: Settings) -> None:
         """Other numbers: takes microseconds."""
