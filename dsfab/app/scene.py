@@ -93,9 +93,15 @@ class Scene:
             z, normal = self._depth(), self.window.colours()
             self._colour_by("colour")
             self.window.draw()
-        self.empty = not (z < 1).any()
-        depth = np.where(z < 1, near * far / (far - z * (far - near)), np.inf).astype(np.float32)
-        return Pixels(depth, normal, self.window.colours())
+        hit = z < 1
+        self.empty = not hit.any()
+        z *= near - far  # in place: a picture for print has 24 million pixels
+        z += far
+        depth = np.divide(near * far, z, out=z)
+        depth[~hit] = np.inf
+        colour = self.window.colours()
+        self.window.rest()
+        return Pixels(depth, normal, colour)
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:

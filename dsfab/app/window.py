@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.arrays import Floats, Ints
+from dsfab.sparse import give_back
 
 
 class Window:
@@ -43,6 +44,14 @@ class Window:
         """Pixels of the pictures from now on."""
         self.window.SetSize(width, height)
 
+    def rest(self) -> None:
+        """Give the pictures back that the graphics side holds, six of the last size, until the next one is drawn."""
+        self.window.SetSize(64, 64)
+        self._renderer.DrawOff()
+        self.window.Render()
+        self._renderer.DrawOn()
+        give_back()
+
     def draw(self) -> None:
         """Draw what there is."""
         self.window.Render()
@@ -54,7 +63,7 @@ class Window:
         width, height = self.window.GetSize()
         values = vtkFloatArray()
         self.window.GetZbufferData(0, 0, width - 1, height - 1, values)
-        return _numbers(values).reshape(height, width)[::-1]
+        return _seen(values).reshape(height, width)[::-1]
 
     def colours(self) -> NDArray[np.uint8]:
         """(h, w, 3) 0..255 of the picture drawn, row 0 on top."""
@@ -71,7 +80,7 @@ class Window:
 
         values = vtkUnsignedCharArray()
         self.window.GetPixelData(left, bottom, right, top, 1, values, 0)
-        return _numbers(values)
+        return _seen(values)
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
@@ -120,7 +129,13 @@ def _array(values: NDArray[Any]) -> Any:
 
 def _numbers(array: Any) -> NDArray[Any]:
     """A copy in numpy's memory."""
+    return np.array(_seen(array))
+
+
+def _seen(array: Any) -> NDArray[Any]:
+    """VTK's memory itself, which lives as long as this does."""
     from vtkmodules.util import numpy_support
 
     seen: Any = numpy_support.vtk_to_numpy
-    return np.array(seen(array))
+    values: NDArray[Any] = seen(array)
+    return values
