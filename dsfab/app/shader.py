@@ -4,7 +4,7 @@ It asks the question that slicing answers with cuts, material is |z - k| < d for
 fields at every pixel. So a change of pattern is a change of a few numbers on the graphics side.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,23 +29,26 @@ SHADE = 0.82
 STEEPEST = 4.0
 """A slab that is seen along itself shows at most this many half thicknesses of its wall."""
 
-_DECLARED = "//VTK::CustomUniforms::Dec"
-_VERTEX = (
-    (
-        _DECLARED,
-        "in vec4 stripesMC;\nin vec2 keptMC;\nout vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;\n",
-    ),
-    ("//VTK::CustomBegin::Impl", "  stripesVS = stripesMC;\n  keptVS = keptMC;\n  dsWhere = vertexMC.xyz;\n"),
-)
-_FRAGMENT = (
-    (
-        _DECLARED,
-        f"""in vec4 stripesVS;
-in vec2 keptVS;
-in vec3 dsWhere;
-{GLSL}
+_DECLARED, _GIVEN = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
+_CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
+
+FIELDS = ("modes", "widths", "kept")
+"""What may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
+
+_THIN = """
+  vec2 dsIn = wave2(dsFrequency * dsModes + dsPhase) - LIMIT;
+  vec3 dsHere = vec3(dsIn, KEPT);
+  if (max(max(dsIn.x, dsIn.y), dsHere.z) <= 0.0) discard;
 """
-        """
+_LIMIT = "vec2(VARY(x), VARY(y))"
+_VARY = "(dsVary.@ < 0.5 ? dsLimit.@ : dsWidths.@ >= 0.5 ? -2.0 : 1.0 - 4.0 * dsWidths.@)"
+_REACHED = "max(dsReach.x - dsKept.x, dsReach.y - dsKept.y)"
+_WAVES = f"""
+{GLSL}
+vec2 wave2(vec2 t) {{ return vec2(wave(t.x), wave(t.y)); }}
+"""
+
+_DEPTH = """
 // how deep in material: of the major and of the minor stripes, and of what is kept; material is > 0
 vec3 dsDepth(vec4 stripes, vec2 kept) {
   vec2 d = vec2(dsHalfWidth.x < 0.0 ? stripes.z : dsHalfWidth.x, dsHalfWidth.y < 0.0 ? stripes.w : dsHalfWidth.y);
@@ -56,23 +59,13 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
   return vec3(major, minor, max(reach.x, reach.y));
 }
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
-""",
-    ),
-    (
-        "//VTK::Clip::Impl",
-        """
-  vec3 dsHere = dsDepth(stripesVS, keptVS);
-  if (dsMost(dsHere) <= 0.0) discard;
-""",
-    ),
-)
-
+"""
 
 # a slab: the ray goes through it sideways, and so through the fields, which are linear here; it ends in face or wall.
 # A program of its own: software rendering runs both sides of every `if`
-_WALLS = (
-    "//VTK::Clip::Impl",
-    """
+_WALLS = """
+  vec4 stripesVS = vec4(dsModes, dsWidths);
+  vec2 keptVS = dsKept;
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
   vec4 sx = dFdx(stripesVS), sy = dFdy(stripesVS);
@@ -96,12 +89,9 @@ _WALLS = (
     dsWall = dot(dsWall, dsWall) > 0.0 ? normalize(dsWall) : -normalize(across);
   }
   if (dsMost(dsHere) <= 0.0) discard;
-""",
-)
+"""
 
-
-_COLOURS = "//VTK::TCoord::Impl"
-_TINTED = "  gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsKept;\n"
+_TINTED = "  gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsRest;\n"
 _WALL_COLOUR = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb *= dsShade;\n"
 _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWall + 0.5;\n"
 
@@ -125,6 +115,52 @@ WHOLE, NOTHING = Settings(), Settings(half_width=(0.0, 0.0))
 """All of the surface, and none of it: what a working shader draws wholly, and leaves away wholly."""
 
 
+@dataclass(frozen=True)
+class Program:
+    """What a shader computes; nothing else is sent to it, since software rendering pays for each number per triangle.
+
+    vary : names of `FIELDS` that it reads at the vertices, modes among them.
+    walls, normals, tinted : whether walls are seen, normals given out, families tinted.
+    """
+
+    vary: tuple[str, ...] = ("modes",)
+    walls: bool = False
+    normals: bool = False
+    tinted: bool = False
+
+    @property
+    def carried(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """What vertices hand to fragments: each a name and up to two fields, which share four numbers."""
+        return tuple((f"ds{k // 2}VS", self.vary[k : k + 2]) for k in range(0, len(self.vary), 2))
+
+    def vertex(self) -> tuple[tuple[str, str], ...]:
+        """Replacements in the vertex shader."""
+        names = [(f"vec{2 * len(fields)}", name, fields) for name, fields in self.carried]
+        declared = [f"in vec2 {field}MC;" for field in self.vary] + [f"out {kind} {name};" for kind, name, _ in names]
+        given = [f"{name} = {kind}({', '.join(f'{one}MC' for one in fields)});" for kind, name, fields in names]
+        if self.walls:
+            declared.append("out vec3 dsWhere;")
+            given.append("dsWhere = vertexMC.xyz;")
+        return (_DECLARED, "\n".join(declared) + "\n"), (_GIVEN, "\n".join(given) + "\n")
+
+    def fragment(self) -> tuple[tuple[str, str], ...]:
+        """Replacements in the fragment shader."""
+        declared = [f"in vec{2 * len(fields)} {name};" for name, fields in self.carried]
+        declared += ["in vec3 dsWhere;", _WAVES, _DEPTH] if self.walls else [_WAVES]
+        there = {
+            field: f"{name}.{'zw' if k else 'xy'}" for name, fields in self.carried for k, field in enumerate(fields)
+        }
+        read = "".join(f"  vec2 ds{one.capitalize()} = {there.get(one, 'vec2(0.0)')};\n" for one in FIELDS)
+        limit = _LIMIT.replace("VARY(x)", _VARY.replace("@", "x")).replace("VARY(y)", _VARY.replace("@", "y"))
+        thin = _THIN.replace("LIMIT", limit if "widths" in there else "dsLimit")
+        thin = thin.replace("KEPT", _REACHED if "kept" in there else "-1.0")
+        colour = _TINTED if self.tinted and not self.normals else ""
+        if self.walls:
+            colour += _WALL_NORMAL if self.normals else _WALL_COLOUR
+        clip = read + (_WALLS if self.walls else thin)
+        return (_DECLARED, "\n".join(declared)), (_CLIP, clip), (_COLOURS, colour)
+
+
 @dataclass(eq=False)
 class StripeShader:
     """The shader of one body; `fields` and `settings` may be changed between pictures.
@@ -136,29 +172,23 @@ class StripeShader:
 
     fields: Floats
     tints: tuple[Colour, Colour, Colour] | None = None
+    program: Program = Program()
     _parts: list[dict[str, Any]] = field(default_factory=list)
-    _walls: bool = False
-    _normals: bool = False
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
         """Put the shader on an actor; `source` (k,) is the body's vertex that each point of its mesh comes from."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
-        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": (False, "")})
+        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
         self.replace_fields(self.fields)
-        for name in ("stripes", "kept"):
+        for name in FIELDS:
             mapper.MapDataArrayToVertexAttribute(name + "MC", name, vtkDataObject.FIELD_ASSOCIATION_POINTS, -1)
-        code = actor.GetShaderProperty()
-        for tag, text in _VERTEX:
-            code.AddVertexShaderReplacement(tag, True, f"{tag}\n{text}", False)
-        for tag, text in _FRAGMENT:
-            code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
         self.set(WHOLE)
         self.look(None, 0.0)
         for uniforms in self._uniforms():
             uniforms.SetUniformf("dsSteep", 1 / STEEPEST)
             uniforms.SetUniformf("dsShade", SHADE)
-            for name, tint in zip(("dsMajor", "dsMinor", "dsKept"), self.tints or 3 * ((0, 0, 0),), strict=True):
+            for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
         self.colour_by("colour")
 
@@ -168,8 +198,8 @@ class StripeShader:
         values: Floats32 = np.where(np.isfinite(fields), fields, FAR).astype(np.float32)
         for part in self._parts:
             mesh, at = part["mesh"], part["source"]
-            put(mesh.GetPointData(), "stripes", values[at, :4])
-            put(mesh.GetPointData(), "kept", values[at, 4:])
+            for k, name in enumerate(FIELDS):
+                put(mesh.GetPointData(), name, values[at, 2 * k : 2 * k + 2])
 
     def recolour(self, face: Bytes) -> None:
         """Other colours of the faces, (m, 3)."""
@@ -177,11 +207,18 @@ class StripeShader:
             put(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: Settings) -> None:
-        """Other numbers: takes microseconds."""
+        """Other numbers: takes microseconds, but for the first with widths or reaches, or without them."""
+        drawn = [d if on > 0.5 else 0.0 for d, on in zip(settings.half_width, settings.shown, strict=True)]
+        # above what a wave reaches, below it, or where it is as wide as asked
+        limit = [2.0 if d == 0 else -2.0 if d >= 0.5 else 1 - 4 * d for d in drawn]
+        widths, kept = min(drawn) < 0, max(settings.reach) > NO_REACH
+        self._run(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if kept else ())))
         for uniforms in self._uniforms():
             uniforms.SetUniform2f("dsFrequency", settings.frequency)
             uniforms.SetUniform2f("dsPhase", settings.phase)
             uniforms.SetUniform2f("dsHalfWidth", settings.half_width)
+            uniforms.SetUniform2f("dsLimit", limit)
+            uniforms.SetUniform2f("dsVary", [float(d < 0) for d in drawn])
             uniforms.SetUniform2f("dsReach", settings.reach)
             uniforms.SetUniform2f("dsShown", settings.shown)
 
@@ -190,28 +227,27 @@ class StripeShader:
 
         A hint, no solid: walls are those of a slab in the plane of each triangle, and the rim of the surface has none.
         """
-        self._walls = eye is not None and half > 0
-        self._program()
+        walls = eye is not None and half > 0
+        self._run(walls=walls)
         for uniforms in self._uniforms():
             uniforms.SetUniform3f("dsEye", [0.0, 0.0, 0.0] if eye is None else [float(x) for x in eye])
-            uniforms.SetUniformf("dsThick", half if self._walls else 0.0)
+            uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
         """Give out 'colour' or 'normal'."""
-        self._normals = name == "normal"
-        self._program()
+        self._run(normals=name == "normal")
 
-    def _program(self) -> None:
-        """Put together what the fragments need, and no more: VTK keeps the programs that it has compiled."""
-        colour = _TINTED if self.tints and not self._normals else ""
-        if self._walls:
-            colour += _WALL_NORMAL if self._normals else _WALL_COLOUR
+    def _run(self, **changes: Any) -> None:
+        """Put the program together again where it changes: VTK keeps those that it has compiled."""
+        self.program = replace(self.program, tinted=self.tints is not None, **changes)
         for part in self._parts:
-            if part["program"] == (self._walls, colour):
+            if part["program"] == self.program:
                 continue
-            part["program"] = (self._walls, colour)
+            part["program"] = self.program
             code = part["actor"].GetShaderProperty()
-            for tag, text in (_WALLS if self._walls else _FRAGMENT[1], (_COLOURS, colour)):
+            for tag, text in self.program.vertex():
+                code.AddVertexShaderReplacement(tag, True, f"{tag}\n{text}", False)
+            for tag, text in self.program.fragment():
                 code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
 
     def _uniforms(self) -> list[Any]:
