@@ -35,17 +35,22 @@ _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 FIELDS = ("modes", "widths", "kept")
 """What may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
 
-_THIN = """
-  vec2 dsIn = wave2(dsFrequency * dsModes + dsPhase) - LIMIT;
-  vec3 dsHere = vec3(dsIn, KEPT);
-  if (max(max(dsIn.x, dsIn.y), dsHere.z) <= 0.0) discard;
+TIE = 2e-6
+"""Periods by which what is nowhere or everywhere wide is so beyond the rounding of the graphics side."""
+
+# |t - nearest integer + 1/2| is (wave(t) + 1) / 4: material is where it exceeds 1/2 - d. All that is linear is done at
+# the vertices, since software rendering pays for each uniform at each pixel
+_STRIPES = f"""
+  vec2 dsWide = HALF;
+  vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
+  dsStripes = vec4(dsFrequency * modesMC + dsPhase - 0.5, 0.5 - dsWide + dsTie);
 """
-_LIMIT = "vec2(VARY(x), VARY(y))"
-_VARY = "(dsVary.@ < 0.5 ? dsLimit.@ : dsWidths.@ >= 0.5 ? -2.0 : 1.0 - 4.0 * dsWidths.@)"
-_REACHED = "max(dsReach.x - dsKept.x, dsReach.y - dsKept.y)"
-_WAVES = f"""
-{GLSL}
-vec2 wave2(vec2 t) {{ return vec2(wave(t.x), wave(t.y)); }}
+_HALF = "vec2(dsDrawn.x < 0.0 ? widthsMC.x : dsDrawn.x, dsDrawn.y < 0.0 ? widthsMC.y : dsDrawn.y)"
+_REACHED = "  dsReached = dsReach - keptMC;\n"
+_THIN = """
+  vec2 dsOff = abs(dsStripes.xy - roundEven(dsStripes.xy));
+  vec3 dsHere = vec3(dsOff - dsStripes.zw, REACHED);
+  if (all(lessThanEqual(dsOff, dsStripes.zw)) && REACHED <= 0.0) discard;
 """
 
 _DEPTH = """
@@ -64,8 +69,6 @@ float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 # a slab: the ray goes through it sideways, and so through the fields, which are linear here; it ends in face or wall.
 # A program of its own: software rendering runs both sides of every `if`
 _WALLS = """
-  vec4 stripesVS = vec4(dsModes, dsWidths);
-  vec2 keptVS = dsKept;
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
   vec4 sx = dFdx(stripesVS), sy = dFdy(stripesVS);
@@ -128,37 +131,32 @@ class Program:
     normals: bool = False
     tinted: bool = False
 
-    @property
-    def carried(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
-        """What vertices hand to fragments: each a name and up to two fields, which share four numbers."""
-        return tuple((f"ds{k // 2}VS", self.vary[k : k + 2]) for k in range(0, len(self.vary), 2))
-
     def vertex(self) -> tuple[tuple[str, str], ...]:
         """Replacements in the vertex shader."""
-        names = [(f"vec{2 * len(fields)}", name, fields) for name, fields in self.carried]
-        declared = [f"in vec2 {field}MC;" for field in self.vary] + [f"out {kind} {name};" for kind, name, _ in names]
-        given = [f"{name} = {kind}({', '.join(f'{one}MC' for one in fields)});" for kind, name, fields in names]
+        declared, given = [f"in vec2 {name}MC;" for name in self.vary], []
         if self.walls:
-            declared.append("out vec3 dsWhere;")
-            given.append("dsWhere = vertexMC.xyz;")
-        return (_DECLARED, "\n".join(declared) + "\n"), (_GIVEN, "\n".join(given) + "\n")
+            declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
+            widths, kept = (f"{name}MC" if name in self.vary else "vec2(0.0)" for name in FIELDS[1:])
+            given.append(f"  stripesVS = vec4(modesMC, {widths});\n  keptVS = {kept};\n  dsWhere = vertexMC.xyz;\n")
+        else:
+            declared.append("out vec4 dsStripes;")
+            given.append(_STRIPES.replace("HALF", _HALF if "widths" in self.vary else "dsDrawn"))
+            if "kept" in self.vary:
+                declared.append("out vec2 dsReached;")
+                given.append(_REACHED)
+        return (_DECLARED, "\n".join(declared) + "\n"), (_GIVEN, "".join(given))
 
     def fragment(self) -> tuple[tuple[str, str], ...]:
         """Replacements in the fragment shader."""
-        declared = [f"in vec{2 * len(fields)} {name};" for name, fields in self.carried]
-        declared += ["in vec3 dsWhere;", _WAVES, _DEPTH] if self.walls else [_WAVES]
-        there = {
-            field: f"{name}.{'zw' if k else 'xy'}" for name, fields in self.carried for k, field in enumerate(fields)
-        }
-        read = "".join(f"  vec2 ds{one.capitalize()} = {there.get(one, 'vec2(0.0)')};\n" for one in FIELDS)
-        limit = _LIMIT.replace("VARY(x)", _VARY.replace("@", "x")).replace("VARY(y)", _VARY.replace("@", "y"))
-        thin = _THIN.replace("LIMIT", limit if "widths" in there else "dsLimit")
-        thin = thin.replace("KEPT", _REACHED if "kept" in there else "-1.0")
         colour = _TINTED if self.tinted and not self.normals else ""
         if self.walls:
+            declared = f"in vec4 stripesVS;\nin vec2 keptVS;\nin vec3 dsWhere;\n{GLSL}\n{_DEPTH}"
             colour += _WALL_NORMAL if self.normals else _WALL_COLOUR
-        clip = read + (_WALLS if self.walls else thin)
-        return (_DECLARED, "\n".join(declared)), (_CLIP, clip), (_COLOURS, colour)
+            return (_DECLARED, declared), (_CLIP, _WALLS), (_COLOURS, colour)
+        kept = "kept" in self.vary
+        declared = "in vec4 dsStripes;\n" + ("in vec2 dsReached;\n" if kept else "")
+        thin = _THIN.replace("REACHED", "max(dsReached.x, dsReached.y)" if kept else "-1.0")
+        return (_DECLARED, declared), (_CLIP, thin), (_COLOURS, colour)
 
 
 @dataclass(eq=False)
@@ -209,16 +207,13 @@ class StripeShader:
     def set(self, settings: Settings) -> None:
         """Other numbers: takes microseconds, but for the first with widths or reaches, or without them."""
         drawn = [d if on > 0.5 else 0.0 for d, on in zip(settings.half_width, settings.shown, strict=True)]
-        # above what a wave reaches, below it, or where it is as wide as asked
-        limit = [2.0 if d == 0 else -2.0 if d >= 0.5 else 1 - 4 * d for d in drawn]
         widths, kept = min(drawn) < 0, max(settings.reach) > NO_REACH
         self._run(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if kept else ())))
         for uniforms in self._uniforms():
             uniforms.SetUniform2f("dsFrequency", settings.frequency)
             uniforms.SetUniform2f("dsPhase", settings.phase)
             uniforms.SetUniform2f("dsHalfWidth", settings.half_width)
-            uniforms.SetUniform2f("dsLimit", limit)
-            uniforms.SetUniform2f("dsVary", [float(d < 0) for d in drawn])
+            uniforms.SetUniform2f("dsDrawn", drawn)
             uniforms.SetUniform2f("dsReach", settings.reach)
             uniforms.SetUniform2f("dsShown", settings.shown)
 
@@ -251,4 +246,6 @@ class StripeShader:
                 code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
 
     def _uniforms(self) -> list[Any]:
-        return [part["actor"].GetShaderProperty().GetFragmentCustomUniforms() for part in self._parts]
+        """Of both kinds of shader: a name that stands in both is one number."""
+        codes = [part["actor"].GetShaderProperty() for part in self._parts]
+        return [one for code in codes for one in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())]
