@@ -347,14 +347,14 @@ def test_the_window_is_closed_when_drawing_fails(monkeypatch: pytest.MonkeyPatch
     opened = []
 
     def fails(self: Scene, *_: object) -> None:
-        opened.append(self.plotter)
+        opened.append(self.window)
         raise RuntimeError("the driver gave up")
 
     monkeypatch.setattr(Scene, "pixels", fails)
     with pytest.raises(RuntimeError, match="gave up"):
         picture(*SHAPES["slab"](), size=SIZE)
     assert len(opened) == 1
-    assert opened[0]._closed
+    assert opened[0].closed
 
 
 def test_nothing_to_draw_is_refused() -> None:

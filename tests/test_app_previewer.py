@@ -1,6 +1,8 @@
 """The previewer: its picture is that of the exact cut, a broken shader is found out, and geometry is made once."""
 
+import re
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from dsfab.app.previewer import TRIAL, Previewer
 from dsfab.app.scene import Body, Scene
 from dsfab.app.staging import on_page
 from dsfab.app.view import named_side
+from dsfab.app.window import _numbers
 from dsfab.design import Draft
 from dsfab.errors import DsfabError, PatternError, PresetError
 from dsfab.pipeline import draft, run
@@ -139,14 +142,14 @@ def test_threshold_one_is_empty_and_minus_one_is_the_whole_silhouette(dome: Draf
     ("name", "broken"),
     [
         ("a tag that does not exist", (("//VTK::NoSuchTag::Impl", "discard;"),)),
-        ("no discard", shader._FRAGMENT[:1]),
-        ("all discarded", (*shader._FRAGMENT[:1], ("//VTK::Clip::Impl", "  discard;\n"))),
+        ("no discard", shader.Program().fragment()[:1]),
+        ("all discarded", (*shader.Program().fragment()[:1], ("//VTK::Clip::Impl", "  discard;\n"))),
     ],
 )
 def test_a_shader_that_does_not_work_is_never_drawn(
     dome: Draft, monkeypatch: pytest.MonkeyPatch, name: str, broken: tuple[tuple[str, str], ...]
 ) -> None:
-    monkeypatch.setattr(shader, "_FRAGMENT", broken)
+    monkeypatch.setattr(shader.Program, "fragment", lambda self: broken)
     with pytest.raises(DsfabError, match="does not run the preview's shader") as refusal:
         Previewer(dome)
     assert "pixels where" in str(refusal.value), name
@@ -156,7 +159,8 @@ def test_a_wrong_shader_language_is_found_by_its_pixels(
     dome: Draft, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     tag = "//VTK::Clip::Impl"
-    monkeypatch.setattr(shader, "_FRAGMENT", (*shader._FRAGMENT[:1], (tag, "  this is no GLSL;\n")))
+    wrong = (*shader.Program().fragment()[:1], (tag, "  this is no GLSL;\n"))
+    monkeypatch.setattr(shader.Program, "fragment", lambda self: wrong)
     with pytest.raises(DsfabError, match="does not run the preview's shader"):
         Previewer(dome)
     capfd.readouterr()  # the driver's own complaint
@@ -276,6 +280,42 @@ def test_tension_is_red_and_compression_blue() -> None:
     ]
 
 
+PLAIN = shader.Settings((3.0, 2.0), (0.1, 0.2), (0.2, 0.1))
+NEEDS = {
+    "plain": (PLAIN, ("modes",)),
+    "widths": (replace(PLAIN, half_width=(0.2, shader.BY_VERTEX)), ("modes", "widths")),
+    "widths of what is hidden": (replace(PLAIN, half_width=(0.2, shader.BY_VERTEX), shown=(1.0, 0.0)), ("modes",)),
+    "kept": (replace(PLAIN, reach=(0.3, shader.NO_REACH)), ("modes", "kept")),
+    "all": (shader.Settings(half_width=2 * (shader.BY_VERTEX,), reach=(0.1, 0.2)), shader.FIELDS),
+}
+
+
+@pytest.mark.parametrize("name", NEEDS)
+def test_fragments_get_what_the_pattern_reads_at_the_vertices_and_no_uniform(name: str) -> None:
+    """Software rendering pays for each number per triangle and for each uniform per pixel."""
+    settings, fields = NEEDS[name]
+    stripes = shader.StripeShader(np.zeros((3, 6)))
+    stripes.set(settings)
+    vertex = "".join(text for _, text in stripes.program.vertex())
+    fragment = "".join(text for _, text in stripes.program.fragment())
+    assert set(re.findall(r"in vec2 (\w+)MC;", vertex)) == set(fields)
+    handed = re.findall(r"in (vec\d \w+);", fragment)
+    assert handed == ["vec4 dsStripes", "vec2 dsReached"][: 2 if "kept" in fields else 1]
+    assert handed == re.findall(r"out (vec\d \w+);", vertex)
+    assert not re.search(r"ds(Frequency|Phase|HalfWidth|Drawn|Reach|Shown)\b", fragment)
+
+
+def test_a_shader_goes_through_all_its_programs_and_back(dome: Draft) -> None:
+    """The picture belongs to the numbers, whichever program drew before."""
+    with Previewer(dome, marks=False) as previewer:
+        seen = []
+        for settings in (PLAIN, NEEDS["all"][0], NEEDS["kept"][0], NEEDS["widths"][0], PLAIN):
+            previewer._shader.set(settings)
+            seen.append(previewer.mask(TRIAL))
+        assert np.array_equal(seen[0], seen[-1])
+        assert min((seen[0] != other).sum() for other in seen[1:-1]) > 10
+
+
 def test_corners_that_are_split_take_their_values_along() -> None:
     """A cube of 8 vertices is drawn with 24 corners: each has the field of the vertex it comes from."""
     V = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
@@ -287,9 +327,10 @@ def test_corners_that_are_split_take_their_values_along() -> None:
     body = Body(V, F, np.zeros(3, dtype=np.uint8), casts=True, shader=stripes)
     with scene_module.Scene([body], np.zeros(3), 1.0):
         mesh = stripes._parts[0]["mesh"]
-        assert mesh.n_points == 24
-        assert np.allclose(mesh.point_data["stripes"][:, :3], mesh.points)
-        assert np.allclose(mesh.point_data["kept"], mesh.points[:, 1:])
+        points = _numbers(mesh.GetPoints().GetData())
+        given = [_numbers(mesh.GetPointData().GetArray(name)) for name in shader.FIELDS]
+        assert len(points) == 24
+        assert np.allclose(np.hstack(given), np.hstack([points, points]))
 
 
 def test_walls_are_seen_beside_members_and_nowhere_else(dome: Draft) -> None:
@@ -374,7 +415,8 @@ def test_frame_rates_name_what_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     row = bench_preview.measure(2_000)
     assert abs(row["triangles"] - 2_000) < 200
     assert row["renderer"] != "unknown"
-    assert min(row[kind] for kind in ("plain", "shader", "walls", "change_ms")) > 0
+    assert min(row[kind] for kind in (*bench_preview.KINDS, "change_ms", "over_clock", "over_cpu")) > 0
+    assert 20 < row["peak_mb"] < 1e5
     text = bench_preview.rates_table([row, {**row, "renderer": "NVIDIA H100"}])
     assert "hardware: NVIDIA H100" in text
     V, F, fields = bench_preview.wavy_torus(2_000)

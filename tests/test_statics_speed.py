@@ -1,6 +1,7 @@
 """What the speed of the statics rests on, without a clock: few passes, exact assembly, parts that are measured."""
 
 import json
+import weakref
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from dsfab import sparse
 from dsfab.app import bench
 from dsfab.errors import DsfabError
-from dsfab.statics import Elements, bending_stiffness, factor, membrane_stiffness
+from dsfab.sparse.pardiso import Pardiso
+from dsfab.statics import PAPER, Elements, bending_stiffness, factor, membrane_stiffness, sheet_stiffness
 from dsfab.statics.elements import assembled, edge_frames
 from dsfab.statics.factor import factored, refined
 from tests.test_statics import STEEL
@@ -112,3 +114,30 @@ def test_bench_measures_the_parts_of_the_statics(capsys):
 def test_bench_refuses_what_is_no_list_of_sizes(text):
     with pytest.raises(DsfabError, match="--vertices"):
         bench.bench("dome", vertices=text, stages="statics")
+
+
+def test_the_factor_takes_its_memory_when_the_scaled_copy_is_gone(monkeypatch):
+    """Nothing but the solver's own triangle is alive while it factorises: neither `inner` nor what made it."""
+    pytest.importorskip("pypardiso")
+    surface = ZOO["dome"]()
+    alive, made = [], []
+    original, call = factor._restricted, Pardiso._call
+
+    def restricted(*args):
+        matrix = original(*args)
+        made.append(weakref.ref(matrix))
+        return matrix
+
+    def watched(self, phase, b):
+        alive.append((phase, sum(matrix() is not None for matrix in made)))
+        return call(self, phase, b)
+
+    monkeypatch.setattr(factor, "_restricted", restricted)
+    monkeypatch.setattr(Pardiso, "_call", watched)
+    held = np.repeat(surface.V[:, 2] < 1e-9, 3)
+    K = sheet_stiffness(surface, STEEL, 0.01, "plane_stress", PAPER)
+    found = factored(surface, K, held)
+    assert [count for phase, count in alive if phase in (11, 22)] == [0, 0]
+    x = np.random.default_rng(0).standard_normal((len(found.free), 2))
+    assert_allclose(found.map @ x, found.inner @ x, atol=1e-12)
+    assert_allclose(found.map.astype(np.longdouble) @ x[:, 0], found.inner @ x[:, 0], atol=1e-12)

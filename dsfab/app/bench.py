@@ -1,7 +1,6 @@
 """`dsfab bench`: the paper's Table 2 for presets, each in a process of its own so that peak memory is its own."""
 
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -14,7 +13,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.build import Mesh, Set, Unit, read_preset
-from dsfab.app.report import Reporter, out, table
+from dsfab.app.report import Reporter, out, peak_memory, table
 from dsfab.errors import DsfabError
 
 ROWS = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening", "export", "total")
@@ -146,7 +145,7 @@ def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
         "vertices": design.surface.n,
         "triangles": design.surface.m,
         **{row: seconds[row] for row in ROWS},
-        "peak_mb": _peak(),
+        "peak_mb": peak_memory(),
         "compliance": design.statics.equilibrium.compliance,
     }
 
@@ -173,14 +172,9 @@ def measure_statics(name: str, changes: tuple[str, ...], mesh: Path | None, unit
         "stress": took["stress"],
         "total": assembly + took["statics"] + took["stress"],
         "cpu": cpu,
-        "peak_mb": _peak(),
+        "peak_mb": peak_memory(),
         "compliance": result.equilibrium.compliance,
     }
-
-
-def _peak() -> float:
-    """Peak memory of this process, MiB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def _in_own_process(

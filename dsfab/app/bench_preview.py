@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.app.report import table
+from dsfab.app.report import peak_memory, table
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import DsfabError
 
 if TYPE_CHECKING:
+    from dsfab.app.scene import Scene
     from dsfab.app.shader import StripeShader
+    from dsfab.app.view import View
 
 SIZES = (10_000, 60_000, 300_000, 1_000_000)
 """Triangles of the surfaces."""
@@ -27,6 +29,9 @@ SECONDS = 4.0
 """What one row is measured for, at least `LEAST` pictures of each kind."""
 
 LEAST = 4
+
+KINDS = ("plain", "shader", "graded", "walls")
+"""What is drawn, see `measure`."""
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
 """Names of renderers that run on the processor."""
@@ -47,12 +52,17 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     north, both = (i * rows + (j + 1) % rows).ravel(), ((i + 1) % columns * rows + (j + 1) % rows).ravel()
     F = np.concatenate([np.stack([here, east, both], axis=1), np.stack([here, both, north], axis=1)])
     far = np.full(len(V), np.inf)
-    return V, F, np.stack([np.sin(a), np.sin(b), far, far, far, far], axis=1)
+    half = 0.25 + 0.1 * np.cos(a)
+    return V, F, np.stack([np.sin(a), np.sin(b), half, half, far, far], axis=1)
 
 
 def measure(triangles: int) -> dict[str, Any]:
-    """Frames a second in this process: `plain`, `shader` (its numbers changed before each frame), `walls` (the same
-    with the walls of the sheet), and the milliseconds that a change of numbers takes alone."""
+    """Frames a second in this process: `plain`, `shader` (its numbers changed before each frame), `graded` (the same
+    with widths and a reach read at the vertices) and `walls` (with the walls of the sheet).
+
+    Also over_clock and over_cpu, the time of a frame of the shader over that of a plain one, drawn in turn, by the
+    clock and by the processor; the milliseconds that a change of numbers takes; and the peak memory, MiB.
+    """
     from dsfab.app.gl import require_rendering
     from dsfab.app.scene import Body, Scene
     from dsfab.app.shader import StripeShader
@@ -60,50 +70,67 @@ def measure(triangles: int) -> dict[str, Any]:
 
     require_rendering()
     V, F, fields = wavy_torus(triangles)
-    stripes = StripeShader(fields)
+    shaders = {"plain": None, "shader": StripeShader(fields), "graded": StripeShader(fields)}
     view = framed(V, named_side(V, np.array([0.0, 0.0, 1.0]), "20,40"), (-1.2, 1.2, -0.9, 0.9))
     colour = np.array((220, 156, 122), dtype=np.uint8)
-    found: dict[str, Any] = {"triangles": len(F)}
     scenes = {
         kind: Scene([Body(V, F, colour, casts=True, shader=shader)], np.zeros(3), 1.5)
-        for kind, shader in (("plain", None), ("shader", stripes))
+        for kind, shader in shaders.items()
     }
     try:
         scenes["plain"].frame(view, *PIXELS)  # only then there is a renderer to name
-        found["renderer"] = _renderer(scenes["plain"])
-        change: list[float] = []
-        kinds = {
-            "plain": lambda number: None,
-            "shader": lambda number: _changed(stripes, number),
-            "walls": lambda number: stripes.look(view.eye / 1.5, 0.01),
-        }
-        seconds: dict[str, list[float]] = {kind: [] for kind in kinds}
-        for together in (("plain", "shader"), ("walls",)):  # in turn, so that a busy machine is fair to both
-            start, number = time.perf_counter(), 0
-            while number < LEAST + 1 or time.perf_counter() - start < SECONDS:
-                for kind in together:
-                    begin = time.perf_counter()
-                    kinds[kind](number)
-                    change.append(time.perf_counter() - begin)
-                    scenes["plain" if kind == "plain" else "shader"].frame(view, *PIXELS)
-                    seconds[kind].append(time.perf_counter() - begin)
-                number += 1
+        renderer = _renderer(scenes["plain"])
+        taken = _frames(scenes, shaders, view)
     finally:
         for scene in scenes.values():
-            scene.plotter.close()
-    found |= {kind: 1 / median(taken[1:]) for kind, taken in seconds.items()}  # the first compiles
-    return found | {"change_ms": 1000 * median(change[1 : 2 * len(seconds["shader"]) : 2])}
+            scene.close()
+    clock, cpu, change = ({kind: median(row[k] for row in rows[1:]) for kind, rows in taken.items()} for k in range(3))
+    return {  # the first of each compiles
+        "triangles": len(F),
+        "renderer": renderer,
+        **{kind: 1 / seconds for kind, seconds in clock.items()},
+        "over_clock": clock["shader"] / clock["plain"],
+        "over_cpu": cpu["shader"] / cpu["plain"],
+        "change_ms": 1000 * change["shader"],
+        "peak_mb": peak_memory(),
+    }
 
 
-def _changed(stripes: "StripeShader", number: int) -> None:
-    from dsfab.app.shader import Settings
+def _frames(
+    scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
+) -> dict[str, list[tuple[float, float, float]]]:
+    """Seconds of each frame by kind: by the clock, by the processor, and those of the change before it."""
+    taken: dict[str, list[tuple[float, float, float]]] = {}
+    for together in (("plain", "shader", "graded"), ("walls",)):  # in turn, so that a busy machine is fair to all
+        start, number = time.perf_counter(), 0
+        while number < LEAST + 1 or time.perf_counter() - start < SECONDS:
+            for kind in together:
+                scene = "shader" if kind == "walls" else kind
+                begin, worked = time.perf_counter(), time.process_time()
+                if stripes := shaders[scene]:
+                    _changed(stripes, number, kind, view.eye / 1.5)
+                changed = time.perf_counter() - begin
+                scenes[scene].frame(view, *PIXELS)
+                now = time.perf_counter() - begin, time.process_time() - worked, changed
+                taken.setdefault(kind, []).append(now)
+            number += 1
+    return taken
 
-    stripes.set(Settings((4 + 0.1 * number, 9.0), (0.0, 0.0), (0.2, 0.15)))
+
+def _changed(stripes: "StripeShader", number: int, kind: str, eye: Floats) -> None:
+    from dsfab.app.shader import BY_VERTEX, NO_REACH, Settings
+
+    if kind == "walls":
+        stripes.look(eye, 0.01)
+        return
+    graded = kind == "graded"
+    half, reach = ((BY_VERTEX, BY_VERTEX), (0.1, NO_REACH)) if graded else ((0.2, 0.15), (NO_REACH, NO_REACH))
+    stripes.set(Settings((4 + 0.1 * number, 9.0), (0.0, 0.0), half, reach))
 
 
 def _renderer(scene: Any) -> str:
     """What VTK draws with, by its own words."""
-    said = re.search(r"OpenGL renderer string:\s*(.+)", scene.window.ReportCapabilities())
+    said = re.search(r"OpenGL renderer string:\s*(.+)", scene.window.window.ReportCapabilities())
     return said.group(1).strip() if said else "unknown"
 
 
@@ -126,14 +153,18 @@ def _in_own_process(triangles: int, more: dict[str, str]) -> dict[str, Any]:
 
 def rates_table(rows: list[dict[str, Any]]) -> str:
     """The rows as text, with what drew them and whether that is hardware."""
-    head = ("triangles", "plain fps", "shader fps", "with walls fps", "change ms", "drawn by")
+    frames = tuple(f"{kind} fps" for kind in KINDS)
+    head = ("triangles", *frames, "shader/plain", "by CPU", "change ms", "peak MiB", "drawn by")
     return table(
         head,
         (
             (
                 f"{row['triangles']:,}",
-                *(f"{row[kind]:.1f}" for kind in ("plain", "shader", "walls")),
+                *(f"{row[kind]:.1f}" for kind in KINDS),
+                f"{row['over_clock']:.2f}",
+                f"{row['over_cpu']:.2f}",
                 f"{row['change_ms']:.3f}",
+                f"{row['peak_mb']:.0f}",
                 f"{'software' if SOFTWARE.search(row['renderer']) else 'hardware'}: {row['renderer']}",
             )
             for row in rows

@@ -4,13 +4,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dsfab.app.palette import Palette
-from dsfab.app.scene import Bytes
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -26,13 +26,23 @@ PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """One variant: its number from 1, its parameters as (short name, text), its command, its picture or why not."""
+    """One variant: its number from 1, its parameters as (short name, text), its command, its picture or why not.
+
+    png : the picture as a PNG file: a tenth of the memory, and a sheet may have hundreds.
+    """
 
     number: int
     parameters: tuple[tuple[str, str], ...]
     command: str
-    picture: Bytes | None
+    png: bytes | None
     error: str = ""
+
+    @property
+    def picture(self) -> "Image | None":
+        """Read anew whenever it is asked for."""
+        from PIL import Image
+
+        return None if self.png is None else Image.open(BytesIO(self.png))
 
     @property
     def file(self) -> str:
@@ -80,7 +90,7 @@ def _put(sheet: "Image", tile: Tile, at: tuple[int, int], size: tuple[int, int],
 
     draw, (x, y), (wide, high) = ImageDraw.Draw(sheet), at, size
     hair, grey = _between(palette.text, palette.paper, 0.86), _between(palette.text, palette.paper, 0.5)
-    if tile.picture is None:
+    if (picture := tile.picture) is None:
         small = ImageFont.load_default(size=15)
         lines = _wrapped(tile.error, wide - 48, small)[: max(1, high // 22 - 2)]
         draw.rectangle((x, y, x + wide - 1, y + high - 1), outline=hair)
@@ -94,7 +104,7 @@ def _put(sheet: "Image", tile: Tile, at: tuple[int, int], size: tuple[int, int],
             spacing=6,
         )
     else:
-        sheet.paste(Image.fromarray(tile.picture).resize(size, Image.Resampling.LANCZOS), at)
+        sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), at)
     draw.line((x, y + high + 6, x + wide - 1, y + high + 6), fill=hair)
     number, font = f"{tile.number:03}", ImageFont.load_default(size=17)
     base = y + high + 30
@@ -142,10 +152,10 @@ def _on_page(across: int) -> int:
 def _figure(tile: Tile) -> str:
     terms = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in tile.parameters)
     alt = escape(f"Variant {tile.number}: {tile.label}", quote=True)
-    if tile.picture is None:
+    if (picture := tile.picture) is None:
         shown = f'<p class="why">{escape(tile.error)}</p>'
     else:
-        high, wide = tile.picture.shape[:2]
+        wide, high = picture.size
         shown = (
             f'<a href="{tile.file}"><img src="{tile.file}" alt="{alt}" width="{wide}" height="{high}" '
             'loading="lazy"></a>'
@@ -166,11 +176,9 @@ def pictures_of(folder: Path) -> set[str]:
 
 def save(tiles: Sequence[Tile], folder: Path) -> None:
     """Write the pictures of the tiles."""
-    from PIL import Image
-
     for tile in tiles:
-        if tile.picture is not None:
-            Image.fromarray(tile.picture).save(folder / tile.file)
+        if tile.png is not None:
+            (folder / tile.file).write_bytes(tile.png)
 
 
 _STYLE = """

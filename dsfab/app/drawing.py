@@ -11,6 +11,7 @@ from dsfab.app.scene import Bytes, Floats32, Pixels, Scene
 from dsfab.app.staging import Stage
 from dsfab.arrays import Bools
 from dsfab.errors import DsfabError
+from dsfab.sparse import give_back
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -49,6 +50,7 @@ def rendered(
     if stage.level is not None:
         level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
     brightness, share = light.shaded(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
+    give_back()  # what the lamps saw
     canvas = (_clear_floor if clear else _floor)(share, palette, width, height)
     pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
     lines = edges(pixels, 2.5 * pixel)
@@ -89,10 +91,14 @@ def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: i
 
 def _inked(pixels: Pixels, hit: Bools, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
     """(k, 3) colours of what is drawn: light on colour, darker at edges; marks keep their colour, for the legend."""
-    colour = pixels.colour[hit]
+    drawn, lines = pixels.colour[hit], lines[hit]
     fixed = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
-    flat = np.logical_or.reduce([(colour == np.array(mark, dtype=np.uint8)).all(axis=1) for mark in fixed])
-    amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness, brightness)
-    amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[hit]
-    tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # light adds up linearly, bytes do not
-    return np.asarray(np.minimum(colour * tone[:, None], 255).astype(np.uint8))
+    for start in range(0, len(drawn), light.CHUNK):
+        part = slice(start, start + light.CHUNK)
+        colour = drawn[part]
+        flat = np.logical_or.reduce([(colour == np.array(mark, dtype=np.uint8)).all(axis=1) for mark in fixed])
+        amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness[part], brightness[part])
+        amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[part]
+        tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # light adds up linearly, bytes do not
+        drawn[part] = np.minimum(colour * tone[:, None], 255).astype(np.uint8)
+    return drawn

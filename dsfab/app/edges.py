@@ -7,7 +7,7 @@ from dsfab.app.scene import Bytes, Floats32, Pixels
 TURN = np.float32(0.87)
 """Cosine of the angle from which an edge between faces is drawn."""
 
-STRIP = 256
+STRIP = 64
 """Rows searched for edges at a time."""
 
 

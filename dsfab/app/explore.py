@@ -84,7 +84,7 @@ def explore(
     finally:
         reporter.stop()
     if not quiet:
-        failed = sum(tile.picture is None for tile in drawn)
+        failed = sum(tile.png is None for tile in drawn)
         out(f"{len(drawn)} variants" + (f", {failed} of them impossible" if failed else ""))
         out(f"  {folder / PAGE_NAME}\n  {folder / SHEET_NAME}")
         if animate:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from dsfab.app.contact import Tile
 from dsfab.app.palette import Palette
-from dsfab.app.scene import Bytes
 from dsfab.app.variations import Values
 from dsfab.errors import DsfabError
 
@@ -35,7 +34,7 @@ def check_film(values: Values, fps: float) -> None:
 def write_film(tiles: Sequence[Tile], path: Path, name: str, fps: float, palette: Palette) -> None:
     """Write the pictures of the tiles with their parameters below, forth and back without end; impossible ones are
     left away."""
-    frames = [_frame(tile.picture, tile.label, name, palette) for tile in tiles if tile.picture is not None]
+    frames = [_frame(shown, tile.label, name, palette) for tile in tiles if (shown := tile.picture) is not None]
     turned = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
     long = [round(1000 / fps * (HOLD if place in ends else 1)) for place in turned]
@@ -46,10 +45,9 @@ def write_film(tiles: Sequence[Tile], path: Path, name: str, fps: float, palette
     first.save(path, save_all=True, append_images=rest, duration=long, loop=0, **lossy)
 
 
-def _frame(pixels: Bytes, label: str, name: str, palette: Palette) -> "Image":
+def _frame(picture: "Image", label: str, name: str, palette: Palette) -> "Image":
     from PIL import Image, ImageDraw, ImageFont
 
-    picture = Image.fromarray(pixels)
     letter = max(picture.height / 32, 10.0)
     page = Image.new("RGB", (picture.width, picture.height + round(3 * letter)), palette.paper)
     page.paste(picture, (0, 0))

@@ -22,6 +22,8 @@ AMBIENT = 0.10
 CHUNK = 1 << 15
 """Points lit at a time: what fits the cache."""
 
+ROWS = 64
+"""Rows of the picture whose points are found at a time."""
 
 FLOOR_STEP = 6
 """Pixels of the picture for one of the floor: its shadows are soft."""
@@ -160,28 +162,43 @@ def shaded(
     The floor is the plane at `level` along `floor`, in the scene's units; without a level there is none.
     """
     height, width = pixels.depth.shape
-    points, normals = _points(scene, view, pixels)
     if level is None:
-        return lit(scene, all_lamps, points, normals).sum(axis=0), None
+        return lit(scene, all_lamps, *_points(scene, view, pixels)).sum(axis=0), None
     coarse = (height // FLOOR_STEP, width // FLOOR_STEP)
     spots, there = _floor_points(scene, view, floor, level, coarse)
-    facing = np.broadcast_to(floor.astype(np.float32)[:, None], spots.shape)
-    light = lit(scene, all_lamps, np.hstack([points, spots]), np.hstack([normals, facing]))
-    drawn = points.shape[1]
+    points, normals = _points(scene, view, pixels, spare=spots.shape[1])
+    drawn = points.shape[1] - spots.shape[1]
+    points[:, drawn:], normals[:, drawn:] = spots, floor[:, None]
+    light = lit(scene, all_lamps, points, normals)
     return light[:, :drawn].sum(axis=0), _floor_share(
         light[:, drawn:], there, all_lamps.open(floor), all_lamps.quality.blur
     )
 
 
-def _points(scene: Scene, view: View, pixels: Pixels) -> tuple[Floats32, Floats32]:
-    """(3, k) points of the drawn pixels in the scene's units, and their normals, turned towards the eye."""
-    height, width = pixels.depth.shape
-    row, column = np.nonzero(np.isfinite(pixels.depth))
+def _points(scene: Scene, view: View, pixels: Pixels, spare: int = 0) -> tuple[Floats32, Floats32]:
+    """(3, k + spare) points of the k drawn pixels in the scene's units, and their normals, turned towards the eye."""
+    hit = np.isfinite(pixels.depth)
+    ends = np.concatenate([[0], np.cumsum(hit.sum(axis=1))])
+    points, normals = (np.empty((3, int(ends[-1]) + spare), dtype=np.float32) for _ in range(2))
+    for top in range(0, len(hit), ROWS):  # in strips: bounds the memory
+        rows = slice(top, top + ROWS)
+        here = slice(ends[top], ends[min(top + ROWS, len(hit))])
+        _strip_points(scene, view, pixels, hit, rows, (points[:, here], normals[:, here]))
+    return points, normals
+
+
+def _strip_points(
+    scene: Scene, view: View, pixels: Pixels, hit: Bools, rows: slice, into: tuple[Floats32, Floats32]
+) -> None:
+    """Points and normals of the drawn pixels in some rows."""
+    (points, normal), (height, width) = into, hit.shape
+    row, column = np.nonzero(hit[rows])
     x, y = rays(view, width, height)
-    x, y, depth = x[column], y[row], pixels.depth[row, column]
+    x, y, depth = x[column], y[rows][row], pixels.depth[rows][row, column]
     eye = (view.eye - scene.centre) / scene.radius
-    normal = pixels.normal[row, column].T.astype(np.float32) / np.float32(127.5) - 1
-    points = np.empty_like(normal)
+    normal[:] = pixels.normal[rows][row, column].T
+    normal /= np.float32(127.5)
+    normal -= 1
     away = np.zeros_like(depth)
     for a in range(3):
         ray = x * np.float32(view.right[a]) + y * np.float32(view.up[a]) + np.float32(view.forward[a])
@@ -189,7 +206,6 @@ def _points(scene: Scene, view: View, pixels: Pixels) -> tuple[Floats32, Floats3
         points[a] = ray * depth + np.float32(eye[a])
     length = np.maximum(np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2), np.float32(1e-6))
     normal /= np.where(away > 0, -length, length)
-    return points, normal
 
 
 def _floor_points(

@@ -28,6 +28,7 @@ from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pipeline import draft
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
+from dsfab.sparse import give_back
 from dsfab.surface import Surface
 
 NOMINAL = (1600, 1200)
@@ -116,7 +117,7 @@ class Previewer:
 
     def close(self) -> None:
         """Give the window back."""
-        self._scene.plotter.close()
+        self._scene.close()
 
     @property
     def preset(self) -> Preset:
@@ -187,6 +188,7 @@ class Previewer:
         view = self._view(size, words)
         stage = replace(self._stage, view=view)
         image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
+        give_back()  # a hundred megabytes of pictures on the way to this one
         alone = len(stage.bodies) == 1  # then nothing is seen if there is no material, and that costs no frame
         if self._scene.empty if alone else not self.mask(size, words).any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")

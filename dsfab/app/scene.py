@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.app.view import View
+from dsfab.app.window import Window, put, split_mesh
 from dsfab.arrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -62,43 +63,45 @@ class Scene:
     """
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
-        import pyvista as pv
-        from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
-
         self.centre, self.radius = centre, radius
-        plotter: Any = pv.Plotter  # its decorated constructor is typed as a method
-        self.plotter = plotter(off_screen=True, window_size=[64, 64], lighting="none")
+        self.window = Window()
         try:
-            self.plotter.set_background("black")
-            self.window: Any = self.plotter.render_window
-            self.window.SetMultiSamples(0)  # mixed normals and depths at edges would be neither
             self.actors = [self._add(body) for body in bodies]
             self.bodies = bodies
             self.empty = True
-            self._pixel = vtkUnsignedCharArray()
             self.casts = [body.casts for body in bodies]
         except BaseException:
-            self.plotter.close()
+            self.close()
             raise
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.plotter.close()
+        self.close()
+
+    def close(self) -> None:
+        """Give the window back."""
+        self.window.close()
 
     def pixels(self, view: View, width: int, height: int) -> Pixels:
         """What the eye sees."""
         near, far = self._look(view)
-        self.window.SetSize(width, height)
+        self.window.resize(width, height)
         with self._walls(view):
             self._colour_by("normal")
-            z, normal = self._depth(), self._colours()
+            z, normal = self._depth(), self.window.colours()
             self._colour_by("colour")
-            self.window.Render()
-        self.empty = not (z < 1).any()
-        depth = np.where(z < 1, near * far / (far - z * (far - near)), np.inf).astype(np.float32)
-        return Pixels(depth, normal, self._colours())
+            self.window.draw()
+        hit = z < 1
+        self.empty = not hit.any()
+        z *= near - far  # in place: a picture for print has 24 million pixels
+        z += far
+        depth = np.divide(near * far, z, out=z)
+        depth[~hit] = np.inf
+        colour = self.window.colours()
+        self.window.rest()
+        return Pixels(depth, normal, colour)
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:
@@ -114,15 +117,15 @@ class Scene:
     def frame(self, view: View, width: int, height: int) -> None:
         """Draw, wait until it is drawn, and read nothing back but the middle pixel."""
         self._look(view)
-        self.window.SetSize(width, height)
-        self.window.Render()
-        self.window.GetPixelData(width // 2, height // 2, width // 2, height // 2, 1, self._pixel, 0)
+        self.window.resize(width, height)
+        self.window.draw()
+        self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
         """(h, w) where the eye sees something that casts shadows, were it alone."""
         with self.lamps():
             self._look(view)
-            self.window.SetSize(width, height)
+            self.window.resize(width, height)
             return np.asarray(self._depth() < 1)
 
     @contextmanager
@@ -139,8 +142,8 @@ class Scene:
 
         frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
         """
-        self.window.SetSize(side, side)
-        camera = self.plotter.camera
+        self.window.resize(side, side)
+        camera = self.window.camera
         camera.SetParallelProjection(True)
         camera.SetParallelScale(1.0)
         camera.SetPosition(*(3 * frame[2]))
@@ -152,7 +155,7 @@ class Scene:
 
     def _look(self, view: View) -> tuple[float, float]:
         """Point the camera; returns its nearest and farthest depth."""
-        camera = self.plotter.camera
+        camera = self.window.camera
         eye = (view.eye - self.centre) / self.radius
         camera.SetParallelProjection(False)
         camera.SetPosition(*eye)
@@ -165,23 +168,8 @@ class Scene:
         return near, far
 
     def _depth(self) -> Floats32:
-        import pyvista as pv
-        from vtkmodules.vtkCommonCore import vtkFloatArray
-
-        self.window.Render()
-        width, height = self.window.GetSize()
-        values = vtkFloatArray()
-        self.window.GetZbufferData(0, 0, width - 1, height - 1, values)
-        return np.array(pv.convert_array(values)).reshape(height, width)[::-1]
-
-    def _colours(self) -> Bytes:
-        import pyvista as pv
-        from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
-
-        width, height = self.window.GetSize()
-        values = vtkUnsignedCharArray()
-        self.window.GetPixelData(0, 0, width - 1, height - 1, 1, values, 0)
-        return np.array(pv.convert_array(values)).reshape(height, width, 3)[::-1]
+        self.window.draw()
+        return self.window.depth()
 
     def _colour_by(self, name: str) -> None:
         for actor, body in zip(self.actors, self.bodies, strict=True):
@@ -196,24 +184,17 @@ class Scene:
 
     def _add(self, body: Body) -> Any:
         """Hand a body to VTK with two colourings, by 'normal' of its corners and by 'colour' of its faces."""
-        import pyvista as pv
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-        cells = np.column_stack([np.full(len(body.F), 3), body.F]).ravel()
-        points = ((body.V - self.centre) / self.radius).astype(np.float32)
-        mesh = pv.PolyData(points, cells)
-        mesh.point_data["vertex"] = np.arange(len(points))  # corners are split: who comes from where
-        mesh = mesh.compute_normals(
-            cell_normals=False, split_vertices=True, feature_angle=SPLIT, consistent_normals=False
-        )
-        mesh.point_data["normal"] = np.round((np.asarray(mesh.point_data["Normals"]) + 1) * 127.5).astype(np.uint8)
-        mesh.cell_data["colour"] = np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8)
+        mesh, normals, source = split_mesh((body.V - self.centre) / self.radius, body.F, SPLIT)
+        put(mesh.GetPointData(), "normal", np.round((normals + 1) * 127.5).astype(np.uint8))
+        put(mesh.GetCellData(), "colour", np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8))
         mapper, actor = vtkPolyDataMapper(), vtkActor()
         mapper.SetInputData(mesh)
         mapper.SetColorModeToDirectScalars()
         actor.SetMapper(mapper)
         actor.GetProperty().LightingOff()
         if body.shader:
-            body.shader.attach(actor, mapper, mesh, np.asarray(mesh.point_data["vertex"]))
-        self.plotter.add_actor(actor, reset_camera=False, render=False)
+            body.shader.attach(actor, mapper, mesh, source)
+        self.window.add(actor)
         return actor

@@ -4,12 +4,13 @@ It asks the question that slicing answers with cuts, material is |z - k| < d for
 fields at every pixel. So a change of pattern is a change of a few numbers on the graphics side.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from dsfab.app.scene import Bytes, Colour, Floats32
+from dsfab.app.window import put
 from dsfab.arrays import Floats, Ints
 from dsfab.pattern.wave import GLSL
 
@@ -28,23 +29,31 @@ SHADE = 0.82
 STEEPEST = 4.0
 """A slab that is seen along itself shows at most this many half thicknesses of its wall."""
 
-_DECLARED = "//VTK::CustomUniforms::Dec"
-_VERTEX = (
-    (
-        _DECLARED,
-        "in vec4 stripesMC;\nin vec2 keptMC;\nout vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;\n",
-    ),
-    ("//VTK::CustomBegin::Impl", "  stripesVS = stripesMC;\n  keptVS = keptMC;\n  dsWhere = vertexMC.xyz;\n"),
-)
-_FRAGMENT = (
-    (
-        _DECLARED,
-        f"""in vec4 stripesVS;
-in vec2 keptVS;
-in vec3 dsWhere;
-{GLSL}
+_DECLARED, _GIVEN = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
+_CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
+
+FIELDS = ("modes", "widths", "kept")
+"""What may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
+
+TIE = 2e-6
+"""Periods by which what is nowhere or everywhere wide is so beyond the rounding of the graphics side."""
+
+# |t - nearest integer + 1/2| is (wave(t) + 1) / 4: material is where it exceeds 1/2 - d. All that is linear is done at
+# the vertices, since software rendering pays for each uniform at each pixel
+_STRIPES = f"""
+  vec2 dsWide = HALF;
+  vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
+  dsStripes = vec4(dsFrequency * modesMC + dsPhase - 0.5, 0.5 - dsWide + dsTie);
 """
-        """
+_HALF = "vec2(dsDrawn.x < 0.0 ? widthsMC.x : dsDrawn.x, dsDrawn.y < 0.0 ? widthsMC.y : dsDrawn.y)"
+_REACHED = "  dsReached = dsReach - keptMC;\n"
+_THIN = """
+  vec2 dsOff = abs(dsStripes.xy - roundEven(dsStripes.xy));
+  vec3 dsHere = vec3(dsOff - dsStripes.zw, REACHED);
+  if (all(lessThanEqual(dsOff, dsStripes.zw)) && REACHED <= 0.0) discard;
+"""
+
+_DEPTH = """
 // how deep in material: of the major and of the minor stripes, and of what is kept; material is > 0
 vec3 dsDepth(vec4 stripes, vec2 kept) {
   vec2 d = vec2(dsHalfWidth.x < 0.0 ? stripes.z : dsHalfWidth.x, dsHalfWidth.y < 0.0 ? stripes.w : dsHalfWidth.y);
@@ -55,23 +64,11 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
   return vec3(major, minor, max(reach.x, reach.y));
 }
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
-""",
-    ),
-    (
-        "//VTK::Clip::Impl",
-        """
-  vec3 dsHere = dsDepth(stripesVS, keptVS);
-  if (dsMost(dsHere) <= 0.0) discard;
-""",
-    ),
-)
-
+"""
 
 # a slab: the ray goes through it sideways, and so through the fields, which are linear here; it ends in face or wall.
 # A program of its own: software rendering runs both sides of every `if`
-_WALLS = (
-    "//VTK::Clip::Impl",
-    """
+_WALLS = """
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
   vec4 sx = dFdx(stripesVS), sy = dFdy(stripesVS);
@@ -95,12 +92,9 @@ _WALLS = (
     dsWall = dot(dsWall, dsWall) > 0.0 ? normalize(dsWall) : -normalize(across);
   }
   if (dsMost(dsHere) <= 0.0) discard;
-""",
-)
+"""
 
-
-_COLOURS = "//VTK::TCoord::Impl"
-_TINTED = "  gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsKept;\n"
+_TINTED = "  gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsRest;\n"
 _WALL_COLOUR = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb *= dsShade;\n"
 _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWall + 0.5;\n"
 
@@ -124,6 +118,47 @@ WHOLE, NOTHING = Settings(), Settings(half_width=(0.0, 0.0))
 """All of the surface, and none of it: what a working shader draws wholly, and leaves away wholly."""
 
 
+@dataclass(frozen=True)
+class Program:
+    """What a shader computes; nothing else is sent to it, since software rendering pays for each number per triangle.
+
+    vary : names of `FIELDS` that it reads at the vertices, modes among them.
+    walls, normals, tinted : whether walls are seen, normals given out, families tinted.
+    """
+
+    vary: tuple[str, ...] = ("modes",)
+    walls: bool = False
+    normals: bool = False
+    tinted: bool = False
+
+    def vertex(self) -> tuple[tuple[str, str], ...]:
+        """Replacements in the vertex shader."""
+        declared, given = [f"in vec2 {name}MC;" for name in self.vary], []
+        if self.walls:
+            declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
+            widths, kept = (f"{name}MC" if name in self.vary else "vec2(0.0)" for name in FIELDS[1:])
+            given.append(f"  stripesVS = vec4(modesMC, {widths});\n  keptVS = {kept};\n  dsWhere = vertexMC.xyz;\n")
+        else:
+            declared.append("out vec4 dsStripes;")
+            given.append(_STRIPES.replace("HALF", _HALF if "widths" in self.vary else "dsDrawn"))
+            if "kept" in self.vary:
+                declared.append("out vec2 dsReached;")
+                given.append(_REACHED)
+        return (_DECLARED, "\n".join(declared) + "\n"), (_GIVEN, "".join(given))
+
+    def fragment(self) -> tuple[tuple[str, str], ...]:
+        """Replacements in the fragment shader."""
+        colour = _TINTED if self.tinted and not self.normals else ""
+        if self.walls:
+            declared = f"in vec4 stripesVS;\nin vec2 keptVS;\nin vec3 dsWhere;\n{GLSL}\n{_DEPTH}"
+            colour += _WALL_NORMAL if self.normals else _WALL_COLOUR
+            return (_DECLARED, declared), (_CLIP, _WALLS), (_COLOURS, colour)
+        kept = "kept" in self.vary
+        declared = "in vec4 dsStripes;\n" + ("in vec2 dsReached;\n" if kept else "")
+        thin = _THIN.replace("REACHED", "max(dsReached.x, dsReached.y)" if kept else "-1.0")
+        return (_DECLARED, declared), (_CLIP, thin), (_COLOURS, colour)
+
+
 @dataclass(eq=False)
 class StripeShader:
     """The shader of one body; `fields` and `settings` may be changed between pictures.
@@ -135,29 +170,23 @@ class StripeShader:
 
     fields: Floats
     tints: tuple[Colour, Colour, Colour] | None = None
+    program: Program = Program()
     _parts: list[dict[str, Any]] = field(default_factory=list)
-    _walls: bool = False
-    _normals: bool = False
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
         """Put the shader on an actor; `source` (k,) is the body's vertex that each point of its mesh comes from."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
-        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": (False, "")})
+        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
         self.replace_fields(self.fields)
-        for name in ("stripes", "kept"):
+        for name in FIELDS:
             mapper.MapDataArrayToVertexAttribute(name + "MC", name, vtkDataObject.FIELD_ASSOCIATION_POINTS, -1)
-        code = actor.GetShaderProperty()
-        for tag, text in _VERTEX:
-            code.AddVertexShaderReplacement(tag, True, f"{tag}\n{text}", False)
-        for tag, text in _FRAGMENT:
-            code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
         self.set(WHOLE)
         self.look(None, 0.0)
         for uniforms in self._uniforms():
             uniforms.SetUniformf("dsSteep", 1 / STEEPEST)
             uniforms.SetUniformf("dsShade", SHADE)
-            for name, tint in zip(("dsMajor", "dsMinor", "dsKept"), self.tints or 3 * ((0, 0, 0),), strict=True):
+            for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
         self.colour_by("colour")
 
@@ -167,20 +196,24 @@ class StripeShader:
         values: Floats32 = np.where(np.isfinite(fields), fields, FAR).astype(np.float32)
         for part in self._parts:
             mesh, at = part["mesh"], part["source"]
-            mesh.point_data["stripes"] = np.ascontiguousarray(values[at, :4])
-            mesh.point_data["kept"] = np.ascontiguousarray(values[at, 4:])
+            for k, name in enumerate(FIELDS):
+                put(mesh.GetPointData(), name, values[at, 2 * k : 2 * k + 2])
 
     def recolour(self, face: Bytes) -> None:
         """Other colours of the faces, (m, 3)."""
         for part in self._parts:
-            part["mesh"].cell_data["colour"] = np.array(face)
+            put(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: Settings) -> None:
-        """Other numbers: takes microseconds."""
+        """Other numbers: takes microseconds, but for the first with widths or reaches, or without them."""
+        drawn = [d if on > 0.5 else 0.0 for d, on in zip(settings.half_width, settings.shown, strict=True)]
+        widths, kept = min(drawn) < 0, max(settings.reach) > NO_REACH
+        self._run(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if kept else ())))
         for uniforms in self._uniforms():
             uniforms.SetUniform2f("dsFrequency", settings.frequency)
             uniforms.SetUniform2f("dsPhase", settings.phase)
             uniforms.SetUniform2f("dsHalfWidth", settings.half_width)
+            uniforms.SetUniform2f("dsDrawn", drawn)
             uniforms.SetUniform2f("dsReach", settings.reach)
             uniforms.SetUniform2f("dsShown", settings.shown)
 
@@ -189,29 +222,30 @@ class StripeShader:
 
         A hint, no solid: walls are those of a slab in the plane of each triangle, and the rim of the surface has none.
         """
-        self._walls = eye is not None and half > 0
-        self._program()
+        walls = eye is not None and half > 0
+        self._run(walls=walls)
         for uniforms in self._uniforms():
             uniforms.SetUniform3f("dsEye", [0.0, 0.0, 0.0] if eye is None else [float(x) for x in eye])
-            uniforms.SetUniformf("dsThick", half if self._walls else 0.0)
+            uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
         """Give out 'colour' or 'normal'."""
-        self._normals = name == "normal"
-        self._program()
+        self._run(normals=name == "normal")
 
-    def _program(self) -> None:
-        """Put together what the fragments need, and no more: VTK keeps the programs that it has compiled."""
-        colour = _TINTED if self.tints and not self._normals else ""
-        if self._walls:
-            colour += _WALL_NORMAL if self._normals else _WALL_COLOUR
+    def _run(self, **changes: Any) -> None:
+        """Put the program together again where it changes: VTK keeps those that it has compiled."""
+        self.program = replace(self.program, tinted=self.tints is not None, **changes)
         for part in self._parts:
-            if part["program"] == (self._walls, colour):
+            if part["program"] == self.program:
                 continue
-            part["program"] = (self._walls, colour)
+            part["program"] = self.program
             code = part["actor"].GetShaderProperty()
-            for tag, text in (_WALLS if self._walls else _FRAGMENT[1], (_COLOURS, colour)):
+            for tag, text in self.program.vertex():
+                code.AddVertexShaderReplacement(tag, True, f"{tag}\n{text}", False)
+            for tag, text in self.program.fragment():
                 code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
 
     def _uniforms(self) -> list[Any]:
-        return [part["actor"].GetShaderProperty().GetFragmentCustomUniforms() for part in self._parts]
+        """Of both kinds of shader: a name that stands in both is one number."""
+        codes = [part["actor"].GetShaderProperty() for part in self._parts]
+        return [one for code in codes for one in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())]

@@ -1,6 +1,7 @@
 """What a sweep's folder shows to people: a page, a contact sheet, and a few lines at the end."""
 
 import time
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,15 +92,15 @@ def _sheet(folder: SweepFolder, rows: list[Row]) -> "Image":
 
 
 def _tile(folder: Path, row: Row, metric: str) -> Tile:
-    import numpy as np
     from PIL import Image
 
     picture, name = None, picture_of(row)
     if name:
         try:
-            with Image.open(folder / name) as image:
-                picture = np.asarray(image.convert("RGB"))
-        except OSError:  # taken away by hand: the numbers are still there
+            picture = (folder / name).read_bytes()
+            with Image.open(BytesIO(picture)) as image:
+                image.load()
+        except OSError:  # taken away or spoilt by hand: the numbers are still there
             picture = None
     short = short_names(list(row.changes))
     parameters = [(short[key], _brief(value)) for key, value in row.changes.items()]

@@ -8,6 +8,7 @@ from typing import Any
 
 from dsfab.app import light
 from dsfab.app.contact import Tile
+from dsfab.app.files import png
 from dsfab.app.report import Reporter, size
 from dsfab.app.studio import Studio
 from dsfab.app.variations import (
@@ -49,7 +50,7 @@ class Variants:
         with self._studio() as studio:
             for index in best_order(self.values):
                 done[index] = self._tile(index + 1, listed[index], studio)
-        if all(tile.picture is None for tile in done.values()):
+        if all(tile.png is None for tile in done.values()):
             raise DsfabError(f"none of the {total} variants can be drawn; the first: {done[0].error}")
         return [done[index] for index in range(total)]
 
@@ -67,7 +68,7 @@ class Variants:
             picture = previewer.picture(self.pixels, quality=light.QUICK, words=False)
         except DsfabError as error:
             return Tile(number, parameters, command, None, str(error))
-        return Tile(number, parameters, command, picture)
+        return Tile(number, parameters, command, png(picture))
 
     def _refuse(self, total: int, reporter: Reporter) -> None:
         """Draw the first variant that can be drawn alone, to say how long all would take."""
@@ -75,7 +76,7 @@ class Variants:
         with self._studio() as studio:
             for number, changes in enumerate(combinations(self.values), start=1):
                 tile = self._tile(number, changes, studio)
-                if tile.picture is not None or number == ASKS:
+                if tile.png is not None or number == ASKS:
                     break
             start = time.perf_counter()
             self._tile(number, changes, studio)

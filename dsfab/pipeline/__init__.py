@@ -12,6 +12,7 @@ from dsfab.pipeline.patterns import pattern_step
 from dsfab.pipeline.stressing import stressed_step
 from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
+from dsfab.sparse import give_back
 
 __all__ = ["PARTS", "ROWS", "TIMED", "Progress", "draft", "revise", "run"]
 
@@ -84,6 +85,7 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
         given = preset, surface, statics, diffusion, log, choice
         grading = stressed_step(*given) if preset.pattern.width.rule == "stressed" else None
         pattern = pattern_step(*given, grading)
+    give_back()  # what the solvers held: whoever draws needs memory of another shape
     return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
 
 

@@ -15,14 +15,13 @@ import importlib.util
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
 from dsfab.sparse import multigrid
-from dsfab.sparse.memory import FactorMemoryError, require_memory
+from dsfab.sparse.memory import FactorMemoryError, give_back, require_memory
 from dsfab.sparse.multifrontal import Fronts, Multifrontal, NotPositiveDefinite
 from dsfab.sparse.multigrid import ConvergenceError, Multigrid
-from dsfab.sparse.pardiso import Pardiso
+from dsfab.sparse.pardiso import Matrix, Pardiso, made
 from dsfab.sparse.superlu import SuperLU
 from dsfab.sparse.threads import one_blas_thread
 
@@ -33,6 +32,7 @@ __all__ = [
     "NotPositiveDefinite",
     "SuperLU",
     "factorise",
+    "give_back",
     "one_blas_thread",
     "solver_name",
 ]
@@ -47,10 +47,12 @@ def solver_name() -> str:
 
 
 def factorise(
-    K: csr_array, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
+    K: Matrix, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
 ) -> Factor:
     """The function b -> K^-1 b for a symmetric positive definite K (N, N) with all its diagonal.
 
+    K      : or a function that makes it, which is called where K is needed: PARDISO then keeps its upper triangle
+             alone while it works, which is when most memory is taken.
     points : (n, 3) positions; they only steer the elimination order.
     node   : (N,) the point that each unknown sits on; unknown i on point i when left out.
     solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; when left out, the first of the ladder that fits.
@@ -59,31 +61,37 @@ def factorise(
     Raises NotPositiveDefinite when the factorisation meets a pivot that is not positive, and FactorMemoryError when the
     factor would not fit and multigrid cannot be used.
     """
-    node = np.arange(K.shape[0]) if node is None else node
+    node = np.arange(len(points)) if node is None else node
     build = _BUILDERS[solver or solver_name()]
     try:
         return build(K, points, node, rigid)
     except FactorMemoryError:
         if solver or rigid is None or not multigrid.installed() or np.bincount(node).max() > 3:
             raise
-        return Multigrid(K, node, rigid)
+        return Multigrid(made(K), node, rigid)
 
 
-def _multifrontal(K: csr_array, points: Floats, node: Ints, _rigid: Floats | None) -> Multifrontal:
+def _multifrontal(K: Matrix, points: Floats, node: Ints, _rigid: Floats | None) -> Multifrontal:
+    K = made(K)
     fronts = Fronts.of(K, points, node)
     require_memory(8 * fronts.peak)
     return Multifrontal(K, fronts)
 
 
-def _multigrid(K: csr_array, _points: Floats, node: Ints, rigid: Floats | None) -> Multigrid:
+def _multigrid(K: Matrix, _points: Floats, node: Ints, rigid: Floats | None) -> Multigrid:
     if rigid is None:
         raise ValueError("multigrid needs the rigid motions")
-    return Multigrid(K, node, rigid)
+    return Multigrid(made(K), node, rigid)
 
 
-_BUILDERS: dict[str, Callable[[csr_array, Floats, Ints, Floats | None], Factor]] = {
-    "PARDISO": lambda K, _points, _node, _rigid: Pardiso(K),
+_BUILDERS: dict[str, Callable[[Matrix, Floats, Ints, Floats | None], Factor]] = {
+    "PARDISO": lambda K, _points, node, _rigid: Pardiso(K, _blocks(node)),
     "multifrontal": _multifrontal,
-    "SuperLU": lambda K, points, node, _rigid: SuperLU(K, points, node),
+    "SuperLU": lambda K, points, node, _rigid: SuperLU(made(K), points, node),
     "multigrid": _multigrid,
 }
+
+
+def _blocks(node: Ints) -> bool:
+    """Whether points have several unknowns each: PARDISO then analyses blocks."""
+    return len(node) > 1.5 * float(np.count_nonzero(np.bincount(node)))

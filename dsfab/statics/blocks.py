@@ -21,7 +21,7 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
-    """Which vertices a stiffness couples, once for a mesh, and where the entries of its blocks stand in the matrix.
+    """Which vertices a stiffness couples, once for a mesh, and where their blocks stand in the matrix.
 
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
                vertices of all hinges where these are asked for.
@@ -59,25 +59,16 @@ class VertexPairs:
 
     @cached_property
     def _places(self) -> tuple[Index, Index, Index]:
-        """Row pointers and columns of the matrix, and for each entry its number among p off-diagonal blocks of nine,
-        then n diagonal ones, each entry of the block in a row of its own: (9, p + n)."""
+        """Row pointers and columns of the matrix in blocks, and the number of each block: p above the diagonal, the
+        same p below it, then n on it."""
         low, high = self.ends.T.astype(np.int32)
         own, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
-        count = len(pair) + self.n
         # in this order the columns of each row ascend by themselves
         row, column = np.concatenate([high, own, low]), np.concatenate([low, own, high])
         begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
         order = np.argsort(row, kind="stable")
-        entry = count * np.arange(9).reshape(3, 3)
-        number = np.concatenate([pair, len(pair) + own, pair])[order]
-        lower = np.concatenate([np.ones(len(pair), dtype=bool), np.zeros(count, dtype=bool)])[order]
-        blocks = number[:, None, None] + np.where(lower[:, None, None], entry.T, entry)
-        places = bsr_array((blocks.astype(np.float64), column[order], begin), (3 * self.n, 3 * self.n)).tocsr()
-        at: Index = places.data.astype(np.int32 if 9 * count < 2**31 else np.int64)
-        found: tuple[Index, Index, Index] = places.indptr, places.indices, at
-        for array in found:
-            array.flags.writeable = False  # all matrices of the mesh share them
-        return found
+        number = np.concatenate([len(pair) + pair, 2 * len(pair) + own, pair])[order]
+        return begin, column[order], number
 
     def matrix(self, blocks: Floats) -> csr_array:
         """(3 n, 3 n) the stiffness whose blocks between `ends` are (9, p), row by row, smaller vertex first.
@@ -91,9 +82,10 @@ class VertexPairs:
             for upper, lower in zip(blocks, below, strict=True)
         ]
         mean = (np.stack(own).reshape(3, 3, -1) + np.stack(own).reshape(3, 3, -1).transpose(1, 0, 2)) / 2
-        pointer, columns, place = self._places
-        values = np.concatenate([blocks, mean.reshape(9, -1)], axis=1).ravel()
-        return csr_array((values[place], columns, pointer), shape=(3 * self.n, 3 * self.n))
+        begin, column, number = self._places
+        # block by block: the places of single entries would take a third of the memory of the matrix
+        values = np.concatenate([blocks.T, below.T, mean.reshape(9, -1).T])[number].reshape(-1, 3, 3)
+        return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
 
 
 def summed_blocks(u: Floats, v: Floats, at: Ints, count: int) -> Floats:

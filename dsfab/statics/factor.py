@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, Protocol, Self
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -19,19 +21,56 @@ REFINEMENTS = 6
 """Steps at most; two or three reach what the numbers hold."""
 
 
+class Map(Protocol):
+    """What `refined` asks of a matrix: products, and itself in longer numbers."""
+
+    def __matmul__(self, x: Any, /) -> Any: ...
+
+    def astype(self, dtype: Any, /) -> Any: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """diag(scale) K diag(scale) on the unknowns `free` as a map, without a matrix of its own: see `Factor`."""
+
+    K: csr_array
+    free: Ints
+    scale: Floats
+
+    def __matmul__(self, x: Floats) -> Floats:
+        scale = self.scale if x.ndim == 1 else self.scale[:, None]
+        full = np.zeros((self.K.shape[0], *x.shape[1:]), dtype=x.dtype)
+        full[self.free] = scale * x
+        return np.asarray(scale * (self.K @ full)[self.free])
+
+    def astype(self, dtype: Any) -> Self:
+        """The same in other numbers."""
+        return type(self)(self.K.astype(dtype), self.free, self.scale.astype(dtype))
+
+
 @dataclass(frozen=True, eq=False)
 class Factor:
     """A factorised stiffness.
 
+    K     : the stiffness that was factorised, of all unknowns.
     free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
-    inner : (N, N) the stiffness of the free unknowns with a unit diagonal.
     solve : the function b -> inner^-1 b.
     """
 
+    K: csr_array
     free: Ints
     scale: Floats
-    inner: csr_array
     solve: Callable[[Floats], Floats]
+
+    @property
+    def map(self) -> Scaled:
+        """`inner` for products alone, in no memory."""
+        return Scaled(self.K, self.free, self.scale)
+
+    @cached_property
+    def inner(self) -> csr_array:
+        """(N, N) the stiffness of the free unknowns with a unit diagonal: made when it is asked for."""
+        return _restricted(self.K, self.free, self.scale)
 
 
 def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
@@ -43,14 +82,14 @@ def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
     free = np.flatnonzero(~held & (diagonal > 0))
     # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
     scale = 1 / np.sqrt(diagonal[free])
-    inner = _restricted(K, free, scale)
     points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
     node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
     rigid = None
     if K.shape[0] == 3 * surface.n:
         rigid = rigid_motions(surface.V).reshape(-1, 6)[free] / scale[:, None]
     try:
-        return Factor(free, scale, inner, factorise(inner, points, node, rigid=rigid))
+        # made where it is used and gone before the factor takes its memory
+        return Factor(K, free, scale, factorise(partial(_restricted, K, free, scale), points, node, rigid=rigid))
     except NotPositiveDefinite as error:
         raise StaticsError(
             "the sheet is a mechanism: parts of it meet in single points or are not held; "
@@ -92,7 +131,7 @@ def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
     return inner
 
 
-def refined(K: csr_array, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+def refined(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r / b . x).
 
     A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with the residual in the longest

@@ -66,8 +66,13 @@ class SheetStress:
     def __post_init__(self) -> None:
         lock(self, "frame", np.float64, (None, 2, 3))
         m = len(self.frame)
-        for name in ("membrane", "bending", "smooth_membrane", "smooth_bending"):
+        for name in ("membrane", "bending"):
+            given, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
+            if getattr(self, smooth) is given:  # one copy is enough
+                object.__setattr__(self, smooth, getattr(self, name))
+            else:
+                lock(self, smooth, np.float64, (m, 3, 3))
         for name in ("membrane_energy", "bending_energy"):
             lock(self, name, np.float64, (m,))
 

@@ -241,7 +241,7 @@ def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of:
         return U, np.zeros(F.shape[1])
     factor = factor_of(surface, K, held)
     scale = factor.scale[:, None]
-    x, residual = refined(factor.inner, scale * F[factor.free], factor.solve)
+    x, residual = refined(factor.map, scale * F[factor.free], factor.solve)
     U[factor.free] = scale * x
     return U, residual
 
