@@ -257,7 +257,7 @@ def versions() -> dict[str, str]:
     """dsfab, Python and the libraries that a result depends on."""
     from dsfab.sparse import solver_name
 
-    libraries = ("numpy", "scipy", "libigl", "manifold3d", "trimesh", "build123d", "vtk")
+    libraries = ("numpy", "scipy", "libigl", "manifold3d", "trimesh", "build123d", "pyvista", "vtk")
     found = {name: version(name) for name in libraries}
     return {"dsfab": __version__, "python": platform.python_version(), "solver": solver_name(), **found}
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.app.view import View
-from dsfab.app.window import Window, put, split_mesh
+from dsfab.app.window import Window, split_mesh
 from dsfab.arrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -187,8 +187,8 @@ class Scene:
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
         mesh, normals, source = split_mesh((body.V - self.centre) / self.radius, body.F, SPLIT)
-        put(mesh.GetPointData(), "normal", np.round((normals + 1) * 127.5).astype(np.uint8))
-        put(mesh.GetCellData(), "colour", np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8))
+        mesh.point_data["normal"] = np.round((normals + 1) * 127.5).astype(np.uint8)
+        mesh.cell_data["colour"] = np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8)
         mapper, actor = vtkPolyDataMapper(), vtkActor()
         mapper.SetInputData(mesh)
         mapper.SetColorModeToDirectScalars()

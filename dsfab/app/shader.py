@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from dsfab.app.scene import Bytes, Colour, Floats32
-from dsfab.app.window import put
 from dsfab.arrays import Floats, Ints
 from dsfab.pattern.wave import GLSL
 
@@ -197,12 +196,12 @@ class StripeShader:
         for part in self._parts:
             mesh, at = part["mesh"], part["source"]
             for k, name in enumerate(FIELDS):
-                put(mesh.GetPointData(), name, values[at, 2 * k : 2 * k + 2])
+                mesh.point_data[name] = values[at, 2 * k : 2 * k + 2]
 
     def recolour(self, face: Bytes) -> None:
         """Other colours of the faces, (m, 3)."""
         for part in self._parts:
-            put(part["mesh"].GetCellData(), "colour", face)
+            part["mesh"].cell_data["colour"] = face
 
     def set(self, settings: Settings) -> None:
         """Other numbers: takes microseconds, but for the first with widths or reaches, or without them."""

@@ -1,4 +1,8 @@
-"""VTK's window off the screen and its meshes, by VTK alone: pyvista, which was here, takes 110 MB more."""
+"""The window off the screen, and the meshes that are drawn in it.
+
+Meshes are pyvista's. The window is VTK's own: with pyvista's plotter come matplotlib and all of VTK's modules, 75 MB
+and half a second for nothing that is used here.
+"""
 
 from typing import Any
 
@@ -63,7 +67,7 @@ class Window:
         width, height = self.window.GetSize()
         values = vtkFloatArray()
         self.window.GetZbufferData(0, 0, width - 1, height - 1, values)
-        return _seen(values).reshape(height, width)[::-1]
+        return _numbers(values).reshape(height, width)[::-1]
 
     def colours(self) -> NDArray[np.uint8]:
         """(h, w, 3) 0..255 of the picture drawn, row 0 on top."""
@@ -80,62 +84,27 @@ class Window:
 
         values = vtkUnsignedCharArray()
         self.window.GetPixelData(left, bottom, right, top, 1, values, 0)
-        return _seen(values)
+        return _numbers(values)
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
-    """A vtkPolyData of points (n, 3) and faces (m, 3), its corners split at edges sharper than `split`, degrees.
+    """A mesh of points (n, 3) and faces (m, 3), its corners split at edges sharper than `split`, degrees.
 
     Also the normals (k, 3) of its points, and the given point (k,) that each comes from.
     """
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-    from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
+    import pyvista as pv
 
-    whole, corners, cells = vtkPolyData(), vtkPoints(), vtkCellArray()
-    corners.SetData(_array(points.astype(np.float32)))
-    cells.SetData(_array(np.arange(0, 3 * len(F) + 1, 3, dtype=np.int32)), _array(F.astype(np.int32).ravel()))
-    whole.SetPoints(corners)
-    whole.SetPolys(cells)
-    put(whole.GetPointData(), "vertex", np.arange(len(points), dtype=np.int32))
-    normals = vtkPolyDataNormals()
-    normals.SetInputData(whole)
-    normals.SetFeatureAngle(split)
-    normals.ConsistencyOff()
-    normals.Update()
-    mesh = vtkPolyData()
-    mesh.ShallowCopy(normals.GetOutput())
-    at = mesh.GetPointData()
-    along, source = (_numbers(at.GetArray(name)) for name in ("Normals", "vertex"))
-    for name in ("Normals", "vertex"):
-        at.RemoveArray(name)  # or they would be sent to the graphics side
-    return mesh, along, source
-
-
-def put(data: Any, name: str, values: NDArray[Any]) -> None:
-    """Values as the array `name` of the points or cells of a mesh, in place of one that there may be."""
-    array = _array(values)
-    array.SetName(name)
-    data.AddArray(array)
-
-
-def _array(values: NDArray[Any]) -> Any:
-    """A copy in VTK's memory."""
-    from vtkmodules.util import numpy_support
-
-    copied: Any = numpy_support.numpy_to_vtk
-    return copied(np.ascontiguousarray(values), deep=True)
+    whole = pv.PolyData.from_regular_faces(points.astype(np.float32), F)
+    whole.point_data["vertex"] = np.arange(len(points), dtype=np.int32)
+    mesh = whole.compute_normals(cell_normals=False, split_vertices=True, feature_angle=split, consistent_normals=False)
+    # taken out of the mesh, or they would be sent to the graphics side
+    return mesh, np.array(mesh.point_data.pop("Normals")), np.array(mesh.point_data.pop("vertex"))
 
 
 def _numbers(array: Any) -> NDArray[Any]:
-    """A copy in numpy's memory."""
-    return np.array(_seen(array))
-
-
-def _seen(array: Any) -> NDArray[Any]:
     """VTK's memory itself, which lives as long as this does."""
-    from vtkmodules.util import numpy_support
+    import pyvista as pv
 
-    seen: Any = numpy_support.vtk_to_numpy
+    seen: Any = pv.convert_array
     values: NDArray[Any] = seen(array)
     return values
