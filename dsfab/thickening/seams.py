@@ -21,8 +21,8 @@ STEP = 0.01
 """By this share of the offset a part is thinner one vertex away from a seam, and by twice of it on the seam; half as
 much again for every colour."""
 
-INWARD = 0.1
-"""Share of the way to its neighbours in A by which a vertex of B on the seam is moved."""
+INWARD = 0.005
+"""Share of the way to its neighbours in A by which a vertex of B on the seam is moved, and the ends of A aside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own: Bools, clashes: Ints) -> Bools:
-    """(m,) the faces of higher colours with a vertex `own` of colour c, but those that meet another face of the part."""
+    """(m,) the faces of higher colours with an `own` vertex of colour c, but those that meet another of the part."""
     more = (colour > c) & own[surface.F].any(axis=1)
     part = more | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -100,7 +100,7 @@ def _drawn_in(surface: Surface, near: csr_array, beyond: Bools, own: Bools) -> F
     at, nearest = np.unique(i[order], return_index=True)
     V = surface.V.copy()
     V[at] += 0.45 * (surface.V[j[order][nearest]] - V[at])
-    return _moved(V, near, beyond, own, 0.05)
+    return _moved(V, near, beyond, own, INWARD)
 
 
 def _moved(V: Floats, near: csr_array, which: Bools, towards: Bools, share: float) -> Floats:
