@@ -1,7 +1,6 @@
 """Small folds of a sheet are smoothed, offsets that do not see their faces too, and both are told."""
 
 import numpy as np
-import pytest
 
 from dsfab.surface import Surface
 from dsfab.thickening.folds import flattened, unfolded
