@@ -170,3 +170,10 @@ def test_the_camel_stands_on_its_neck_and_faces_forward(made):
 def test_impossible_figures_are_refused_with_a_sentence(name, values, says):
     with pytest.raises(SurfaceError, match=says):
         SHAPES[name](**values)
+
+
+@pytest.mark.parametrize(("edge", "why"), [(0.0447, "span gaps"), (0.0596, "folded over at")])
+def test_an_edge_too_long_for_the_camels_mouth_is_refused(edge, why):
+    """Its lips are 0.03 m apart: at twice the edge they were joined, split and joined until memory ended."""
+    with pytest.raises(SurfaceError, match=why):
+        SHAPES["camel_head"](edge=edge)

@@ -448,6 +448,16 @@ def test_sheets_closer_than_their_thickness_are_thinned_until_they_part():
     (note,) = solid.notes
     assert "met itself in " in note
     assert "was thinned at " in note
+    assert solid.repairs.lost == pytest.approx(1 - solid.volume / 0.2, rel=1e-9)
+    assert f"by {solid.repairs.lost:.2%} of its volume" in note
+
+
+def test_sheets_much_closer_than_their_thickness_become_films_and_that_is_told():
+    solid = made(above(grid(2, 2, 1.0, 1.0), 0.02), 0.1)
+    check_sound(solid)
+    assert (solid.repairs.rung, solid.repairs.pairs) == ("thinned", 0)
+    assert 0.1 < solid.repairs.thinnest < 0.2  # half of each may fill half of 0.02
+    assert solid.repairs.lost == pytest.approx(1 - solid.volume / 0.2, rel=1e-9)
 
 
 def test_a_wall_in_the_way_is_folded_the_other_way_and_nothing_is_thinned():
@@ -469,7 +479,7 @@ def test_a_wall_in_the_way_is_folded_the_other_way_and_nothing_is_thinned():
 
 def test_sheets_that_cannot_part_are_told_and_not_hidden():
     plate = grid(2, 2, 1.0, 1.0)
-    solid = made(above(plate, 0.02), 0.1)
+    solid = made(above(plate, 1e-4), 0.1)
     left = intersecting_pairs(np.array(solid.V), np.array(solid.F))
     assert len(left) > 0
     assert any(

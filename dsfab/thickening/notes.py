@@ -25,6 +25,9 @@ class Repairs:
                thickness left there, and `thinnest_at` its place, metres; 0, 1 and None without any.
     pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
     crossings : lines along which the sheet crosses itself and its parts were fused.
+    moved    : vertices that were moved where the sheet was folded over itself in a small place, at most by `moved_by`
+               metres.
+    lost     : share of the sheet's volume that thinning took.
     limited  : vertices of the uncut surface made thinner because it bends too tightly there, down to `smallest`.
     """
 
@@ -36,6 +39,9 @@ class Repairs:
     pairs: int = 0
     pairs_at: Place | None = None
     crossings: int = 0
+    moved: int = 0
+    moved_by: float = 0.0
+    lost: float = 0.0
     limited: int = 0
     smallest: float = 1.0
 
@@ -47,10 +53,19 @@ def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints
     thin = int((share < 1 - 1e-9).sum())
     if thin:
         at, least = surface.V[share.argmin()], float(share.min())
-        told = replace(told, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(at))
+        lost = 1 - float(surface.areas @ share[surface.F].mean(axis=1)) / float(surface.areas.sum())
+        told = replace(told, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(at), lost=lost)
         notes.append(
             f"the sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of {surface.n} "
-            f"vertices, down to {least:.2f} of its thickness near {_place(at)}"
+            f"vertices, by {lost:.2%} of its volume, down to {least:.2f} of its thickness near {_place(at)}"
+        )
+    away = np.linalg.norm(repair.V - surface.V, axis=1)
+    if away.any():
+        moved, far = int((away > 0).sum()), float(away.max())
+        told = replace(told, rung=told.rung if thin else "thinned", moved=moved, moved_by=far)
+        notes.append(
+            f"the sheet was folded over itself in places smaller than its thickness; {moved} of its vertices were "
+            f"moved, at most by {far:.3g} m near {_place(surface.V[away.argmax()])}"
         )
     if repair.union:
         told = replace(told, rung="united", crossings=repair.union.places)

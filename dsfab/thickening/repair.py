@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
+from dsfab.thickening.folds import flattened, unfolded
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.union import THIN, THINNEST, United, united
@@ -25,8 +26,10 @@ class Repaired:
     found   : pairs before the repair.
     crosses : pairs of faces in which the sheet itself, without a thickness, crosses itself.
     union   : what is taken instead where it does; `pairs` are then those of the union.
+    V       : (n, 3) vertices of the sheet: those where it was folded over itself in a small place were moved.
     """
 
+    V: Floats
     D: Floats
     backslash: Bools
     pairs: Ints
@@ -46,16 +49,26 @@ def repaired(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
     found = len(pairs)
     backslash, pairs = _flipped(skin, V, D, backslash, pairs, among)
-    crossing = intersecting_pairs(V, surface.F) if len(pairs) else pairs
-    crosses = len(crossing)
+    if not len(pairs):
+        return Repaired(V, D, backslash, pairs, found)
+    sheet = unfolded(surface, D)
+    crosses, folded = len(sheet.crossing), sheet.V is not V
+    if folded:
+        V, surface = sheet.V, Surface(sheet.V, surface.F)
+        backslash, pairs = _flipped(
+            skin, V, D, backslash, intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
+        )
     if crosses:
-        D, pairs = _thinned(skin, V, D, backslash, pairs, _away_from(surface, crossing, D))
+        D, pairs = _thinned(skin, V, D, backslash, pairs, _away_from(surface, sheet.crossing, D))
         corners = D[surface.F] * np.where(skin.upper < surface.n, 1, -1)[:, :, None]
         union = united(surface, corners, skin, pairs)
         if union is not None and len(union.pairs) < len(pairs):
-            return Repaired(D, backslash, union.pairs, found, crosses, union)
-    D, pairs = _thinned(skin, V, D, backslash, pairs, np.ones(surface.n, dtype=bool))
-    return Repaired(D, backslash, pairs, found, crosses)
+            return Repaired(V, D, backslash, union.pairs, found, crosses, union)
+    every = np.ones(surface.n, dtype=bool)
+    D, pairs = _thinned(skin, V, D, backslash, pairs, every)
+    if not crosses:
+        V, D, pairs = flattened(surface, skin, D, backslash, pairs)
+    return Repaired(V, D, backslash, pairs, found, crosses)
 
 
 def _flipped(

@@ -112,8 +112,8 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
         shells = pieces(F, edge_table(F))[0]
     else:
         F = skin.faces(repair.backslash)
-        thinned = repair.D is not D and bool((repair.D != D).any())
-        V = _vertices(surface, skin, repair, F, None if thinned else among)
+        changed = repair.V is not surface.V or (repair.D is not D and bool((repair.D != D).any()))
+        V = _vertices(skin, repair, F, None if changed else among)
         count, shells = _pieces_and_shells(surface, F)
     repairs, notes = repairs_of(surface, D, repair, V, F)
     solid = Solid(
@@ -128,12 +128,12 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     return solid
 
 
-def _vertices(surface: Surface, skin: Skin, repair: Repaired, F: Ints, among: Bools | None) -> Floats:
+def _vertices(skin: Skin, repair: Repaired, F: Ints, among: Bools | None) -> Floats:
     """Of the repaired solid: exact where these do not intersect more than the rounded ones, which were tested."""
-    V = skin.vertices(surface.V, repair.D)
+    V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V
-    exact = replace(skin, single=False).vertices(surface.V, repair.D)
+    exact = replace(skin, single=False).vertices(repair.V, repair.D)
     return exact if len(intersecting_pairs(exact, F, among)) <= len(repair.pairs) else V
 
 

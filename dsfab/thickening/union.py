@@ -15,15 +15,21 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import corner_fans, edge_table, pieces
+from dsfab.thickening.coarsen import coarsened
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.rounding import rounded
+from dsfab.thickening.seams import Overlap, overlaps
 from dsfab.thickening.skin import Skin
+from dsfab.units import MM_PER_M
 
 PATCHES = 400
 """With more patches than this the sheet is no sheet that crosses itself along lines: it is not united."""
 
 ROUNDS = 30
 """Rounds of finding faces that meet within a colour, and separating them or, if they touch in the sheet, thinning."""
+
+COLLAPSES = (1.0, 4.0, 16.0, 64.0)
+"""Edges of a union up to so many steps of single precision are collapsed, if faces meet in it."""
 
 THIN = 0.8
 """What offsets are multiplied by where faces meet, per round."""
@@ -71,18 +77,36 @@ def united(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> United
             return None
         label = cut
         colour, D = _coloured(label, clashes), corners * share[surface.F][:, :, None]
-        parts = [_part(surface, D, colour == c, skin) for c in range(int(colour.max()) + 1)]
+        parts = [_part(surface, D, overlap, skin) for overlap in overlaps(surface, colour, clashes)]
         found = np.concatenate([inner for _, _, inner in parts])
         if not len(found) or (round_ and not len(thin) and _stuck(surface, found, label).all()):
             break
     merged = _union([(V, F) for V, F, _ in parts])
     if merged is None:
         return None
-    V, F = merged
-    pairs = intersecting_pairs(V, F)
-    if skin.single and len(left := intersecting_pairs(rounded(V), F)) <= len(pairs):
-        V, pairs = rounded(V), left
+    V, F, pairs = _settled(*merged, skin.single)
     return United(V, F, pairs, _outer_shells(V, F), share, _places(surface, clashes, graph))
+
+
+def _settled(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
+    """A union with as few pairs that intersect as edges shorter than rounding leaves of it, and these pairs.
+
+    Where two surfaces cross near a vertex their line has points closer together than single precision holds apart.
+    """
+    step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
+    best: tuple[Floats, Ints, Ints] | None = None
+    for tolerance in (0.0, *(step * factor for factor in COLLAPSES)):
+        P, S = coarsened(V, F, tolerance) if tolerance else (V, F)
+        pairs = intersecting_pairs(P, S)
+        if single:
+            exact, pairs = len(pairs), intersecting_pairs(rounded(P), S)
+            P = rounded(P) if len(pairs) <= exact else P
+        if best is None or len(pairs) < len(best[2]):
+            best = P, S, pairs
+        if not len(pairs):
+            break
+    assert best is not None
+    return best
 
 
 def _dual(surface: Surface) -> csr_array:
@@ -133,16 +157,17 @@ def _coloured(label: Ints, clashes: Ints) -> Ints:
     return np.asarray(colour[of])
 
 
-def _part(surface: Surface, corners: Floats, mask: Bools, like: Skin) -> tuple[Floats, Ints, Ints]:
-    """The closed mesh over the marked faces, and the pairs (k, 2) of sheet faces whose prisms meet in it.
+def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> tuple[Floats, Ints, Ints]:
+    """The closed mesh over the faces of a part, and the pairs (k, 2) of sheet faces whose prisms meet in it.
 
     Patches that meet in a vertex get it twice, so that each is closed by itself.
     """
-    faces = np.flatnonzero(mask)
+    faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first = np.unique(F.ravel(), return_index=True)
-    sheet = Surface(surface.V[surface.F[faces].ravel()[first]], F)
-    D = corners[faces].reshape(-1, 3)[first]
+    old = surface.F[faces].ravel()[first]
+    sheet = Surface(overlap.V[old], F)
+    D = corners[faces].reshape(-1, 3)[first] * overlap.share[old, None]
     skin = Skin.of(sheet, like.shift, like.single)
     V, S = skin.vertices(sheet.V, D), skin.faces(skin.shorter_diagonals(sheet.V, D))
     return V, S, faces[skin.sources()[intersecting_pairs(V, S)]]

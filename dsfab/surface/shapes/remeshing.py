@@ -27,6 +27,13 @@ TURN = 0.3
 """No face may turn by more than the angle of this cosine, about 70 degrees, in one step."""
 
 
+FOLDED = -0.5
+"""Neighbours whose normals have a smaller cosine, about 120 degrees, are a fold that no smooth surface has."""
+
+GROWTH = 2
+"""Splitting may double the faces of a mesh that was remeshed before; more never ends, for its edges span a gap."""
+
+
 class Chart(Protocol):
     """A smooth surface on which vertices live, by coordinates X (n, k) of its own choice."""
 
@@ -44,10 +51,14 @@ def remeshed(chart: Chart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Int
 
     X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries are kept.
 
-    Raises SurfaceError when the result is not a manifold: the edge is longer than the surface's details.
+    Raises SurfaceError when the result is no manifold, is folded, or never ends: the edge is longer than the surface's
+    details.
     """
-    for _ in range(ROUNDS):
+    for round_ in range(ROUNDS):
+        before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
+        if round_ and len(F) > GROWTH * before:
+            raise _too_long("its edges span gaps of the surface")
         X, F = _collapsed(chart, X, F, SHORTEST * edge)
         for _ in range(2):
             X, F = _flipped(chart, X, F, by_valence=True)
@@ -56,8 +67,22 @@ def remeshed(chart: Chart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Int
         X, F = _flipped(chart, X, F, by_valence=False)
         X = _relaxed(chart, X, F)
     if faults := manifold_faults(F, edge_table(F), len(X)):
-        raise SurfaceError(f"edge = {edge:g} m is too long for the shape's details ({faults[0]}); use a shorter edge")
-    return chart.place(X), F
+        raise _too_long(faults[0])
+    V = chart.place(X)
+    if folds := _folds(V, F):
+        raise _too_long(f"its mesh is folded over at {folds} edges")
+    return V, F
+
+
+def _too_long(why: str) -> SurfaceError:
+    """Without the length: shapes are drawn at size 1, and scaled afterwards."""
+    return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter one")
+
+
+def _folds(V: Floats, F: Ints) -> int:
+    """How many neighbours lie almost on each other."""
+    N = _normals(V[F])[edge_table(F).pairs // 3]
+    return int((np.einsum("ei,ei->e", N[:, 0], N[:, 1]) < FOLDED).sum())
 
 
 def _lengths(V: Floats, ends: Ints) -> Floats:

@@ -134,9 +134,9 @@ class LevelSet:
         slope = np.stack([(self.field(P + small * e) - value) / small for e in np.eye(3)], axis=1)
         slope[down, 2] = 0
         square = np.maximum(np.einsum("na,na->n", slope, slope), 1e-2)[:, None]
-        limit = 0.5 * self.reach / np.sqrt(square[:, 0])
-        P -= np.clip(value, -limit * square[:, 0], limit * square[:, 0])[:, None] * slope / square
-        return np.asarray(P - self.field(P)[:, None] * slope / square)
+        most = 0.5 * self.reach * np.sqrt(square[:, 0])
+        P -= np.clip(value, -most, most)[:, None] * slope / square
+        return np.asarray(P - np.clip(self.field(P), -most, most)[:, None] * slope / square)
 
 
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
