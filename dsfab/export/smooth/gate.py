@@ -18,6 +18,7 @@ from dsfab.export.shells import solids_of
 from dsfab.export.smooth.ask import Finding
 from dsfab.export.smooth.outline import Sheet
 from dsfab.export.smooth.solid import Piece
+from dsfab.export.smooth.touching import crossings
 
 GAP = 1 / 20
 """Widest gap between a skin and the edges on it, as a share of the thickness."""
@@ -147,7 +148,9 @@ class Gate:
             ),
         )
         reason = next((text for good, text in tests if not good), "")
-        bad = found.bad if not sound else np.concatenate([there.bad, back.bad])
+        bad = np.concatenate([there.bad, back.bad])
+        if not (sound and found.tessellates):
+            bad = found.bad if len(found.bad) else crossings(piece)
         if sound and found.tessellates and near and gap <= GAP * limits.thickness:
             bad = bad[:0]
         elif not len(bad):
