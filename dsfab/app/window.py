@@ -94,7 +94,8 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
     """
     import pyvista as pv
 
-    whole = pv.PolyData.from_regular_faces(points.astype(np.float32), F)
+    made: Any = pv.PolyData.from_regular_faces  # typed for Python's own numbers only
+    whole = made(points.astype(np.float32), F)
     whole.point_data["vertex"] = np.arange(len(points), dtype=np.int32)
     mesh = whole.compute_normals(cell_normals=False, split_vertices=True, feature_angle=split, consistent_normals=False)
     # taken out of the mesh, or they would be sent to the graphics side

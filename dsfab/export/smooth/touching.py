@@ -1,9 +1,9 @@
-"""Where the outlines of a skin cross: OCCT calls such a face valid within its tolerances, and leaves it untriangulated."""
+"""Where outlines of a skin cross: OCCT calls such a face valid within its tolerances, and makes no triangles of it."""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.smooth.solid import Piece, Skin
 
 SAMPLES = 16
@@ -40,7 +40,7 @@ def _near(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     return one[~meet], two[~meet]
 
 
-def _across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Floats:
+def _across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
     """(k,) whether the ends of a chord lie on different sides of a line, and neither on it but for rounding."""
     along = (end - start)[line]
     long = np.linalg.norm(along, axis=1)
