@@ -13,7 +13,7 @@ from PIL import Image
 from dsfab import pipeline
 from dsfab.app import variants as variants_module
 from dsfab.app.cli import main
-from dsfab.app.contact import Tile, columns, contact_sheet, page
+from dsfab.app.contact import Tile, _label, columns, contact_sheet, page
 from dsfab.app.options import picture_size
 from dsfab.app.palette import PAPER
 from dsfab.app.panels import shows
@@ -420,3 +420,17 @@ def test_a_watched_file_is_drawn_when_it_is_saved_and_mistakes_are_told(
     assert ("keep = 0.35" in good) == (sizes[4] != sizes[0])
     monkeypatch.undo()
     assert "--watch needs a file" in refused(capsys, "preview", "dome", "--watch")
+
+
+def test_names_give_way_before_values_do():
+    from PIL import ImageFont
+
+    tile = Tile(1, (("major.frequency", "5.143"), ("minor.frequency", "11")), "dsfab build", None)
+    font = ImageFont.load_default(size=17)
+    for room in (500, 330, 230, 170):
+        text = _label(tile, room, font)
+        assert "5.143" in text
+        assert text.endswith(" 11")
+        assert font.getlength(text) <= room
+    assert _label(tile, 500, font) == "major.frequency 5.143   minor.frequency 11"
+    assert _label(tile, 50, font).endswith("...")

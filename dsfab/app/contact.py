@@ -49,9 +49,10 @@ class Tile:
         """Name of its picture's file."""
         return f"{self.number:03}.png"
 
-    @property
-    def label(self) -> str:
-        return "   ".join(f"{name} {text}" for name, text in self.parameters)
+    def label(self, letters: int | None = None) -> str:
+        """Its parameters in a line, at most so many letters of each word of their names."""
+        names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
+        return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
 def columns(count: int, runs: Sequence[int]) -> int:
@@ -109,12 +110,18 @@ def _put(sheet: "Image", tile: Tile, at: tuple[int, int], size: tuple[int, int],
     number, font = f"{tile.number:03}", ImageFont.load_default(size=17)
     base = y + high + 30
     draw.text((x + wide - 2, base), number, fill=grey, font=font, anchor="rs")
-    draw.text((x + 2, base), _cut(tile.label, wide - 50, font), fill=palette.text, font=font, anchor="ls")
+    draw.text((x + 2, base), _label(tile, wide - 50, font), fill=palette.text, font=font, anchor="ls")
 
 
 def _between(one: tuple[int, int, int], other: tuple[int, int, int], share: float) -> tuple[int, int, int]:
     r, g, b = (round(p + share * (q - p)) for p, q in zip(one, other, strict=True))
     return r, g, b
+
+
+def _label(tile: Tile, room: float, font: Any) -> str:
+    """Names give way before values do: it is these that tell tiles apart."""
+    shorter = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
+    return next((text for text in shorter if font.getlength(text) <= room), _cut(tile.label(1), room, font))
 
 
 def _cut(text: str, room: float, font: Any) -> str:
@@ -151,7 +158,7 @@ def _on_page(across: int) -> int:
 
 def _figure(tile: Tile) -> str:
     terms = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in tile.parameters)
-    alt = escape(f"Variant {tile.number}: {tile.label}", quote=True)
+    alt = escape(f"Variant {tile.number}: {tile.label()}", quote=True)
     if (picture := tile.picture) is None:
         shown = f'<p class="why">{escape(tile.error)}</p>'
     else:

@@ -34,7 +34,7 @@ def check_film(values: Values, fps: float) -> None:
 def write_film(tiles: Sequence[Tile], path: Path, name: str, fps: float, palette: Palette) -> None:
     """Write the pictures of the tiles with their parameters below, forth and back without end; impossible ones are
     left away."""
-    frames = [_frame(shown, tile.label, name, palette) for tile in tiles if (shown := tile.picture) is not None]
+    frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     turned = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
     long = [round(1000 / fps * (HOLD if place in ends else 1)) for place in turned]
