@@ -1,4 +1,6 @@
-"""The order of the tests: the files that take longest first, so that no core is idle at the end."""
+"""The order of the tests: the files that take longest first, so that no core is idle at the end; and Ctrl-C."""
+
+import signal
 
 import pytest
 
@@ -7,3 +9,8 @@ LONGEST = ("test_readme.py", "test_study_sweep_folder.py", "test_thickening_zoo.
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+
+
+# A shell lets background jobs ignore Ctrl-C, and so would all programs that the tests start and stop with it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)

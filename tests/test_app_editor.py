@@ -557,11 +557,14 @@ def test_what_is_turned_away(server, method, path, body, headers, status):
 @pytest.mark.skipif(os.name == "nt", reason="signals are others there")
 def test_ctrl_c_ends_it_cleanly():
     command = [sys.executable, "-m", "dsfab.app.cli", "edit", "dome", "--no-open"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    address = process.stdout.readline().split(": ", 1)[1].strip()
-    assert urllib.request.urlopen(address, timeout=10).status == 200
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=20)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            address = process.stdout.readline().split(": ", 1)[1].strip()
+            assert urllib.request.urlopen(address, timeout=10).status == 200
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=20)
+        finally:
+            process.kill()
     assert process.returncode == 0
     assert said == ""
 
