@@ -4,6 +4,8 @@ import importlib.metadata
 import os
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -58,7 +60,7 @@ class Pardiso:
         self._solver = PyPardisoSolver(mtype=2)
         for entry, value in (OPTIONS | (BLOCKS if blocks else {})).items():
             self._solver.set_iparm(entry + 1, value)
-        weakref.finalize(self, self._solver.free_memory, everything=True)  # MKL's memory is not Python's
+        weakref.finalize(self, _release, self._solver)  # MKL's memory is not Python's
         self._threads = int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._take(made(K))
         nothing = np.zeros((self._upper.shape[0], 1))
@@ -114,3 +116,11 @@ def _point_to_mkl() -> None:
     found = sorted((str(file.locate()) for file in files if "mkl_rt" in file.name), key=len)
     if found and os.path.exists(found[0]):
         os.environ["PYPARDISO_MKL_RT"] = found[0]
+
+
+def _release(solver: Any) -> None:
+    """Give all its memory back. PARDISO refuses where Ctrl-C came between its phases: nobody could act on that."""
+    from pypardiso.pardiso_wrapper import PyPardisoError
+
+    with suppress(PyPardisoError):
+        solver.free_memory(everything=True)
