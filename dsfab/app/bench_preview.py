@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.app.report import peak_memory, table
+from dsfab.app.report import table
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import DsfabError
+from dsfab.sparse import peak_memory
 
 if TYPE_CHECKING:
     from dsfab.app.scene import Scene
@@ -92,7 +93,7 @@ def measure(triangles: int) -> dict[str, Any]:
         "over_clock": clock["shader"] / clock["plain"],
         "over_cpu": cpu["shader"] / cpu["plain"],
         "change_ms": 1000 * change["shader"],
-        "peak_mb": peak_memory(),
+        "peak_mb": peak_memory() / 2**20,
     }
 
 

@@ -79,10 +79,3 @@ def mass(kilograms: float) -> str:
 def length(metres: float) -> str:
     """'0.31 mm', '2.4 m'."""
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
-
-
-def peak_memory() -> float:
-    """Peak memory of this process, MiB."""
-    import resource  # there is none on Windows
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)

@@ -18,7 +18,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.sparse import multigrid
-from dsfab.sparse.memory import FactorMemoryError, give_back, require_memory
+from dsfab.sparse.memory import FactorMemoryError, give_back, peak_memory, require_memory
 from dsfab.sparse.multifrontal import Fronts, Multifrontal, NotPositiveDefinite
 from dsfab.sparse.multigrid import ConvergenceError, Multigrid
 from dsfab.sparse.pardiso import Matrix, Pardiso, made
@@ -34,6 +34,7 @@ __all__ = [
     "factorise",
     "give_back",
     "one_blas_thread",
+    "peak_memory",
     "solver_name",
 ]
 

@@ -38,6 +38,16 @@ def free_memory() -> int | None:
         return None
 
 
+def peak_memory() -> int:
+    """Bytes, the largest that this process has held; 0 on Windows, which does not say."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak if sys.platform == "darwin" else 1024 * peak)
+
+
 def require_memory(needed: int) -> None:
     """Raise FactorMemoryError when `needed` bytes are more than what is free."""
     free = free_memory()

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import smoothing_pairs
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.skin import Skin
 
@@ -116,10 +117,6 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
 
 def _averages(surface: Surface) -> csr_array:
     """(n, n) the mean over the neighbours of each vertex, along the boundary for those on it."""
-    ends, edges = surface.edges.ends, surface.edges
-    rim: Bools = np.zeros(surface.n, dtype=bool)
-    rim[ends[edges.boundary]] = True
-    i, j = np.concatenate([ends, ends[:, ::-1]]).T
-    used = np.concatenate([edges.boundary, edges.boundary]) | ~rim[i]
-    count = np.bincount(i[used], minlength=surface.n)
-    return csr_array((1 / count[i[used]], (i[used], j[used])), shape=(surface.n,) * 2)
+    i, j = smoothing_pairs(surface.edges, surface.n)
+    count = np.bincount(i, minlength=surface.n)
+    return csr_array((1 / count[i], (i, j)), shape=(surface.n,) * 2)

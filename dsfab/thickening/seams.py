@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import adjacency
 
 STEP = 0.01
 """By this share of the offset a part is thinner one vertex away from a seam, and by twice of it on the seam; half as
@@ -42,7 +43,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
     clashes : (k, 2) faces of the sheet that meet others once they are thick.
     """
-    near = _neighbours(surface)
+    near = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own = [_touched(surface, colour == c) for c in range(count)]
     more = [_extension(surface, colour, c, own[c], clashes) for c in range(count)]
@@ -80,12 +81,6 @@ def _touched(surface: Surface, faces: Bools) -> Bools:
     touched = np.zeros(surface.n, dtype=bool)
     touched[surface.F[faces]] = True
     return touched
-
-
-def _neighbours(surface: Surface) -> csr_array:
-    """(n, n) ones between the ends of edges."""
-    i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
-    return csr_array((np.ones(len(i)), (i, j)), shape=(surface.n, surface.n))
 
 
 def _drawn_in(surface: Surface, near: csr_array, beyond: Bools, own: Bools) -> Floats:

@@ -1,6 +1,5 @@
 """What a worker does: one run, from its changes to numbers and files, all of which travel back as data."""
 
-import sys
 import tempfile
 import threading
 import time
@@ -14,6 +13,7 @@ from dsfab.errors import DsfabError
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden, preset_from, preset_toml
 from dsfab.preset_surface import FileSurface
+from dsfab.sparse import peak_memory
 from dsfab.study.delivery import step_options
 from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
@@ -137,13 +137,3 @@ def _keep(job: Job, made: Making, files: dict[str, bytes]) -> None:
                 path = Path(folder) / f"{name}.{suffix}"
                 write(made.solid, path, **step_options(made.preset.export))
                 files[f"{name}.{suffix}"] = path.read_bytes()
-
-
-def peak_memory() -> int:
-    """Largest resident memory of this process so far, bytes; 0 on Windows."""
-    try:
-        import resource
-    except ImportError:
-        return 0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return int(peak if sys.platform == "darwin" else 1024 * peak)

@@ -1,7 +1,5 @@
 """One level of a verdict: the sheet solved on one mesh by two pairs of elements, with what each says of its errors."""
 
-import resource
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.sparse import peak_memory
 from dsfab.statics import Elements, Equilibrium, SpreadLoad, equilibria, flat_axis, sheet_stiffness, sheet_stress
 from dsfab.study.verdict.setting import Sheeting
 from dsfab.surface import LoadCase, Surface
@@ -75,7 +74,7 @@ def level(
         {name: error[1] for name, error in errors.items()},
         max(answer.residual for of in found.values() for answer in of.values()),
         time.perf_counter() - start,
-        most_memory(),
+        peak_memory(),
     )
 
 
@@ -97,12 +96,6 @@ def _squared(surface: Surface, off: Floats, by: Floats) -> float:
     there = off @ by
     total = np.einsum("mci,mci->m", off, there) + np.einsum("mi,mi->m", off.sum(axis=1), there.sum(axis=1))
     return float(total @ surface.areas / 12)
-
-
-def most_memory() -> int:
-    """Bytes, the largest that the process has held."""
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most if sys.platform == "darwin" else 1024 * most
 
 
 def memory_needed(unknowns: int, bending: str | None) -> int:

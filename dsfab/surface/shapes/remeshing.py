@@ -7,10 +7,10 @@ two share a face. The order is by length or gain, then by index: the same input 
 from typing import Protocol
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import SurfaceError
+from dsfab.surface.neighbours import adjacency, on_boundary, smoothing_pairs
 from dsfab.surface.refine import halved
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults
 
@@ -89,13 +89,6 @@ def _lengths(V: Floats, ends: Ints) -> Floats:
     return np.asarray(np.linalg.norm(V[ends[:, 1]] - V[ends[:, 0]], axis=1))
 
 
-def _border(edges: EdgeTable, n: int) -> Bools:
-    """(n,) the vertices on boundary edges."""
-    marked = np.zeros(n, dtype=bool)
-    marked[edges.ends[edges.boundary]] = True
-    return marked
-
-
 def _normals(P: Floats) -> Floats:
     """(..., 3) unit normals of triangles (..., 3 corners, 3)."""
     N = np.cross(P[..., 1, :] - P[..., 0, :], P[..., 2, :] - P[..., 0, :])
@@ -112,7 +105,7 @@ def _split(chart: Chart, X: Floats, F: Ints, longest: float) -> tuple[Floats, In
         old = len(X)
         X, F = halved(X, F, edges, long)
         new = np.arange(len(X)) >= old
-        border = _border(edge_table(F), len(X))
+        border = on_boundary(edge_table(F), len(X))
         X[new] = chart.moved(X[new], np.zeros((new.sum(), 3)), border[new])
     return X, F
 
@@ -121,7 +114,7 @@ def _collapsed(chart: Chart, X: Floats, F: Ints, shortest: float) -> tuple[Float
     """Edges under `shortest` collapsed to a point, where that keeps the topology."""
     for _ in range(BATCHES):
         edges, n, V = edge_table(F), len(X), chart.place(X)
-        border = _border(edges, n)
+        border = on_boundary(edges, n)
         a, b = edges.ends.T
         short = np.flatnonzero(_collapsible(edges, n, border) & (_lengths(V, edges.ends) < shortest))
         chosen = short[_winners(edges.ends[short], edges.ends, _lengths(V, edges.ends[short]), n, reach=1)]
@@ -134,15 +127,10 @@ def _collapsed(chart: Chart, X: Floats, F: Ints, shortest: float) -> tuple[Float
 def _collapsible(edges: EdgeTable, n: int, border: Bools) -> Bools:
     """(e,) edges whose ends share no neighbours but the corners opposite [link condition: Dey et al. 1999]."""
     a, b = edges.ends.T
-    A = _adjacency(edges.ends, n)
+    A = adjacency(edges, n)
     common = np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel()
     across = border[a] & border[b] & ~edges.boundary
     return np.asarray((common == edges.count) & ~across)
-
-
-def _adjacency(ends: Ints, n: int) -> csr_array:
-    i, j = np.concatenate([ends, ends[:, ::-1]]).T
-    return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
 
 
 def _winners(touched: Ints, ends: Ints, cost: Floats, n: int, reach: int = 0) -> Bools:
@@ -220,7 +208,7 @@ def _next(h: Ints) -> Ints:
 
 def _valence_gain(quad: Ints, edges: EdgeTable, n: int) -> Floats:
     valence = np.bincount(edges.ends.ravel(), minlength=n)
-    off = (valence - np.where(_border(edges, n), 4, 6))[quad]
+    off = (valence - np.where(on_boundary(edges, n), 4, 6))[quad]
     change = np.array([-1, -1, 1, 1])
     return np.asarray(((off**2) - (off + change) ** 2).sum(axis=1), dtype=np.float64)
 
@@ -251,12 +239,10 @@ def _can_flip(V: Floats, quad: Ints, edges: EdgeTable, n: int) -> Bools:
 def _relaxed(chart: Chart, X: Floats, F: Ints) -> Floats:
     """Vertices moved along the surface to the mean of their neighbours; those of the border along it."""
     V, edges, n = chart.place(X), edge_table(F), len(X)
-    border = _border(edges, n)
-    i, j = np.concatenate([edges.ends, edges.ends[:, ::-1]]).T
-    along = np.concatenate([edges.boundary, edges.boundary])
-    used = along | ~border[i]
-    count = np.bincount(i[used], minlength=n)
-    mean = np.stack([np.bincount(i[used], V[j[used], k], minlength=n) for k in range(3)], axis=1) / count[:, None]
+    border = on_boundary(edges, n)
+    i, j = smoothing_pairs(edges, n)
+    count = np.bincount(i, minlength=n)
+    mean = np.stack([np.bincount(i, V[j, k], minlength=n) for k in range(3)], axis=1) / count[:, None]
     P = V[F]
     cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
     N = np.stack([np.bincount(F.ravel(), np.repeat(cross[:, k], 3), minlength=n) for k in range(3)], axis=1)

@@ -1,0 +1,32 @@
+"""Which vertices are neighbours of which, over the edges of a mesh."""
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+
+from dsfab.arrays import Bools, Ints
+from dsfab.surface.topology import EdgeTable
+
+
+def adjacency(edges: EdgeTable, n: int) -> csr_array:
+    """(n, n) ones between the ends of edges."""
+    i, j = _both_ways(edges)
+    return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
+
+
+def on_boundary(edges: EdgeTable, n: int) -> Bools:
+    """(n,) whether a vertex is an end of an edge with one face."""
+    rim = np.zeros(n, dtype=bool)
+    rim[edges.ends[edges.boundary]] = True
+    return rim
+
+
+def smoothing_pairs(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
+    """Vertices and their neighbours, to whose mean they may move: for those on the boundary only along it."""
+    i, j = _both_ways(edges)
+    used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
+    return i[used], j[used]
+
+
+def _both_ways(edges: EdgeTable) -> tuple[Ints, Ints]:
+    i, j = np.concatenate([edges.ends, edges.ends[:, ::-1]]).T
+    return i, j
