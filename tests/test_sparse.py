@@ -24,6 +24,7 @@ from dsfab.sparse import (
 )
 from dsfab.sparse.dissection import dissection_keys, point_graph
 from dsfab.sparse.multifrontal import Fronts, Multifrontal
+from dsfab.sparse.pardiso import _release
 from dsfab.sparse.superlu import SuperLU
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.factor import factored
@@ -231,3 +232,17 @@ def test_pivots_are_read_unless_the_matrix_is_known_to_be_definite():
         SuperLU(-K, points, node)
     b = np.ones(K.shape[0])
     assert_allclose(K @ SuperLU(K, points, node, definite=True)(b), b, atol=1e-8)
+
+
+def test_memory_that_pardiso_does_not_give_back_is_no_traceback():
+    """As after Ctrl-C between its phases."""
+    wrapper = pytest.importorskip("pypardiso.pardiso_wrapper", reason="the optional solver is not installed")
+    asked = []
+
+    class Interrupted:
+        def free_memory(self, everything):
+            asked.append(everything)
+            raise wrapper.PyPardisoError(-2)
+
+    _release(Interrupted())
+    assert asked == [True]
