@@ -69,7 +69,7 @@ class Builder:
 
     def piece(self, number: int, level: dict[Key, int]) -> Piece:
         """One piece; level : how often each of its runs was refused."""
-        made, seams = Piece(traced=bool(level)), dict[Key, int]()
+        made, seams = Piece(traced=max(level.values(), default=0) > 1), dict[Key, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         for region in regions:
             self._walls([region], level)
@@ -110,7 +110,7 @@ class Builder:
             return [(first + i, True) for i in range(len(edges))]
         if key not in seams:
             if (key, tight) not in self._made:
-                way = run if ahead else Run(run.vertices[::-1], run.beyond, run.around)
+                way = run if ahead else Run(run.vertices[::-1], run.beyond, run.width)
                 self._made[key, tight] = [seam_edge(way, chart, self.nodes, self.sheet, tight, self.allowed)]
             seams[key] = first
             made.edges += self._made[key, tight]

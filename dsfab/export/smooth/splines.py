@@ -26,7 +26,7 @@ ROUNDS = 14
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline on [0, 1]: knots (p + degree + 1,), poles (p, d), degree 1 or 3."""
+    """A clamped B-spline on [0, 1]: knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3."""
 
     knots: Floats
     poles: Floats
@@ -47,7 +47,7 @@ def straight(a: Floats, b: Floats) -> Spline:
 
 
 def spline_through(x: Floats, Q: Floats, tolerance: float, parts: int = 1) -> tuple[Spline, float]:
-    """The spline with the fewest halved spans that is within `tolerance` of points Q (k, d) at x (k,) in [0, 1].
+    """A line, parabola or cubic, of few halved spans, within `tolerance` of points Q (k, d) at x (k,) in [0, 1].
 
     Its ends are the first and the last point. parts : the d coordinates are those of so many points, whose distances
     count one by one. Returns the largest distance found, too; over `tolerance` where samples are too few to go on.
@@ -56,6 +56,12 @@ def spline_through(x: Floats, Q: Floats, tolerance: float, parts: int = 1) -> tu
     off = _largest(line - Q, parts)
     if off.max() <= 0.5 * tolerance:
         return straight(Q[0], Q[-1]), float(off.max())
+    bow = 2 * x * (1 - x)
+    bend = bow @ (Q - line) / (bow @ bow)
+    off = _largest(line + bow[:, None] * bend - Q, parts)
+    if off.max() <= tolerance:
+        poles = np.stack([Q[0], (Q[0] + Q[-1]) / 2 + bend, Q[-1]])
+        return Spline(np.array([0.0] * 3 + [1.0] * 3), poles, 2), float(off.max())
     breaks = np.array([0.0, 1.0])
     for _ in range(ROUNDS):
         knots = np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
