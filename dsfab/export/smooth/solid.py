@@ -51,7 +51,7 @@ class Piece:
 class Model:
     """All pieces on their charts, the points of their nodes (2, 3), and the thickness; millimetres."""
 
-    charts: list[Chart]
+    charts: dict[int, Chart]
     nodes: Nodes
     pieces: list[Piece]
     thickness: float
@@ -60,11 +60,11 @@ class Model:
 class Builder:
     """Builds pieces, again where asked, on one sheet and its charts."""
 
-    def __init__(self, sheet: Sheet, charts: list[Chart], allowed: Allowed) -> None:
+    def __init__(self, sheet: Sheet, charts: dict[int, Chart], allowed: Allowed) -> None:
         self.sheet, self.allowed = sheet, allowed
         self.nodes = nodes_of(sheet, charts)
         self._made: dict[tuple[Key, int], list[Edge]] = {}
-        for k in range(len(charts)):
+        for k in charts:
             self._walls([region for region in sheet.regions if region.chart == k], {})
 
     def piece(self, number: int, level: dict[Key, int]) -> Piece:

@@ -1,6 +1,6 @@
-"""Cubic splines: least-squares curves of any dimension with adaptive knots, and surfaces over a rectangle.
+"""Cubic splines: least-squares curves of any dimension with adaptive knots.
 
-Curves run from 0 to 1; their knots are halves of halves, so they are short decimals.
+They run from 0 to 1; their knots are halves of halves, so they are short decimals.
 """
 
 from dataclasses import dataclass
@@ -9,16 +9,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array, diags_array, eye_array, kron, vstack
-from scipy.sparse.linalg import splu
 
 from dsfab.arrays import Floats, Ints, lock
 
 SAMPLES_PER_SPAN = 6
 """Fewest samples for each span of a curve; with fewer, curves swing between them."""
-
-CLOSE = 1e-8
-"""Nearest points are found to this share of a surface's size: a tenth of a micrometre on ten metres."""
 
 ROUNDS = 14
 """How often the spans of a curve are halved: a span is at least 2^-14 of it."""
@@ -130,57 +125,6 @@ def _normal(x: bytes, knots: bytes) -> tuple[Ints, Floats, Floats]:
     return first, values, cholesky_banded(band, lower=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """A bicubic B-spline surface: clamped knots u (p + 4,) and v (q + 4,), poles (p, q, d)."""
-
-    u: Floats
-    v: Floats
-    poles: Floats
-
-    def __post_init__(self) -> None:
-        lock(self, "u", np.float64, (None,))
-        lock(self, "v", np.float64, (None,))
-        lock(self, "poles", np.float64, (None, None, None))
-
-    def __call__(self, uv: Floats) -> Floats:
-        """(k, d) points at uv (k, 2)."""
-        return self._sum(basis(uv[:, 0], self.u), basis(uv[:, 1], self.v))
-
-    def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points, and derivatives by u and by v, (k, d) each."""
-        bu, bv = basis(uv[:, 0], self.u), basis(uv[:, 1], self.v)
-        du, dv = basis(uv[:, 0], self.u, 1), basis(uv[:, 1], self.v, 1)
-        return self._sum(bu, bv), self._sum(du, bv), self._sum(bu, dv)
-
-    def _sum(self, bu: tuple[Ints, Floats], bv: tuple[Ints, Floats]) -> Floats:
-        (i, a), (j, b) = bu, bv
-        p, q, d = self.poles.shape
-        column = ((i[:, None, None] + np.arange(4)[:, None]) * q + j[:, None, None] + np.arange(4)).reshape(-1)
-        value = (a[:, :, None] * b[:, None, :]).reshape(-1)
-        hats = csr_array((value, column, np.arange(0, 16 * len(a) + 1, 16)), shape=(len(a), p * q))
-        return np.asarray(hats @ self.poles.reshape(p * q, d))
-
-    def only(self, first: int, last: int) -> "Patch":
-        """The surface of some of the coordinates."""
-        return Patch(self.u, self.v, self.poles[:, :, first:last])
-
-    def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """(k, 2) parameters of the surface's points nearest to `points` (k, 3), by Gauss-Newton from uv."""
-        low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
-        for _ in range(rounds):
-            uv = np.clip(uv, low, high)
-            at, a, b = self.slopes(uv)
-            r = points - at
-            aa, ab, bb, ra, rb = (np.einsum("ki,ki->k", x, y) for x, y in ((a, a), (a, b), (b, b), (r, a), (r, b)))
-            det = np.maximum(aa * bb - ab * ab, 1e-300)
-            step = np.stack([bb * ra - ab * rb, aa * rb - ab * ra], axis=1) / det[:, None]
-            uv = uv + step
-            if not len(step) or np.abs(step).max() < CLOSE * (high - low).max():
-                break
-        return np.asarray(np.clip(uv, low, high))
-
-
 def basis(x: Floats, knots: Floats, order: int = 0) -> tuple[Ints, Floats]:
     """The first of the four cubic hats that are not zero at each x (k,), and the four values (k, 4) [de Boor 1978].
 
@@ -207,34 +151,3 @@ def _raised(x: Floats, knots: Floats, span: Ints, values: Floats, degree: int) -
     zero = np.zeros((len(x), 1))
     rising, falling = share * (x[:, None] - low), share * (high - x[:, None])
     return np.asarray(np.concatenate([zero, rising], axis=1) + np.concatenate([falling, zero], axis=1))
-
-
-def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> Patch:
-    """The bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2), in the least-squares sense.
-
-    smoothing : weight of the second differences of the poles, so that poles without points have a place, too.
-    """
-    low, high = uv.min(axis=0), uv.max(axis=0)
-    pad = 0.01 * (high - low)
-    knots = [
-        np.concatenate([[a] * 3, np.linspace(a, b, n - 2), [b] * 3])
-        for a, b, n in zip(low - pad, high + pad, count, strict=True)
-    ]
-    (i, a), (j, b) = (basis(uv[:, k], knots[k]) for k in (0, 1))
-    p, q = count
-    k = len(uv)
-    column = (i[:, None, None] + np.arange(4)[:, None]) * q + j[:, None, None] + np.arange(4)
-    value = a[:, :, None] * b[:, None, :]
-    B = csr_array((value.ravel(), column.ravel(), np.arange(0, 16 * k + 1, 16)), shape=(k, p * q))
-    across = [kron(_difference(p, 2), eye_array(q)), kron(eye_array(p), _difference(q, 2))]
-    R = vstack([*across, np.sqrt(2) * kron(_difference(p, 1), _difference(q, 1))])
-    W = diags_array(weight)
-    A = B.T @ W @ B + smoothing * k / (p * q) * (R.T @ R)
-    poles = splu(A.tocsc()).solve(np.asarray(B.T @ (W @ Q)))
-    return Patch(knots[0], knots[1], poles.reshape(p, q, -1))
-
-
-def _difference(n: int, order: int) -> csr_array:
-    rows = {1: [-1.0, 1.0], 2: [1.0, -2.0, 1.0]}[order]
-    table: csr_array = csr_array(diags_array(rows, offsets=list(range(order + 1)), shape=(n - order, n)))
-    return table
