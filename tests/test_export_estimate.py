@@ -6,7 +6,7 @@ import trimesh
 
 from dsfab.app.step_options import overrides
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, estimate, simplify, step, step_estimates, write
+from dsfab.export import STEP_FACES, estimate, ladder, simplify, step, step_estimates, write
 from dsfab.export.part import open_edges, part_of
 from dsfab.export.planar import polyhedron
 from dsfab.export.shells import solids_of
@@ -19,7 +19,7 @@ from tests.zoo import ZOO, lifted
 
 
 def prepared(solid, faces=STEP_FACES):
-    return step.prepare(part_of(solid, "part", faces))
+    return ladder.prepare(part_of(solid, "part", faces))
 
 
 def finely(solid):
@@ -67,7 +67,7 @@ def test_estimates_say_what_cannot_be_and_what_is_too_much():
     assert found["faceted"].chosen
     assert found["faceted"].faces == 288  # of its quads
     few = {one.way: one for one in step_estimates(torus(), step_faces=200)}
-    assert few["faceted"].refused == "288 faces, more than step_faces = 200"
+    assert few["faceted"].refused == "288 planar faces, more than step_faces = 200"
     small = {one.way: one for one in step_estimates(torus(), step_mb=0.1)}
     assert "more than step_mb = 0.1" in small["faceted"].refused
     assert not any(one.chosen for one in small.values())
@@ -106,7 +106,7 @@ def test_auto_simplifies_what_is_over_the_budget(tmp_path, quick_step):  # noqa:
     said, solid = [], saddle()
     write(solid, tmp_path / "a.step", step_faces=1000, note=said.append)
     assert f"simplified from {len(solid.F):,} to" in said[0]
-    assert said[0].endswith("or raise step_faces")
+    assert said[0].endswith(f": faceted it would have {len(solid.F):,} planar faces, more than step_faces = 1000")
 
 
 def test_a_tolerance_that_does_not_help_is_said(tmp_path, quick_step):  # noqa: F811
@@ -118,7 +118,13 @@ def test_a_tolerance_that_does_not_help_is_said(tmp_path, quick_step):  # noqa: 
 def test_files_above_the_budget_in_megabytes_are_refused_with_the_ways_out(tmp_path):
     with pytest.raises(ExportError) as caught:
         write(torus(), tmp_path / "a.step", step="faceted", step_mb=0.1)
-    for words in ("over step_mb = 0.1 MB", "STL or 3MF", "coarsen the mesh", "step_tolerance", "raise step_mb"):
+    for words in (
+        "0.24 MB, more than step_mb = 0.1 MB",
+        "STL or 3MF",
+        "coarsen the mesh",
+        "step_tolerance",
+        "raise step_mb",
+    ):
         assert words in str(caught.value)
     assert not any(tmp_path.iterdir())
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from dsfab.app.build import build
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import step, step_check, write
+from dsfab.export import ladder, step, step_check, write
 from dsfab.export.curves import Curve, curves_through, fitted, halves, turning
 from dsfab.export.part import part_of
 from dsfab.export.plate import outlines_of, plate
@@ -99,7 +99,7 @@ def test_curves_in_the_file_keep_the_tolerance_both_ways(tmp_path, here, toleran
     sheet = holed_sheet()
     path = write(thickened(sheet), tmp_path / "plate.step", step="planar", step_tolerance=tolerance / 1000)
     points, _ = outline_in(path, 1000 * THICKNESS / 2)
-    loops = outlines_of(step.prepare(part_of(thickened(sheet), "a", 99))).pieces[0]
+    loops = outlines_of(ladder.prepare(part_of(thickened(sheet), "a", 99))).pieces[0]
     assert len(loops) == 4
     off = np.min([distances(points, loop) for loop in loops], axis=0).max()
     assert 0.3 * tolerance < off <= tolerance + 1e-5

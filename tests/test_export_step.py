@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, step, step_check, write
+from dsfab.export import STEP_FACES, ladder, step, step_check, write
 from dsfab.export.coplanar import FLATNESS
 from dsfab.export.loops import outline_of
 from dsfab.export.part import part_of
@@ -32,7 +32,7 @@ def here(monkeypatch):
 
 
 def joined(solid: Solid) -> Polyhedron:
-    part = step.prepare(part_of(solid, "test", STEP_FACES))
+    part = ladder.prepare(part_of(solid, "test", STEP_FACES))
     return polyhedron(part.V, part.F, pieces(part.F, edge_table(part.F))[1])
 
 
@@ -231,7 +231,7 @@ def test_a_void_is_written_as_a_shell_that_faces_outwards(monkeypatch):
     given_shapes = []
     monkeypatch.setattr(step, "entities", lambda shape, solids, name: given_shapes.append((shape, solids)) or [])
     ball = sphere(1)
-    list(step.encode(step.prepare(part_of(thicken(ball, 0.1 * ball.vertex_normals), "a", 1000))))
+    list(step.encode(ladder.prepare(part_of(thicken(ball, 0.1 * ball.vertex_normals), "a", 1000))))
     shape, [[outer, void]] = given_shapes[0]
     for shell in (outer, void):
         of = shape.shell == shell
@@ -267,7 +267,14 @@ def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, here):
     (tmp_path / "plate.step").unlink()
     with pytest.raises(ExportError) as caught:
         write(solid, tmp_path / "plate.step", step_faces=9)
-    for words in ("10 planar faces", "step_faces = 9", "STL or 3MF", "coarsen the mesh", "raise step_faces"):
+    for words in (
+        "planar 10 faces",
+        "faceted 10 faces",
+        "more than step_faces = 9",
+        "STL or 3MF",
+        "coarsen the mesh",
+        "raise step_faces",
+    ):
         assert words in str(caught.value)
     assert not any(tmp_path.iterdir())
 

@@ -5,29 +5,19 @@ time limit. BREP has no place for a unit: OCCT and FreeCAD take millimetres.
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from dsfab.errors import ExportError
-from dsfab.export import step
+from dsfab.export import ladder, step
 from dsfab.export.part import Part
 from dsfab.export.readback import check_measure, differs
 from dsfab.export.shells import solids_of
 
 
-def prepare(part: Part) -> Part:
+def told(part: Part, refused: Sequence[ExportError]) -> str:
     """As for STEP."""
-    return step.prepare(part)
-
-
-def attempts(part: Part) -> Iterator[Part]:
-    """As for STEP."""
-    return step.attempts(part)
-
-
-def told(part: Part, refused: str) -> str:
-    """As for STEP."""
-    return step.told(part, refused).replace("STEP", "BREP", 1)
+    return ladder.told(part, refused).replace("STEP", "BREP", 1)
 
 
 def encode(part: Part) -> Iterator[bytes]:

@@ -1,7 +1,7 @@
 """The formats, one line each, and `write`: the one way a solid or a sheet becomes a file."""
 
 import difflib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -15,6 +15,7 @@ from dsfab.export import (
     dxf,
     gltf,
     ifc,
+    ladder,
     obj,
     off,
     ply,
@@ -57,10 +58,13 @@ class Format:
     check: Callable[[Part, Path], None]
     sheets: bool
     """Whether the format can hold an open sheet."""
-    attempts: Callable[[Part], Iterable[Part]] = lambda part: (part,)
-    """The part in the ways to write it, the best first: the next is tried when one is refused."""
-    told: Callable[[Part, str], str] = lambda part, refused: ""
-    """A line about the way taken, given why the one before it was refused ("" if it was not)."""
+    attempts: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
+    """The part in the ways to write it, the best first: the next is tried when one is refused. Or a refusal, of a way
+    that need not be tried."""
+    told: Callable[[Part, Sequence[ExportError]], str] = lambda part, refused: ""
+    """A line about the way taken, given why those before it were refused."""
+    refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
+    """What to raise when all ways were refused."""
     takes: Takes = "mesh"
     """What it is for: a mesh; lines on a sheet; a solid and lines; or fields on a sheet."""
     curves: bool = False
@@ -70,12 +74,13 @@ class Format:
 
 
 _STEP = Format(
-    step_format.prepare,
+    ladder.prepare,
     step_format.encode,
     step_format.check,
     sheets=False,
-    attempts=step_format.attempts,
-    told=step_format.told,
+    attempts=ladder.attempts,
+    told=ladder.told,
+    refusal=ladder.refusal,
 )
 
 FORMATS: dict[str, Format] = {
@@ -87,7 +92,7 @@ FORMATS: dict[str, Format] = {
     ".lines.step": Format(
         step_lines.prepare, step_lines.encode, step_lines.check, sheets=True, takes="lines", curves=True
     ),
-    ".brep": Format(brep.prepare, brep.encode, brep.check, sheets=False, attempts=brep.attempts, told=brep.told),
+    ".brep": replace(_STEP, encode=brep.encode, check=brep.check, told=brep.told),
     ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.ready),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
@@ -175,34 +180,36 @@ def step_estimates(
     if not part.is_solid:
         raise ExportError(f"STEP holds closed solids and {name!r} is an open sheet; thicken it first")
     part = _with_options(part, step, step_tolerance, step_mb, corners, details)
-    return estimates(step_format.prepare(replace(part, curved=curved)))
+    return estimates(ladder.prepare(replace(part, curved=curved)))
 
 
 def _with_options(
     part: Part, step: str, tolerance: float, megabytes: float, corners: Floats | None, details: Details | None
 ) -> Part:
     """The part with what was asked for; lengths become millimetres."""
-    if step not in step_format.ROUTES:
-        raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(step_format.ROUTES)}")
+    if step not in ladder.ROUTES:
+        raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(ladder.ROUTES)}")
     marked = np.zeros((0, 3)) if corners is None else np.asarray(corners, dtype=np.float64)
     about = (details or Details()).scaled(MM_PER_M)
     tolerance, marked = tolerance * MM_PER_M, marked * MM_PER_M
     return replace(part, details=about, step=step, step_mb=megabytes, tolerance=tolerance, corners=marked)
 
 
-def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, str]:
+def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportError]]:
     """Write the first way that reads back as it should; returns it, and why the ways before it were refused."""
-    refused = ExportError(f"there is no way to write {part.name!r}")
-    why = ""
+    refused = list[ExportError]()
     for attempt in form.attempts(part):
+        if isinstance(attempt, ExportError):
+            refused.append(attempt)
+            continue
         try:
             _written(form, attempt, temporary)
         except ExportError as error:
-            refused, why = error, str(error)
+            refused.append(error)
             temporary.unlink(missing_ok=True)
         else:
-            return attempt, why
-    raise refused
+            return attempt, refused
+    raise form.refusal(refused)
 
 
 def _written(form: Format, part: Part, temporary: Path) -> None:

@@ -57,6 +57,7 @@ class Part:
     details    : lines, fields and facts; its lengths in millimetres too.
     step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
     note       : what was done to the mesh on its way here.
+    simpler    : whether that left it with fewer triangles than its solid has.
     curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
     hurry      : whether nobody asked for smooth STEP by name, so that it may be given up early.
     """
@@ -72,6 +73,7 @@ class Part:
     details: Details = field(default_factory=Details)
     step_mb: float = 0.0
     note: str = ""
+    simpler: bool = False
     curved: Callable[[], Curved] | None = None
     hurry: bool = False
 

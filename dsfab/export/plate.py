@@ -28,6 +28,10 @@ SHARE_OF_GAP = 0.25
 """A loop is followed at least as closely as this share of its distance to the next: curves never cross a member."""
 
 
+class NotFlatError(ExportError):
+    """A solid that is no sheet between two planes."""
+
+
 @dataclass(frozen=True, eq=False)
 class Outlines:
     """The polylines of a flat sheet.
@@ -81,7 +85,7 @@ def outlines_of(part: Part) -> Outlines:
         low, high = float(height[used].min()), float(height[used].max())
         if np.minimum(height[used] - low, high - height[used]).max() <= 2 * FLATNESS < high - low:
             return _between(part, _frame(axis), low, high)
-    raise ExportError("the sheet is not flat, or not equally thick")
+    raise NotFlatError("the sheet is not flat, or not equally thick")
 
 
 def _frame(across: Floats) -> Floats:
@@ -97,7 +101,7 @@ def _between(part: Part, axes: Floats, low: float, high: float) -> Outlines:
     upper = part.V @ axes[2] > (low + high) / 2
     top, bottom = (part.F[(side[part.F]).all(axis=1)] for side in (upper, ~upper))
     if not len(top) or not len(bottom):
-        raise ExportError("the two skins of the sheet are not flat")
+        raise NotFlatError("the two skins of the sheet are not flat")
     flat = part.V @ axes[:2].T
     rims = [np.concatenate(boundary_loops(F, edge_table(F))) for F in (top, bottom)]
     over, under = (cKDTree(flat[rim]) for rim in rims)

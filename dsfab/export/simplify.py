@@ -11,7 +11,10 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError, SolidError
+from dsfab.export.budget import within
+from dsfab.export.coplanar import coplanar_regions
 from dsfab.export.part import Part, open_edges
+from dsfab.surface.topology import edge_table
 from dsfab.thickening.coarsen import coarsened
 from dsfab.thickening.intersect import intersecting_pairs
 
@@ -22,6 +25,8 @@ VOLUME = 5e-3
 """Largest accepted change of the volume."""
 SHARE = 1 / 20
 """Tolerance unless asked otherwise, as a share of the thickness: twice the volume over the area."""
+HOPELESS = 1.2
+"""Times the faces that a part may have: with so many left beyond the tolerance, no try within it is made."""
 WORTH = 0.9
 """Fewer triangles than this share of the given ones, or it was not worth it."""
 
@@ -35,7 +40,8 @@ def simplified(part: Part, tolerance: float) -> Part:
     """The solid with fewer triangles, none of its points farther than `tolerance` (mm) from the other's surface.
 
     `note` of the result says the distance that was measured and the change of volume. Raises ExportError when no try
-    stays within the tolerance, keeps the volume to 0.5 %, has no more crossings than before, and is worth it.
+    stays within the tolerance, keeps the volume to 0.5 %, has no more crossings than before, and is worth it; and
+    BudgetError as soon as far more planar faces are left than the part may have, `step_faces` (if that is not 0).
     """
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance
     best: Part | None = None
@@ -46,6 +52,7 @@ def simplified(part: Part, tolerance: float) -> Part:
         elif best is not None:
             break
         else:
+            _ask_faces(simple)
             step *= min(0.9 * tolerance / moved if moved > 0 else 1.0, 1 / STRIDE)
     if best is None or len(best.F) > WORTH * len(part.F):
         raise ExportError(
@@ -55,13 +62,21 @@ def simplified(part: Part, tolerance: float) -> Part:
     return best
 
 
+def _ask_faces(simple: Part) -> None:
+    """Raise BudgetError where a try is no use: it went too far, and a smaller step hardly leaves fewer faces."""
+    if 0 < HOPELESS * simple.step_faces < len(simple.F):
+        faces = len(coplanar_regions(simple.V, simple.F, edge_table(simple.F))[1])
+        if faces > HOPELESS * simple.step_faces:
+            within(simple, faces)
+
+
 def _tried(part: Part, step: float) -> tuple[Part, float]:
     """The part with edges collapsed by steps of `step`, and how far that took it; both in its note."""
     try:
         V, F = coarsened(part.V, part.F, step)
     except SolidError:
         return replace(part, F=part.F[:0]), np.inf
-    simple, moved = replace(part, V=V, F=F), distance(part.V, part.F, V, F)
+    simple, moved = replace(part, V=V, F=F, simpler=True), distance(part.V, part.F, V, F)
     note = f"simplified from {len(part.F):,} to {len(F):,} triangles, {moved:.2g} mm off at most"
     return replace(simple, note=f"{note}, volume {simple.volume / part.volume - 1:+.2%}"), moved
 

@@ -42,6 +42,12 @@ def entities(part: Part) -> Iterator[str]:
     yield "ENDSEC;\nEND-ISO-10303-21;\n"
 
 
+def expected_bytes(part: Part) -> float:
+    """About how long the text will be."""
+    digits = np.log10(max(np.abs(part.V).max(), 1.0)) + FACETED_DIGITS + 2.5
+    return float(1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F))
+
+
 def _coordinates(new: Numbered, points: Floats) -> Iterator[str]:
     yield f"#{new.next()}=COORDINATES_LIST('',{len(points)},("
     yield from listed_rows(f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f),\n", *points.T)

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse.linalg import eigsh
 
 from dsfab.errors import DsfabError
-from dsfab.export import step
+from dsfab.export import ladder, step
 from dsfab.export.part import Part, part_of
 from dsfab.export.smooth.make import made
 from dsfab.slicing import cut, resolve_pinches
@@ -87,7 +87,7 @@ def patterned(name: str, number: int) -> tuple[Part, int, float]:
     D = sheet.carry_corners(offsets(surface, thickness).at_corners(surface.F), surface.F)
     solid = thicken(sheet.surface, D)
     smooth = replace(part_of(solid, "part", 10**6), step="smooth")
-    part = replace(step.prepare(smooth), curved=partial(curved_sheet, surface, sheet, thickness))
+    part = replace(ladder.prepare(smooth), curved=partial(curved_sheet, surface, sheet, thickness))
     return part, len(solid.F), thickness
 
 

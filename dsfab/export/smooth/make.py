@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
+from dsfab.export.budget import BudgetError, within
 from dsfab.export.part import Part
 from dsfab.export.smooth.ask import Finding, findings
 from dsfab.export.smooth.charts import Atlas
@@ -104,6 +105,8 @@ class _Ladder:
         for cone, fewest, start in self.layouts:
             try:
                 self._try(cone, fewest, start)
+            except BudgetError:
+                raise
             except ExportError as error:
                 self.reason = self.reason or str(error)
                 continue
@@ -197,6 +200,7 @@ class _Ladder:
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
         text = file_text(self.part, [(model, k) for k in which])
+        within(self.part, count, len(text))
         found = findings(text, DEFLECTION * self.limits.distance, SECONDS + SECONDS_PER_FACE * count) if which else []
         return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
 

@@ -1,0 +1,151 @@
+"""In which ways a STEP file is tried, the best first, and what is said about the one that was taken.
+
+planar -> planar, tighter -> smooth, where it is soon made -> faceted -> simplified -> smooth, however long it takes
+                                                                                          -> simplified further
+
+That is `auto`. The next way is tried when one is refused: for the shape, by the budget, before anything is written, or
+for what OCCT finds in the file.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dsfab.errors import ExportError
+from dsfab.export import tessellated
+from dsfab.export.budget import BudgetError, none_within
+from dsfab.export.part import Part, settled
+from dsfab.export.plate import NotFlatError, outlines_of
+from dsfab.export.simplify import simplified, usual_tolerance
+from dsfab.export.smooth.make import made
+from dsfab.export.step_text import DIGITS, FACETED_DIGITS
+from dsfab.surface.topology import edge_table, half_edges
+
+ROUTES = ("auto", "planar", "smooth", "faceted", "tessellated")
+
+SHARE_OF_THICKNESS = 1 / 40
+"""Tolerance of planar outlines unless asked otherwise, as a share of the thickness."""
+
+TIGHTER = 1 / 4
+"""A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
+
+FURTHER = 2
+"""Times the usual tolerance, the last way of all to come within the budget."""
+
+
+def prepare(part: Part) -> Part:
+    """The part rounded to the file's decimals; raises ExportError where an edge has more than two triangles."""
+    V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
+    ends = np.stack(half_edges(part.F))
+    short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
+    V[short] = coarse[short]  # they become one, the others stay where planes are found
+    part = settled(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
+    crowded = int((edge_table(part.F).count != 2).sum())
+    if crowded:
+        raise ExportError(
+            f"{crowded} edges of {part.name!r} have more than two triangles, which no STEP solid can have; "
+            "write STL or 3MF instead"
+        )
+    return part
+
+
+def attempts(part: Part) -> Iterator[Part | BudgetError]:
+    """The part with its ways, the best first; the refusal of a way that is over the budget as soon as it is known.
+
+    A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
+    """
+    flat = 0.0
+    if part.step in ("auto", "planar"):
+        flat = default_tolerance(part)
+        planar = replace(part, step="planar", tolerance=part.tolerance or flat)
+        yield planar
+        if planar.tolerance:
+            yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+    curved = part.step == "auto" and part.curved is not None and not flat
+    if part.step == "smooth" or curved:
+        yield replace(part, step="smooth", hurry=curved)
+    if part.step == "tessellated":
+        yield part
+    if part.step in ("auto", "faceted"):
+        faceted = replace(part, step="faceted")
+        if part.tolerance:
+            yield from _as_asked(faceted)
+        else:
+            yield faceted
+    if part.step == "auto":
+        yield from _last(faceted, curved)
+
+
+def _last(part: Part, curved: bool) -> Iterator[Part | BudgetError]:
+    """What is left to `auto` for a faceted part that was refused."""
+    if not part.tolerance:
+        yield from _simpler(part, usual_tolerance(part))
+    if curved:
+        yield replace(part, step="smooth")
+    if not part.tolerance:
+        yield from _simpler(part, FURTHER * usual_tolerance(part))
+
+
+def _as_asked(part: Part) -> Iterator[Part | BudgetError]:
+    """The part simplified within its tolerance, or as it is if that does not help."""
+    try:
+        yield simpler(part, part.tolerance)
+    except BudgetError as error:
+        yield error
+    except ExportError as error:
+        yield replace(part, note=f"not simplified, since {error}")
+
+
+def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
+    """The part simplified within a tolerance, where that helps; its refusal where it does not help enough."""
+    try:
+        yield simpler(part, tolerance)
+    except BudgetError as error:
+        yield error
+    except ExportError:
+        return
+
+
+def simpler(part: Part, tolerance: float) -> Part:
+    """The part simplified within a tolerance, in millimetres; raises ExportError where it cannot be, or helps little,
+    and BudgetError where it does not help enough."""
+    return prepare(simplified(replace(part, tolerance=tolerance), tolerance))
+
+
+def default_tolerance(part: Part) -> float:
+    """Millimetres; 0 for a solid that is not flat, which will be told why when it is encoded."""
+    try:
+        return SHARE_OF_THICKNESS * outlines_of(part).thickness
+    except ExportError:
+        return 0.0
+
+
+def told(part: Part, refused: Sequence[ExportError]) -> str:
+    """How the file was made, and why not in the ways that were refused before."""
+    if part.step == "planar":
+        again = f" (a larger tolerance was refused: {refused[-1]})" if refused else ""
+        return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
+    if part.step == "tessellated":
+        return f"STEP is tessellated: {tessellated.WARNING}"
+    if part.step == "smooth":
+        over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
+        slow = f"; made however long it took, since {over}" if over and not part.hurry else ""
+        return f"STEP is smooth, {made(part).told}{slow}"
+    why = "; ".join(reasons(refused))
+    note = f", {part.note}" if part.note else ""
+    return f"STEP is faceted{note}" + (f": {why}" if why else "")
+
+
+def reasons(refused: Sequence[ExportError]) -> list[str]:
+    """Why ways were refused, each once; that a curved sheet is not flat is said only if there is nothing else."""
+    others = [one for one in refused if not isinstance(one, NotFlatError)] or refused
+    return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else str(one) for one in others))
+
+
+def refusal(refused: Sequence[ExportError]) -> ExportError:
+    """What to raise when every way was refused: what each would cost, where it is the budget that forbids it."""
+    over = [one for one in refused if isinstance(one, BudgetError)]
+    if len({one.way for one in over}) > 1:
+        return none_within(over)
+    return over[-1] if over else refused[-1]

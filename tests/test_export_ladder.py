@@ -1,0 +1,111 @@
+"""`--step auto`: the best way within the budget, told in one line; a refusal with the costs only when there is none."""
+
+import re
+from functools import partial
+
+import pytest
+
+from dsfab.errors import ExportError
+from dsfab.export import STEP_FACES, ladder, simplify, step, step_estimates, write
+from dsfab.export.budget import BudgetError
+from dsfab.export.part import part_of
+from dsfab.export.smooth import make
+from dsfab.study.curved import curved_sheet
+from dsfab.surface.shapes.roofs import barrel_vault
+from tests.test_export import box, quick_step, torus  # noqa: F401
+from tests.test_export_estimate import saddle
+from tests.test_export_smooth import THICKNESS, here, holed, thickened  # noqa: F401
+
+
+@pytest.fixture
+def slow_vault(monkeypatch):
+    """A vault with a hole, whose walls take too long to be made unasked: its solid, and what is known of its sheet."""
+    monkeypatch.setattr(make, "MOST_WALLS", 3)
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
+    sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
+    return thickened(surface, sheet), partial(curved_sheet, surface, sheet, THICKNESS)
+
+
+@pytest.fixture
+def unread(monkeypatch):
+    """No file may be read back."""
+
+    def never(part, path):
+        raise AssertionError(f"{part.step} was read back")
+
+    monkeypatch.setattr(step, "inspection", never)
+
+
+def faces(path):
+    return path.read_bytes().count(b"=ADVANCED_FACE(")
+
+
+def chosen(solid, **how):
+    return next((one for one in step_estimates(solid, **how) if one.chosen), None)
+
+
+def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, unread):  # noqa: F811
+    said, (solid, curved) = [], slow_vault
+    path = write(solid, tmp_path / "a.step", curved=curved, step_faces=60, note=said.append)
+    assert faces(path) < 30
+    assert said[0].startswith("STEP is smooth")
+    assert re.search(
+        r"; made however long it took, since faceted it would have [\d,]+ planar faces, more than", said[0]
+    )
+    assert chosen(solid, curved=curved, step_faces=60).way == "smooth"
+    assert chosen(solid, curved=curved).way == "faceted"
+
+
+def test_a_smooth_file_over_the_budget_is_not_shown_to_occt(tmp_path, slow_vault, monkeypatch):
+    monkeypatch.setattr(make, "findings", lambda *_: pytest.fail("OCCT was asked"))
+    solid, curved = slow_vault
+    with pytest.raises(ExportError, match=r"the STEP file of 'a' would have 0\.0\d+ MB, more than step_mb = 0.01 MB"):
+        write(solid, tmp_path / "a.step", step="smooth", curved=curved, step_mb=0.01)
+
+
+@pytest.mark.parametrize(("budget", "way"), [(1200, "faceted"), (1000, "simplified"), (650, "simplified")])
+def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_step, budget, way):  # noqa: F811
+    said, solid = [], saddle()
+    path = write(solid, tmp_path / "a.step", step_faces=budget, note=said.append)
+    found = chosen(solid, step_faces=budget)
+    assert (found.way, found.faces) == (way, faces(path))
+    assert faces(path) <= budget
+    assert found.size == pytest.approx(path.stat().st_size, rel=0.1)
+    assert ("simplified from" in said[0]) == (way == "simplified")
+    if budget == 650:  # the usual tolerance, a twentieth of the thickness, was not enough
+        assert "simplified within 4.2 mm it would have about" in said[0]
+        moved = float(said[0].split(" mm off at most")[0].split()[-1])
+        assert 4.2 < moved <= 1000 * ladder.FURTHER * simplify.SHARE * 0.1
+
+
+def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_path, unread):
+    solid = saddle()
+    with pytest.raises(ExportError) as caught:
+        write(solid, tmp_path / "a.step", step_faces=10)
+    said = str(caught.value)
+    assert said.startswith("every STEP file of 'a' would be more than step_faces = 10: ")
+    assert re.search(r"faceted 1,152 faces \(0\.\d+ MB, about 4\.2 s to write and check\)", said)
+    assert re.search(r"simplified within 8\.3 mm \d+ faces", said)
+    for words in ("STL or 3MF", "coarsen the mesh", "step_tolerance", "or raise step_faces"):
+        assert words in said
+    assert not any(tmp_path.iterdir())
+    assert chosen(solid, step_faces=10) is None
+
+
+def test_a_tolerance_that_was_asked_for_is_not_exceeded_to_keep_to_the_budget(tmp_path, unread):
+    part = ladder.prepare(part_of(saddle(), "a", 100))
+    asked = [one for one in ladder.attempts(ladder.replace(part, step="auto", tolerance=1.0)) if one.step != "planar"]
+    assert [one.part.tolerance if isinstance(one, BudgetError) else one.tolerance for one in asked] == [1.0]
+
+
+def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
+    """One try, beyond the tolerance, that leaves twice the faces."""
+    tries, true = [], simplify._tried
+    monkeypatch.setattr(simplify, "_tried", lambda part, by: tries.append(by) or (true(part, by)[0], 1e9))
+    part = ladder.prepare(part_of(saddle(), "a", 400))
+    with pytest.raises(BudgetError, match=r"about \d+ planar faces, more than step_faces = 400"):
+        simplify.simplified(part, 4.0)
+    assert len(tries) == 1
+    with pytest.raises(ExportError, match="does not become simpler"):
+        simplify.simplified(ladder.replace(part, step_faces=STEP_FACES), 4.0)
+    assert len(tries) == 1 + simplify.TRIES
