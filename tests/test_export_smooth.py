@@ -30,7 +30,7 @@ def here(monkeypatch):
     """Ask OCCT in this process; gives the last findings."""
     found: list = []
 
-    def said(path, folder, deflection, limit):
+    def said(program, path, folder, deflection, limit):
         found[:] = [dict(one) for one in check.inspected(path, folder, deflection)]
         return [dict(one) for one in found]
 

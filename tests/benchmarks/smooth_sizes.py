@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.export.formats import FORMATS
+from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
 from dsfab.export.smooth.make import made
-from dsfab.export.step import prepare
 from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from dsfab.study.curved import curved_design
@@ -57,7 +57,7 @@ def row(name: str, folder: Path) -> str:
         f"{name:8} {len(design.solid.F):>9,} {file.smooth:>2}/{file.pieces:<2} {file.faces:6} {large / 1e6:8.1f} "
         f"{len(file.text) / 1e6:7.2f}  1/{large / len(file.text):<5.1f} {seconds:6.1f} {spent:6.1f}  "
         f"{file.there:5.2f} {file.back:5.2f}  {file.limits.distance:.2f} + {file.limits.usual:.2f}  "
-        f"{file.gap:5.2f}  {file.volume / (1e9 * design.solid.volume) - 1:+.1e} ({file.limits.rounder:.1e})"
+        f"{file.gap:5.2f}  {file.volume / (1e9 * design.solid.volume) - 1:+.1e} ({file.limits.rounder.mean():.1e})"
     )
 
 

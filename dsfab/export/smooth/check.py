@@ -6,6 +6,7 @@ prints one line of JSON, {"solids": [{...}, ...]}, in the order of the file; eac
 `faces`, `volume` (cubic millimetres), `gap` (millimetres: the largest distance between an edge and its curve on a face,
 measured, whatever tolerance it was given), and `bad`, the ends (k, 3) of the edges that cross others.
 The triangles of each solid, no farther than `DEFLECTION` millimetres from it, become `0.stl`, `1.stl` ... in `FOLDER`.
+Without arguments it loads OCCT and then reads them from its input, a list as one line of JSON.
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
 
@@ -151,6 +152,15 @@ def _crossing(faces: list[Any]) -> list[list[float]]:
     return found
 
 
+def _loaded() -> list[str]:
+    """The arguments, after what takes longest to import."""
+    import OCP.BRepMesh
+    import OCP.STEPControl  # noqa: F401
+
+    return list(json.loads(sys.stdin.readline()))
+
+
 if __name__ == "__main__":
-    folder, deflection = (sys.argv[2], float(sys.argv[3])) if len(sys.argv) > 2 else ("", 0.0)
-    sys.stdout.write(json.dumps({"solids": inspected(sys.argv[1], folder, deflection)}) + "\n")
+    path, *more = sys.argv[1:] or _loaded()
+    folder, deflection = (more[0], float(more[1])) if more else ("", 0.0)
+    sys.stdout.write(json.dumps({"solids": inspected(path, folder, deflection)}) + "\n")

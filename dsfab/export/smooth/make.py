@@ -5,6 +5,7 @@ charts found, skins fitted -> all pieces built -> file -> `check` -> `gate` -> r
  '------------- another layout of charts, for these only ---------'-> faceted, piece by piece
 """
 
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
@@ -17,7 +18,8 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.budget import BudgetError, within
 from dsfab.export.part import Part
-from dsfab.export.smooth.ask import Finding, findings
+from dsfab.export.program import Ahead
+from dsfab.export.smooth.ask import Finding, findings, occt
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.edges import Allowed
 from dsfab.export.smooth.file import Made, file_text, rest_of
@@ -97,6 +99,7 @@ class _Ladder:
         self.taken, self.reason, self.pieces = list[_Taken](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
+        self.asked, self.text = list[tuple[Model, int]](), ""
         if part.hurry:
             self._ask_walls()
 
@@ -176,16 +179,22 @@ class _Ladder:
 
     def _try(self, cone: float, fewest: int, start: int) -> None:
         """A layout: its pieces of solids that are not done yet, refitted where they are refused."""
+        with ExitStack() as programs:
+            self._judged(programs, cone, fewest, start)
+
+    def _judged(self, programs: ExitStack, cone: float, fewest: int, start: int) -> None:
+        program = programs.enter_context(occt())
         with one_blas_thread():  # bands of a hundred: on two busy cores, threads took ten times as long
             gate, builder, model = self.built(cone, fewest, start)
         asked, levels = self._asked(gate), [dict[Key, int]() for _ in model.pieces]
         verdicts, todo = dict[int, Verdict](), asked
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
-            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._found(model, ready))
+            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._found(program, model, ready))
             todo = [k for k in todo if len(verdicts[k].bad) and _tighten(model, k, levels[k], verdicts[k].bad)]
             if not todo or turn == REFITS or self.inspected > self.most:
                 break
+            program = programs.enter_context(occt())
             for k in todo:
                 model.pieces[k] = builder.piece(k, levels[k])
         refused = {int(gate.solid[k]) for k in asked if verdicts[k].reason}
@@ -195,18 +204,21 @@ class _Ladder:
         self.reason = next((verdicts[k].reason for k in asked if verdicts[k].reason), "")
         self.left, self.pieces = gate.without(self.done), len(model.pieces)
 
-    def _found(self, model: Model, which: list[int]) -> dict[int, Finding]:
+    def _found(self, program: Ahead, model: Model, which: list[int]) -> dict[int, Finding]:
         """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
-        text = file_text(self.part, [(model, k) for k in which])
-        within(self.part, count, len(text))
-        found = findings(text, DEFLECTION * self.limits.distance, SECONDS + SECONDS_PER_FACE * count) if which else []
+        self.asked = [(model, k) for k in which]
+        self.text = file_text(self.part, self.asked)
+        within(self.part, count, len(self.text))
+        seconds = SECONDS + SECONDS_PER_FACE * count
+        found = findings(program, self.text, DEFLECTION * self.limits.distance, seconds) if which else []
         return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
 
     def _file(self) -> Made:
         rest = rest_of(self.part, self.left) if len(self.left) else None
-        text = file_text(self.part, [(model, k) for model, k, _ in self.taken], rest)
+        taken = [(model, k) for model, k, _ in self.taken]
+        text = self.text if rest is None and taken == self.asked else file_text(self.part, taken, rest)
         return Made(
             text=text,
             pieces=self.pieces,
