@@ -11,7 +11,7 @@ from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.patches import fitted
 from dsfab.slicing import Sheet, cut
-from dsfab.study.curved import curved_sheet
+from dsfab.study.curved import _where_largest, curved_sheet
 from dsfab.surface import Surface
 from dsfab.thickening import offsets, thicken
 from tests.zoo import grid
@@ -70,6 +70,14 @@ def test_the_chord_error_that_counts_is_that_of_the_triangle_where_a_point_is():
     F = np.array([[0, 1, 2], [1, 0, 3]])
     limits = Limits(20.0, 1.0, V, F, np.array([0.25, 2.0]), np.zeros(2))
     assert limits.allowed(np.array([[5.0, -0.1, 0], [5, 0.2, 0.1]])) == pytest.approx([3.0, 1.25])
+
+
+def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
+    """Chart 3 is largest at no corner of face 1, nor is it near."""
+    F = np.array([[0, 1, 2], [1, 3, 2]])
+    fields = np.array([[1.0, 0, 0, -9], [0.6, 0.6, 0, -9], [0.6, 0, 0.6, -9], [0, 0.7, 0.5, -9]])
+    assert _where_largest(fields, F, np.array([0, 3])).tolist() == [0, 1]
+    assert _where_largest(fields, F, np.array([0, 2])).tolist() == [0, 2]
 
 
 @pytest.mark.slow
