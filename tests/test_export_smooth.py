@@ -13,7 +13,7 @@ from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import WALL, Run
 from dsfab.export.smooth.patches import Patch, patch_through
-from dsfab.export.smooth.splines import Spline, basis, spline_through
+from dsfab.export.smooth.splines import Spline, basis, hats, spline_through
 from dsfab.slicing import Sheet, cut
 from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
@@ -66,7 +66,7 @@ def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
     assert values.sum(axis=1) == pytest.approx(1)
     greville = np.array([knots[i + 1 : i + 4].mean() for i in range(7)])
     assert np.einsum("ki,ki->k", values, greville[first[:, None] + np.arange(4)]) == pytest.approx(x)
-    _, slopes = basis(x, knots, 1)
+    _, _, slopes = hats(x, knots)
     assert np.einsum("ki,ki->k", slopes, greville[first[:, None] + np.arange(4)]) == pytest.approx(1)
 
 

@@ -4,7 +4,8 @@
 
 prints one line of JSON, {"solids": [{...}, ...]}, in the order of the file; each with `valid`, `closed`, `tessellates`,
 `faces`, `volume` (cubic millimetres), `gap` (millimetres: the largest distance between an edge and its curve on a face,
-measured, whatever tolerance it was given), and `bad`, the ends (k, 3) of the edges that cross others.
+measured, whatever tolerance it was given), and `bad`, the ends (k, 3) of the edges that cross others. A solid that is
+not valid gets no triangles, and one without them no volume: it is refused, and they take most of the time.
 The triangles of each solid, no farther than `DEFLECTION` millimetres from it, become `0.stl`, `1.stl` ... in `FOLDER`.
 Without arguments it loads OCCT and then reads them from its input, a list as one line of JSON.
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
@@ -67,12 +68,13 @@ def _findings(solid: Any, deflection: float) -> dict[str, Any]:
 
     faces = [TopoDS.Face(face) for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
     valid = bool(BRepCheck_Analyzer(solid, True, True).IsValid())
+    tessellates = valid and _tessellates(solid, faces, deflection)
     return {
         "valid": valid,
         "closed": all(BRep_Tool.IsClosed_s(shell) for shell in _parts(solid, TopAbs_ShapeEnum.TopAbs_SHELL)),
-        "tessellates": _tessellates(solid, faces, deflection),
+        "tessellates": tessellates,
         "faces": len(faces),
-        "volume": _volume(solid),
+        "volume": _volume(solid) if tessellates else 0.0,
         "gap": max((_gap(face) for face in faces), default=0.0),
         "bad": [] if valid else _crossing(faces),
     }

@@ -5,6 +5,7 @@ charts found, skins fitted -> all pieces built -> file -> `check` -> `gate` -> r
  '------------- another layout of charts, for these only ---------'-> faceted, piece by piece
 """
 
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
@@ -81,8 +82,10 @@ def drafted(part: Part) -> tuple[int, int]:
     """Faces and bytes of a part's first smooth file, which nobody has checked; ExportError where none can be made."""
     ladder = _Ladder(part)
     with one_blas_thread():
-        model = ladder.built(*ladder.layouts[0])[2]
+        model = ladder.built(next(ladder.layouts()))[2]
     which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
+    if not which:
+        raise ExportError(model.pieces[0].refused)
     return sum(model.pieces[k].faces for k in which), len(file_text(part, [(model, k) for k in which]))
 
 
@@ -105,9 +108,9 @@ class _Ladder:
 
     def made(self) -> Made:
         """Each solid in the first layout that has all its pieces accepted; those of other solids may be in others."""
-        for cone, fewest, start in self.layouts:
+        for fields in self.layouts():
             try:
-                self._try(cone, fewest, start)
+                self._try(fields)
             except BudgetError:
                 raise
             except ExportError as error:
@@ -119,14 +122,19 @@ class _Ladder:
             raise ExportError(f"{self.reason}; write step = 'faceted'")
         return self._file()
 
-    @property
-    def layouts(self) -> list[tuple[float, int, int]]:
-        """Radians, charts at least, and a seed.
+    def layouts(self) -> Iterator[Floats]:
+        """Fields (n, c) of one layout after another, each once: chart k is where field k is largest.
 
         The first one is for open sheets only: on a closed surface its charts become too flat, and fits fail.
         """
         some = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
-        return [(float(np.deg2rad(lean)), max(fewest, self.enough), start) for lean, fewest, start in some]
+        known = set[bytes]()
+        for lean, fewest, start in some:
+            fields = layout(self.surface, float(np.deg2rad(lean)), max(fewest, self.enough), start)
+            chart = fields.argmax(axis=1).tobytes()
+            if chart not in known:
+                yield fields
+            known.add(chart)
 
     @cached_property
     def whole(self) -> Sheet:
@@ -147,9 +155,8 @@ class _Ladder:
                 "unasked; ask for step = 'smooth'"
             )
 
-    def built(self, cone: float, fewest: int, start: int) -> tuple[Gate, Builder, Model]:
+    def built(self, fields: Floats) -> tuple[Gate, Builder, Model]:
         """The pieces of solids that are not done yet in a layout of charts."""
-        fields = layout(self.surface, cone, fewest, start)
         atlas = Atlas(self.surface, self.curved, fields, FIT * self.limits.distance)
         atlas.make(np.unique(fields.argmax(axis=1)[self._near()]))
         sheet = sheet_of(self.curved.divided(atlas.fields), self.curved.shift)
@@ -177,15 +184,15 @@ class _Ladder:
         marks[cKDTree(MM_PER_M * self.surface.V).query(points)[1]] = True
         return np.unique(self.surface.F[marks[self.surface.F].any(axis=1)])
 
-    def _try(self, cone: float, fewest: int, start: int) -> None:
+    def _try(self, fields: Floats) -> None:
         """A layout: its pieces of solids that are not done yet, refitted where they are refused."""
         with ExitStack() as programs:
-            self._judged(programs, cone, fewest, start)
+            self._judged(programs, fields)
 
-    def _judged(self, programs: ExitStack, cone: float, fewest: int, start: int) -> None:
+    def _judged(self, programs: ExitStack, fields: Floats) -> None:
         program = programs.enter_context(occt())
         with one_blas_thread():  # bands of a hundred: on two busy cores, threads took ten times as long
-            gate, builder, model = self.built(cone, fewest, start)
+            gate, builder, model = self.built(fields)
         asked, levels = self._asked(gate), [dict[Key, int]() for _ in model.pieces]
         verdicts, todo = dict[int, Verdict](), asked
         for turn in range(REFITS + 1):

@@ -9,7 +9,7 @@ from scipy.linalg import solveh_banded
 from scipy.sparse import csr_array, diags_array, eye_array, kron, tril, vstack
 
 from dsfab.arrays import Bools, Floats, Ints, lock
-from dsfab.export.smooth.splines import basis
+from dsfab.export.smooth.splines import basis, hats
 
 CLOSE = 1e-8
 """Nearest points are found to this share of a surface's size: a tenth of a micrometre on ten metres."""
@@ -43,21 +43,24 @@ class Patch:
 
     def __call__(self, uv: Floats) -> Floats:
         """(k, d) points at uv (k, 2)."""
-        return self._sum(basis(uv[:, 0], self.u), basis(uv[:, 1], self.v))
+        (i, a), (j, b) = basis(uv[:, 0], self.u), basis(uv[:, 1], self.v)
+        return np.asarray(self._sum(i, j, [(a, b)])[0])
 
     def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
         """Points, and derivatives by u and by v, (k, d) each."""
-        bu, bv = basis(uv[:, 0], self.u), basis(uv[:, 1], self.v)
-        du, dv = basis(uv[:, 0], self.u, 1), basis(uv[:, 1], self.v, 1)
-        return self._sum(bu, bv), self._sum(du, bv), self._sum(bu, dv)
+        (i, a, da), (j, b, db) = hats(uv[:, 0], self.u), hats(uv[:, 1], self.v)
+        at, du, dv = self._sum(i, j, [(a, b), (da, b), (a, db)])
+        return at, du, dv
 
-    def _sum(self, bu: tuple[Ints, Floats], bv: tuple[Ints, Floats]) -> Floats:
-        (i, a), (j, b) = bu, bv
+    def _sum(self, i: Ints, j: Ints, of: list[tuple[Floats, Floats]]) -> Floats:
+        """(len(of), k, d) sums of the poles from (i, j) on, weighted with products of hats."""
         p, q, d = self.poles.shape
+        k, many = len(i), len(of)
         column = ((i[:, None, None] + np.arange(4)[:, None]) * q + j[:, None, None] + np.arange(4)).reshape(-1)
-        value = (a[:, :, None] * b[:, None, :]).reshape(-1)
-        hats = csr_array((value, column, np.arange(0, 16 * len(a) + 1, 16)), shape=(len(a), p * q))
-        return np.asarray(hats @ self.poles.reshape(p * q, d))
+        value = np.concatenate([(a[:, :, None] * b[:, None, :]).reshape(-1) for a, b in of])
+        rows = np.arange(0, 16 * k * many + 1, 16)
+        weights = csr_array((value, np.tile(column, many), rows), shape=(k * many, p * q))
+        return np.asarray(weights @ self.poles.reshape(p * q, d)).reshape(many, k, d)
 
     def only(self, first: int, last: int) -> "Patch":
         """The surface of some of the coordinates."""
@@ -109,7 +112,7 @@ def fitted(uv: Floats, Q: Floats, inside: Bools, weight: Floats, tolerance: floa
         away = np.linalg.norm((patch(uv[here]) - Q[here]).reshape(-1, 2, 3), axis=2).max(axis=1)
         off = float(away.max())
         if off <= tolerance or n >= min(most, MOST_POLES):
-            return Fit(patch, off, n, off > tolerance and n < MOST_POLES)
+            return Fit(patch, off, float(n), bool(off > tolerance and n < MOST_POLES))
         n = min(n * float(np.clip(1.05 * (off / tolerance) ** 0.25, 1.15, 2.0)), max(most, n), float(MOST_POLES))
 
 

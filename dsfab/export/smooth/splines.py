@@ -125,29 +125,26 @@ def _normal(x: bytes, knots: bytes) -> tuple[Ints, Floats, Floats]:
     return first, values, cholesky_banded(band, lower=True)
 
 
-def basis(x: Floats, knots: Floats, order: int = 0) -> tuple[Ints, Floats]:
-    """The first of the four cubic hats that are not zero at each x (k,), and the four values (k, 4) [de Boor 1978].
+def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
+    """The first of the four cubic hats that are not zero at each x (k,), and the four values (k, 4)."""
+    first, values, _ = hats(x, knots)
+    return first, values
 
-    order : 1 for their derivatives.
+
+def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
+    """The first of the four cubic hats that are not zero at each x (k,), their values and slopes (k, 4) [de Boor 1978].
+
+    Of each degree, hat r is a share of hat r and a share of hat r - 1 of the degree below.
     """
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
-    values = np.ones((len(x), 1))
-    for degree in range(1, 4 - order):
-        values = _raised(x, knots, span, values, degree)
-    for degree in range(4 - order, 4):
-        at = span[:, None] + np.arange(1 - degree, 1)
-        share = degree * values / (knots[at + degree] - knots[at])
-        zero = np.zeros((len(x), 1))
-        values = np.concatenate([zero, share], axis=1) - np.concatenate([share, zero], axis=1)
-    return span - 3, values
-
-
-def _raised(x: Floats, knots: Floats, span: Ints, values: Floats, degree: int) -> Floats:
-    """(k, degree + 1) values of the hats, from those of one degree less."""
-    at = span[:, None] + np.arange(1 - degree, 1)
-    low, high = knots[at], knots[at + degree]
-    share = values / (high - low)
-    zero = np.zeros((len(x), 1))
-    rising, falling = share * (x[:, None] - low), share * (high - x[:, None])
-    return np.asarray(np.concatenate([zero, rising], axis=1) + np.concatenate([falling, zero], axis=1))
+    past = [x - knots[span - i] for i in range(3)]
+    ahead = [knots[span + 1 + i] - x for i in range(3)]
+    values, shares = [np.ones(len(x))], list[Floats]()
+    for degree in range(1, 4):
+        shares = [values[r] / (ahead[r] + past[degree - 1 - r]) for r in range(degree)]
+        falling = [ahead[r] * share for r, share in enumerate(shares)]
+        rising = [past[degree - 1 - r] * share for r, share in enumerate(shares)]
+        values = [falling[0], *(f + g for f, g in zip(falling[1:], rising[:-1], strict=True)), rising[-1]]
+    a, b, c = shares
+    return span - 3, np.stack(values, axis=1), 3 * np.stack([-a, a - b, b - c, c], axis=1)
