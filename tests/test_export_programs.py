@@ -1,6 +1,6 @@
 """Programs that others wrote open our files and find nothing to mend. Tests say what is missing where skipped.
 
-Debian: admesh, prusa-slicer. pip: gmsh. npm: gltf-validator (its folder in GLTF_VALIDATOR).
+Debian: admesh, prusa-slicer. pip: gmsh, cadaclysm. npm: gltf-validator (its folder in GLTF_VALIDATOR).
 """
 
 import importlib.util
@@ -10,17 +10,23 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
 
 import ezdxf
 import numpy as np
 import pytest
 
 from dsfab.export import Details, write
+from dsfab.study.curved import curved_sheet
 from dsfab.surface.lines import Line
+from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken
 from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_lines import ARCHED
+from tests.test_export_smooth import THICKNESS, here, holed, thickened  # noqa: F401
 from tests.zoo import grid, lifted
 
 
@@ -105,6 +111,87 @@ def test_gmsh_reads_a_step_file_and_fills_it_with_tetrahedra(way, arch, plate, t
     assert solids == "1"
     assert float(volume) in (pytest.approx(solid.volume, rel=1e-6), pytest.approx(solid.volume * 1e9, rel=1e-6))
     assert int(tetrahedra) > 50
+
+
+STEP_WAYS = ("planar", "smooth", "faceted", "tessellated")
+
+
+@pytest.fixture
+def step_file(arch, plate, tmp_path, quick_step, here) -> Callable[[str], tuple[Solid, Path]]:  # noqa: F811
+    """A solid and its file, by the way to write it."""
+
+    def made(way: str) -> tuple[Solid, Path]:
+        solid, curved = plate if way == "planar" else arch, None
+        if way == "smooth":
+            surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
+            sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
+            solid, curved = thickened(surface, sheet), partial(curved_sheet, surface, sheet, THICKNESS)
+        return solid, write(solid, tmp_path / "a.step", step=way, curved=curved)
+
+    return made
+
+
+def references(value: object) -> Iterator[str]:
+    """Entities that a parameter, or a list of them, names."""
+    from steputils import p21
+
+    if p21.is_reference(value):
+        yield str(value)
+    elif isinstance(value, tuple):
+        for one in value:
+            yield from references(one)
+
+
+@module("steputils")
+@pytest.mark.parametrize("way", STEP_WAYS)
+def test_a_parser_of_iso_10303_21_finds_a_whole_and_closed_boundary(way, step_file):
+    """The text by its grammar; then every name stands for an entity, and an edge has two sides or a solid is open."""
+    from steputils import p21
+
+    solid, path = step_file(way)
+    (data,) = p21.readfile(path).data
+    found = {
+        name: [one.entity] if p21.is_simple_entity_instance(one) else list(one.entities)
+        for name, one in data.instances.items()
+    }
+    entities = {name: some[0] for name, some in found.items()}
+    named = {name for some in found.values() for one in some for name in references(one.params)}
+    roots = {entities[name].name for name in found.keys() - named}
+    assert named <= found.keys()
+    assert all("REPRESENTATION" in root or root.endswith(("DEFINITION", "CATEGORY")) for root in roots), roots
+    if way == "tessellated":
+        points, triangles = (np.array(next(e for e in entities.values() if e.name == name).params[at]) for name, at in
+                             (("COORDINATES_LIST", 2), ("TRIANGULATED_FACE", 6)))  # fmt: skip
+        a, b, c = (points[triangles[:, i] - 1] for i in range(3))
+        assert np.einsum("mi,mi->", a, np.cross(b, c)) / 6 == pytest.approx(solid.volume * 1e9, rel=1e-4)
+        return
+    sides = Counter((one.params[3], one.params[4]) for one in entities.values() if one.name == "ORIENTED_EDGE")
+    edges = [name for name, one in entities.items() if one.name == "EDGE_CURVE"]
+    assert len(edges) > 10
+    assert sides == Counter((name, side) for name in edges for side in (".T.", ".F."))
+
+
+KERNEL = """
+import sys, cadaclysm, numpy as np
+with cadaclysm.open(sys.argv[1]) as scene:
+    (one,) = scene.placements
+    with one.geometry.brep as body:
+        found = body.manifold
+    V, F = (np.asarray(x).reshape(-1, 3) for x in (one.geometry.mesh64.positions, one.geometry.mesh64.indices))
+    a, b, c = (V[F[:, i]] - V[0] for i in range(3))
+    print("found", len(scene.diagnostics), found.is_manifold and found.is_closed, found.faces,
+          np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
+"""
+
+
+@module("cadaclysm")
+@pytest.mark.parametrize("way", STEP_WAYS[:3])
+def test_a_kernel_that_is_not_occt_finds_a_closed_solid_in_a_step_file(way, step_file):
+    """Its volume is that of its own triangles. Of tessellated geometry it reads none."""
+    solid, path = step_file(way)
+    faults, closed, faces, volume = ran(sys.executable, "-c", KERNEL, path).split("found ")[1].split()[:4]
+    assert (faults, closed, int(faces)) == ("0", "True", path.read_bytes().count(b"=ADVANCED_FACE("))
+    assert float(volume) == pytest.approx(solid.volume * 1e9, rel=0.02 if way == "smooth" else 1e-5)
 
 
 VALIDATE = """

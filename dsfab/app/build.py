@@ -151,19 +151,21 @@ def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool,
 
     preset, ask = design.preset, design.preset.export
     seconds, files, refused, told = dict(design.seconds), list[Path](), list[str](), list[str]()
+    reports = list[str]()
     start = time.perf_counter()
     for suffix in ask.formats:
         reporter("export", f"writing and reading back {preset.name}.{suffix}")
         try:
             thing, how = delivered(design, f".{suffix}")
-            files.append(write(thing, folder / f"{preset.name}.{suffix}", note=told.append, **how))
+            how |= {"note": told.append, "report": lambda done: reports.append(done.told)}
+            files.append(write(thing, folder / f"{preset.name}.{suffix}", **how))
             if suffix == "stl":
                 files += _write_parts(design, folder)
         except ExportError as error:
             if suffix not in ("step", "stpz", "brep"):
                 raise
             refused.append(str(error))
-    for text in told:
+    for text in (*reports, *told):
         reporter.say(f"export      {text}")
     write(design.sheet.surface, folder / "sheet.ply")
     keep(design, folder)

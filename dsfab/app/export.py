@@ -186,5 +186,5 @@ def _mesh(given: "Preset", built: "Kept | None", ask: Ask, reporter: Reporter) -
         how["note"] = told.append
     reporter("export", f"writing and reading back {ask.path.name}")
     _make_folder(ask.path)
-    write(thing, ask.path, name=given.name, **how)
+    write(thing, ask.path, name=given.name, report=lambda done: told.append(done.told), **how)
     return told

@@ -14,7 +14,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.errors import ExportError
 from dsfab.export.curves import SHARP, Curve, fitted
 from dsfab.export.part import Part
-from dsfab.export.readback import TOLERANCE, differs
+from dsfab.export.readback import TOLERANCE, Found, differs
 from dsfab.surface.lines import polyline_length
 
 CLOSEST = 1e-3
@@ -83,8 +83,8 @@ def sampled(knots: Floats) -> Floats:
     return np.append(inner.ravel(), breaks[-1])
 
 
-def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> None:
-    """Raise ExportError unless the lines of a part, and no other, were found as curves.
+def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> Found:
+    """What was found; raises ExportError unless the lines of a part, and no other, were found as curves.
 
     found : for each id, the curves that make up the line, as points (k, 3) along them, millimetres. Together they must
             be as long as the lines, to the tolerance at their bends, and each line must lie where it belongs.
@@ -92,7 +92,7 @@ def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> None:
     lines = {line.id: line.points for line in part.details.lines}
     if found.keys() != lines.keys():
         raise differs(part, "lines", len(lines), len(found))
-    check_length(part, sum(polyline_length(points) for curves in found.values() for points in curves))
+    off = check_length(part, sum(polyline_length(points) for curves in found.values() for points in curves))
     for name, points in lines.items():
         there, here = (np.array([x.min(axis=0), x.max(axis=0)]) for x in (np.concatenate(found[name]), points))
         if not (moved := float(np.abs(there - here).max())) <= 2 * within(part):
@@ -100,13 +100,16 @@ def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> None:
                 f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from where it is; "
                 "write another format"
             )
+    return Found(len(found), "lines", off, "length")
 
 
-def check_length(part: Part, found: float) -> None:
-    """Raise ExportError unless `found` is the length of all lines, mm, to the tolerance at their bends."""
+def check_length(part: Part, found: float) -> float:
+    """The share that `found` is off; raises ExportError unless it is the length of all lines, mm, to the tolerance at
+    their bends."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(found - expected) <= 5 * TOLERANCE * expected:
         raise ExportError(
             f"the lines of {part.name!r} read back {found:.6g} mm long instead of {expected:.6g} mm; "
             "write another format"
         )
+    return found / expected - 1

@@ -11,7 +11,7 @@ from pathlib import Path
 from dsfab.errors import ExportError
 from dsfab.export import ladder, step
 from dsfab.export.part import Part
-from dsfab.export.readback import check_measure, differs
+from dsfab.export.readback import Found, check_measure, differs
 from dsfab.export.shells import solids_of
 
 
@@ -35,11 +35,11 @@ def encode(part: Part) -> Iterator[bytes]:
         yield path.read_bytes()
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with build123d, in a process with a time limit: as many solids, all valid, with the part's volume."""
     found, solids = step.inspection(part, path), len(solids_of(part)[1])
     if found["solids"] != solids:
         raise differs(part, "solids", solids, found["solids"])
     if not (found["valid"] and found["tessellates"]):
         raise ExportError(f"build123d finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
-    check_measure(part, found["volume"])
+    return Found(found["faces"], "faces", check_measure(part, found["volume"]))

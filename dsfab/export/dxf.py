@@ -21,7 +21,7 @@ from dsfab.errors import ExportError
 from dsfab.export.along import check_curves, curves_along, joined, sampled, within
 from dsfab.export.curves import Curve
 from dsfab.export.part import Part
-from dsfab.export.readback import with_lines
+from dsfab.export.readback import Found, with_lines
 from dsfab.export.text import one_line
 from dsfab.export.views import View, views
 from dsfab.surface.lines import Line, simplified
@@ -128,7 +128,7 @@ def _same_bytes() -> Iterator[None]:
         ezdxf.options.write_fixed_meta_data_for_testing = before
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back by ezdxf with its auditor: no error, millimetres, every line in place."""
     import ezdxf
 
@@ -140,7 +140,7 @@ def check(part: Part, path: Path) -> None:
     for entity in document.modelspace():
         if entity.has_xdata(APPLICATION):
             found[entity.get_xdata(APPLICATION)[0].value].append(_points(entity))
-    check_curves(part, found)
+    return check_curves(part, found)
 
 
 def _points(entity: Any) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import check_mesh, read_with_trimesh
+from dsfab.export.readback import Found, check_mesh, read_with_trimesh
 from dsfab.export.text import one_line
 from dsfab.units import MM_PER_M
 
@@ -37,10 +37,10 @@ def encode(part: Part) -> Iterator[bytes]:
     yield len(buffer).to_bytes(4, "little") + b"BIN\0" + buffer
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with trimesh, and back to millimetres."""
     V, F = read_with_trimesh(path)
-    check_mesh(part, V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M, F)
+    return check_mesh(part, V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M, F)
 
 
 def _upright(V: Floats) -> Floats:

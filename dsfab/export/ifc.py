@@ -18,7 +18,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.ifc_text import beginning, building, element
 from dsfab.export.part import Part, area, volume
-from dsfab.export.readback import check_mesh, differs
+from dsfab.export.readback import Found, check_mesh, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name
 from dsfab.units import MM_PER_M
@@ -80,7 +80,7 @@ def identifier(name: str, what: str) -> str:
     return "".join(digits[(value >> (6 * k)) & 63] for k in range(21, -1, -1))
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with ifcopenshell: lengths in millimetres, every triangle, closed, the part's volume."""
     import ifcopenshell
     import ifcopenshell.util.unit
@@ -95,7 +95,7 @@ def check(part: Part, path: Path) -> None:
     V, F = _arrays(model)
     if not len(F):
         raise differs(part, "triangles", len(part.F), 0)
-    check_mesh(part, V, F)
+    return check_mesh(part, V, F)
 
 
 def _arrays(model: Any) -> tuple[Floats, Ints]:

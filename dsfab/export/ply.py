@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab import __version__
 from dsfab.export.part import Part
-from dsfab.export.readback import check_mesh, read_with_trimesh
+from dsfab.export.readback import Found, check_mesh, read_with_trimesh
 
 _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
@@ -38,6 +38,6 @@ def encode(part: Part) -> Iterator[bytes]:
     yield faces.tobytes()
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with trimesh."""
-    check_mesh(part, *read_with_trimesh(path))
+    return check_mesh(part, *read_with_trimesh(path))

@@ -20,7 +20,7 @@ from dsfab.errors import ExportError
 from dsfab.export.along import check_curves, curves_along, joined, sampled, within
 from dsfab.export.curves import Curve
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import check_mesh
+from dsfab.export.readback import Found, check_mesh
 from dsfab.export.text import one_line
 from dsfab.surface.lines import Line
 
@@ -119,7 +119,7 @@ def _about(line: Line, layer: int, tolerance: float) -> Any:
     return about
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with rhino3dm, the only reader there is: one mesh and as many curves, valid, in millimetres."""
     import rhino3dm
 
@@ -132,9 +132,10 @@ def check(part: Part, path: Path) -> None:
     meshes = [shape for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Mesh]
     if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
         raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
-    check_mesh(part, *_arrays(meshes[0]))
+    found = check_mesh(part, *_arrays(meshes[0]))
     curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
     check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
+    return found
 
 
 def _arrays(mesh: Any) -> tuple[Floats, Ints]:

@@ -38,7 +38,7 @@ from dsfab.export.planar import polyhedron
 from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.program import ProgramError, last_line
-from dsfab.export.readback import check_measure, differs
+from dsfab.export.readback import Found, check_measure, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.make import made
 from dsfab.export.step_text import entities, faceted_bytes
@@ -99,20 +99,20 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
         yield chunk
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with build123d: as many solids and faces, all valid, with the part's volume.
 
-    Smooth pieces were read back before, one by one; if all are smooth, what is on the disk must be that file.
+    Smooth pieces were read back and measured before, one by one; if all are smooth, what is on the disk must be that
+    file.
     """
     if part.step == "smooth":
         if path.read_bytes() != made(part).text.encode("ascii"):
             raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
         if made(part).smooth == made(part).pieces:
-            return
+            return Found(made(part).faces, "faces", made(part).volume / part.volume - 1)
     found = inspection(part, path)
     if part.step == "tessellated":
-        tessellated.check(part, found)
-        return
+        return tessellated.check(part, found)
     solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
     if found["solids"] != solids:
         raise differs(part, "solids", solids, found["solids"])
@@ -127,8 +127,8 @@ def check(part: Part, path: Path) -> None:
         raise ExportError(
             f"build123d makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
         )
-    if part.step != "smooth":  # its pieces were measured one by one
-        check_measure(part, found["volume"])
+    off = found["volume"] / part.volume - 1
+    return Found(faces, "faces", off if part.step == "smooth" else check_measure(part, found["volume"]))
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from dsfab.export.along import check_length, curves_along, within
 from dsfab.export.curves import halves
 from dsfab.export.part import Part
 from dsfab.export.plate_text import Entities, curve_entity
-from dsfab.export.readback import differs, with_lines
+from dsfab.export.readback import Found, differs, with_lines
 from dsfab.export.step import inspection
 from dsfab.export.step_pieces import quoted
 from dsfab.export.step_text import header
@@ -70,9 +70,9 @@ def _style(new: Entities, colour: tuple[float, float, float]) -> int:
     return new.add(f"PRESENTATION_STYLE_ASSIGNMENT((#{style}))")
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with OCCT: no line missing, and as long as they are to the tolerance at their bends."""
     found = inspection(part, path)
     if found["lines"] != len(part.details.lines):
         raise differs(part, "lines", len(part.details.lines), found["lines"])
-    check_length(part, found["length"])
+    return Found(found["lines"], "lines", check_length(part, found["length"]), "length")

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab import __version__
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import check_mesh, merged, read_with_trimesh
+from dsfab.export.readback import Found, check_mesh, merged, read_with_trimesh
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
@@ -36,6 +36,6 @@ def encode(part: Part) -> Iterator[bytes]:
     yield records.tobytes()
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with trimesh."""
-    check_mesh(part, *merged(*read_with_trimesh(path)))
+    return check_mesh(part, *merged(*read_with_trimesh(path)))

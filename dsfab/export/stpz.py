@@ -13,6 +13,7 @@ from pathlib import Path
 from dsfab.errors import ExportError
 from dsfab.export import step
 from dsfab.export.part import Part
+from dsfab.export.readback import Found
 from dsfab.export.text import one_line
 
 LEVEL = 6
@@ -31,11 +32,11 @@ def encode(part: Part) -> Iterator[bytes]:
     yield package.getvalue()
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Unpacked, its checksum found right, and read back as STEP is."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder, zipfile.ZipFile(path) as archive:
         if len(archive.namelist()) != 1 or archive.testzip() is not None:
             raise ExportError(f"the compressed STEP file of {part.name!r} does not unpack; write .step instead")
         unpacked = Path(folder) / "a.step"
         unpacked.write_bytes(archive.read(archive.namelist()[0]))
-        step.check(part, unpacked)
+        return step.check(part, unpacked)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dsfab.export.part import Part
-from dsfab.export.readback import check_lines, with_lines
+from dsfab.export.readback import Found, check_lines, with_lines
 
 HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point", "x_mm", "y_mm", "z_mm")
 
@@ -31,7 +31,7 @@ def encode(part: Part) -> Iterator[bytes]:
         yield text.getvalue().encode()
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back row by row."""
     with open(path, encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
@@ -39,4 +39,4 @@ def check(part: Part, path: Path) -> None:
         np.array([[float(row[axis]) for axis in HEAD[-3:]] for row in group])
         for _, group in groupby(table, key=lambda row: row["id"])
     ]
-    check_lines(part, found)
+    return check_lines(part, found)

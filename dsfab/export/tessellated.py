@@ -11,7 +11,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import TOLERANCE, differs
+from dsfab.export.readback import TOLERANCE, Found, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name, product
 from dsfab.export.step_text import FACETED_DIGITS, FIRST, header
@@ -72,9 +72,10 @@ def _product(new: Numbered, i: int, title: str) -> Iterator[str]:
     new.text.clear()
 
 
-def check(part: Part, found: dict[str, float]) -> None:
-    """Raise ExportError unless OCCT found the part's triangles and, to 0.1 %, its volume."""
+def check(part: Part, found: dict[str, float]) -> Found:
+    """What was found; raises ExportError unless OCCT found the part's triangles and, to 0.1 %, its volume."""
     if found["triangles"] != len(part.F):
         raise differs(part, "triangles", len(part.F), int(found["triangles"]))
     if not abs(found["volume"] - part.volume) <= TOLERANCE * part.volume:
         raise ExportError(f"the triangles of {part.name!r} read back with another volume; write step = 'faceted'")
+    return Found(int(found["triangles"]), "triangles", found["volume"] / part.volume - 1)

@@ -17,7 +17,7 @@ from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import check_mesh
+from dsfab.export.readback import Found, check_mesh
 from dsfab.export.text import one_line, rows
 
 _HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -52,7 +52,7 @@ def encode(part: Part) -> Iterator[bytes]:
     yield package.getvalue()
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back with lib3mf, which must have no warnings and find one manifold, oriented mesh in millimetres."""
     import lib3mf
 
@@ -71,11 +71,12 @@ def check(part: Part, path: Path) -> None:
         raise ExportError(f"lib3mf finds faults in the 3MF file of {part.name!r}: {'; '.join(faults)}")
     meshes.MoveNext()
     mesh = meshes.GetCurrentMeshObject()
-    check_mesh(part, *_arrays(mesh))
+    found = check_mesh(part, *_arrays(mesh))
     if not mesh.IsManifoldAndOriented():
         raise ExportError(
             f"lib3mf says that {part.name!r} is not manifold; look for edges with four triangles, or write STL"
         )
+    return found
 
 
 def _model(part: Part) -> Iterator[str]:

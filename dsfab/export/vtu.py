@@ -19,7 +19,7 @@ from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import check_mesh
+from dsfab.export.readback import Found, check_mesh
 from dsfab.units import MM_PER_M
 
 TRIANGLE = 5
@@ -74,14 +74,15 @@ def _array(name: str, values: NDArray[Any]) -> bytes:
     return head.encode() + data + b"</DataArray>\n"
 
 
-def check(part: Part, path: Path) -> None:
+def check(part: Part, path: Path) -> Found:
     """Read back by an XML parser: the mesh, and every field with its values."""
     found = dict(_arrays(path))
     V, F = found.pop("Points"), found.pop("connectivity").astype(np.int64).reshape(-1, 3)
-    check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)
+    result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)
     for name, values in part.details.values.items():
         if name not in found or not np.array_equal(found[name], np.asarray(values).ravel(), equal_nan=True):
             raise ExportError(f"the field {name!r} of {part.name!r} reads back different; write .csv or .json instead")
+    return result
 
 
 def _arrays(path: Path) -> Iterator[tuple[str, Floats]]:
