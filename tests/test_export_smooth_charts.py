@@ -83,7 +83,7 @@ def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
 @pytest.mark.slow
 def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
-    monkeypatch.setattr(ask, "_said", lambda path, folder, deflection, _: check.inspected(path, folder, deflection))
+    monkeypatch.setattr(ask, "_said", lambda _, *asked: check.inspected(*asked[:3]))
     monkeypatch.setattr(make, "LAYOUTS", make.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)
     flat = grid(16, 6, 2.0, 1.0)
