@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.export import write
-from dsfab.export.smooth import ask, charts, check, make, patches, points
+from dsfab.export.smooth import ask, charts, check, patches, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.patches import fitted
@@ -94,7 +94,7 @@ def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
 def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
     monkeypatch.setattr(ask, "_said", lambda _, *asked: check.inspected(*asked[:3]))
-    monkeypatch.setattr(make, "LAYOUTS", make.LAYOUTS[:1])
+    monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)
     flat = grid(16, 6, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1.5)], flat.F)
