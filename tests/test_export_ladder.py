@@ -9,6 +9,7 @@ from dsfab.errors import ExportError
 from dsfab.export import STEP_FACES, ladder, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
+from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import make
 from dsfab.study.curved import curved_sheet
 from dsfab.surface.shapes.roofs import barrel_vault
@@ -109,3 +110,11 @@ def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
     with pytest.raises(ExportError, match="does not become simpler"):
         simplify.simplified(ladder.replace(part, step_faces=STEP_FACES), 4.0)
     assert len(tries) == 1 + simplify.TRIES
+
+
+def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
+    part = ladder.prepare(part_of(saddle(), "a", 10))
+    said = str(ladder.refusal([NotFlatError("not flat"), ExportError("a gap; try this"), BudgetError(part, 1152)]))
+    assert said.startswith("the STEP file of 'a' would have 1,152 planar faces")
+    assert said.endswith("or raise step_faces (tried too: a gap)")
+    assert str(ladder.refusal([ExportError("a gap; try this")])) == "a gap; try this"
