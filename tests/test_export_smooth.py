@@ -7,12 +7,13 @@ import pytest
 
 from dsfab.errors import ExportError
 from dsfab.export import write
-from dsfab.export.smooth import ask, check, edges, gate, make
-from dsfab.export.smooth.charts import excess
+from dsfab.export.smooth import ask, check, edges, gate, make, outline
+from dsfab.export.smooth.dense import dense, excess, prisms
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import WALL, Run
-from dsfab.export.smooth.splines import Patch, Spline, basis, patch_through, spline_through
+from dsfab.export.smooth.patches import Patch, patch_through
+from dsfab.export.smooth.splines import Spline, basis, hats, spline_through
 from dsfab.slicing import Sheet, cut
 from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
@@ -29,7 +30,7 @@ def here(monkeypatch):
     """Ask OCCT in this process; gives the last findings."""
     found: list = []
 
-    def said(path, folder, deflection, limit):
+    def said(program, path, folder, deflection, limit):
         found[:] = [dict(one) for one in check.inspected(path, folder, deflection)]
         return [dict(one) for one in found]
 
@@ -65,7 +66,7 @@ def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
     assert values.sum(axis=1) == pytest.approx(1)
     greville = np.array([knots[i + 1 : i + 4].mean() for i in range(7)])
     assert np.einsum("ki,ki->k", values, greville[first[:, None] + np.arange(4)]) == pytest.approx(x)
-    _, slopes = basis(x, knots, 1)
+    _, _, slopes = hats(x, knots)
     assert np.einsum("ki,ki->k", slopes, greville[first[:, None] + np.arange(4)]) == pytest.approx(1)
 
 
@@ -78,6 +79,26 @@ def test_a_curve_keeps_its_tolerance_between_its_samples(tolerance):
     assert 0.01 * tolerance < off <= tolerance
     assert np.linalg.norm(curve(fine) - circle(fine), axis=1).max() <= 1.2 * tolerance
     assert len(curve.poles) < 12
+
+
+def test_a_curve_is_a_line_or_a_parabola_where_that_is_near_enough():
+    x = np.linspace(0, 1, 65)
+    bowed = lambda x: np.c_[x, 0.2 * x * (1 - x), 0.01 * x**3]  # noqa: E731
+    line, parabola, cubic = (spline_through(x, bowed(x), tolerance)[0] for tolerance in (0.2, 0.01, 1e-4))
+    assert [curve.degree for curve in (line, parabola, cubic)] == [1, 2, 3]
+    for curve, tolerance in ((line, 0.2), (parabola, 0.01), (cubic, 1e-4)):
+        assert np.linalg.norm(curve(x) - bowed(x), axis=1).max() <= tolerance
+        assert curve(np.array([0.0, 1.0])) == pytest.approx(bowed(np.array([0.0, 1.0])))
+
+
+def test_the_width_of_a_loop_is_a_circles_radius_and_a_slits_width():
+    a = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    circle = 5 + np.c_[3 * np.cos(a), 3 * np.sin(a), 0 * a] @ turn
+    slit = np.array([[0, 0, 0], [100, 0, 0], [100, 0.5, 0], [0, 0.5, 0]]) @ turn
+    for line, width in ((circle, 3.0), (slit, 0.5)):
+        length = np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum()
+        assert outline._width(line, length) == pytest.approx(width, rel=0.01)
 
 
 def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
@@ -119,7 +140,7 @@ def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, mak
 def displaced(run, level, k, nodes, allowed):
     """Curves of holes pushed to one side, which closes as well as before."""
     parts = honest_parts(run, level, k, nodes, allowed)
-    if run.around > 1000 * 2:
+    if run.width > 1000 * 0.3:
         return parts
     poles = [part.flat.poles.copy() for part in parts]
     for some in poles:
@@ -147,7 +168,7 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
     """A zigzag that no cubic follows within a millionth becomes its segments; a wide tolerance leaves it whole."""
     x = np.linspace(0, 1000, 9)
     line = np.c_[x, 40 * (np.arange(9) % 2)]
-    nodes = Nodes([], {0: line}, {0: np.ones(9)}, [], {}, {})
+    nodes = Nodes({}, {0: line}, {0: np.ones(9)}, [], {}, {})
     run = Run(np.arange(9), WALL, 1e6)
     whole = edges._parts(run, 0, 0, nodes, edges.Allowed(60.0, 75.0, 0.0))
     assert len(whole) == 1
@@ -158,6 +179,12 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
         away = np.abs(on[:, 1] - np.interp(on[:, 0], x, line[:, 1]))
         assert away.max() <= distance
     assert len(parts) == 8
+
+
+def test_the_sides_of_a_slit_keep_a_share_of_its_width_in_the_plane_and_in_space():
+    allowed, wide, slit = edges.Allowed(60.0, 3.0, 0.0), *(Run(np.arange(3), WALL, width) for width in (500.0, 0.5))
+    assert [allowed.outline(wide, 1.0, 0), allowed.in_space(wide, 0)] == pytest.approx([1.65, 1.2])
+    assert [allowed.outline(slit, 1.0, 0), allowed.in_space(slit, 0)] == pytest.approx([0.015, 0.015])
 
 
 def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
@@ -175,9 +202,15 @@ def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
 
 
 @pytest.mark.parametrize("level", [3, 4])
-def test_a_sphere_is_known_to_be_larger_than_its_triangles(level):
+def test_a_shell_of_a_sphere_is_known_to_be_larger_than_the_prisms_on_its_triangles(level):
+    """4 pi R^2 t (1 + (t / R)^2 / 12), R = 1; the prisms lack area, and thickness between their edges."""
     surface = sphere(level)
-    assert excess(surface) == pytest.approx(4 * np.pi / surface.area - 1, rel=0.05)
+    curved = curved_sheet(surface, holed(surface, [[2, 0, 0]], 0.1), THICKNESS)
+    of = prisms(1000 * surface.V, 1000 * curved.D, surface.F)
+    exact = 4 * np.pi * THICKNESS * (1 + THICKNESS**2 / 12) * 1e9
+    more = excess(dense(surface, curved), curved)
+    assert (of * more).sum() == pytest.approx(exact - of.sum(), rel=0.05)
+    assert more.min() > 0
 
 
 @pytest.mark.slow

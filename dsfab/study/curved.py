@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.smooth.source import Curved, Divided
 from dsfab.slicing import Sheet, cut
@@ -45,5 +45,18 @@ def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> Divide
         chart = np.where(parts.material, parts.family, count - 1)
         family, weights = sheet.family[parts.parent], parts.weights @ sheet.weights
         sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights)
+        chart = _where_largest(sheet.carry(fields), sheet.surface.F, chart)
     labels = outline_labels(sheet, surface)
     return Divided(sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family)
+
+
+def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
+    """(m,) charts, but for faces where theirs is largest at no corner: there the largest in the middle.
+
+    Where three borders meet, what is cut away by one of them may be none of the others': it would be left to the last
+    chart, which may be far away.
+    """
+    corners = fields[F]
+    own = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
+    lost = (own < corners.max(axis=2)).all(axis=1)
+    return np.where(lost, corners.mean(axis=1).argmax(axis=1), chart)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.program import ProgramError, last_line
+from dsfab.export.program import Ahead, ProgramError
 from dsfab.export.smooth import check
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
@@ -35,7 +35,12 @@ class Finding:
     F: Ints
 
 
-def findings(text: str, deflection: float, limit: float) -> list[Finding]:
+def occt() -> Ahead:
+    """The program that `findings` asks, once: loading OCCT takes it most of a second."""
+    return Ahead(check.__file__)
+
+
+def findings(program: Ahead, text: str, deflection: float, limit: float) -> list[Finding]:
     """About each solid of a file; nothing when it takes OCCT longer than `limit` seconds, or it fails.
 
     deflection : how far the triangles may be off the solid, millimetres.
@@ -44,14 +49,14 @@ def findings(text: str, deflection: float, limit: float) -> list[Finding]:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
         try:
-            said = _said(str(path), folder, deflection, limit)
+            said = _said(program, str(path), folder, deflection, limit)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
         return [_finding(one, Path(folder) / f"{i}.stl") for i, one in enumerate(said)]
 
 
-def _said(path: str, folder: str, deflection: float, limit: float) -> list[dict[str, Any]]:
-    return list(json.loads(last_line(check.__file__, path, folder, str(deflection), seconds=limit))["solids"])
+def _said(program: Ahead, path: str, folder: str, deflection: float, limit: float) -> list[dict[str, Any]]:
+    return list(json.loads(program.last_line(path, folder, str(deflection), seconds=limit))["solids"])
 
 
 def _finding(said: dict[str, Any], path: Path) -> Finding:

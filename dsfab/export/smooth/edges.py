@@ -28,8 +28,8 @@ OF_CHORD = 0.5
 IN_SPACE = 1 / 50
 """Tolerance of the curves on the skins, as a share of the thickness."""
 
-OF_LOOP = 0.005
-"""A loop is followed at least as closely as this share of its length."""
+OF_LOOP = 0.03
+"""A loop is followed at least as closely as this share of its width: the sides of a slit must not cross."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,12 @@ class Allowed:
 
     def outline(self, run: Run, steep: float, level: int) -> float:
         """How far the curve of a run may be off its polyline, seen in the plane."""
-        most = min(FLAT * self.distance + OF_CHORD * self.chord, OF_LOOP * run.around)
+        most = min(FLAT * self.distance + OF_CHORD * self.chord, OF_LOOP * run.width)
         return TIGHTER[level] * most / steep
+
+    def in_space(self, run: Run, level: int) -> float:
+        """How far the curves of a run in space may be off those on the skins."""
+        return TIGHTER[level] * min(IN_SPACE * self.thickness, OF_LOOP * run.width)
 
 
 class _Part(NamedTuple):
@@ -105,13 +109,13 @@ def _parts(run: Run, level: int, k: int, nodes: Nodes, allowed: Allowed) -> list
     worst = x[np.linalg.norm(flat(x) - Q, axis=1).argmax()]
     length = np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))
     at = 1 + int(np.abs(length[:-1] / length[-1] - worst).argmin())
-    halves = (Run(v, run.beyond, run.around) for v in (run.vertices[: at + 1], run.vertices[at:]))
+    halves = (Run(v, run.beyond, run.width) for v in (run.vertices[: at + 1], run.vertices[at:]))
     return [part for half in halves for part in _parts(half, level, k, nodes, allowed)]
 
 
 def _in_space(part: _Part, x: Floats, both: Floats, k: int, nodes: Nodes, allowed: Allowed) -> Edge:
     """The curves on both skins (m, 6) at parameters x."""
-    space, off = spline_through(x, both, TIGHTER[part.level] * IN_SPACE * allowed.thickness, parts=2)
+    space, off = spline_through(x, both, allowed.in_space(part.run, part.level), parts=2)
     return ended(part.run, space, {k: part.flat}, off, nodes, wall=True)
 
 

@@ -11,7 +11,7 @@ from dsfab.export.planar import Polyhedron, polyhedron
 from dsfab.export.plate_text import Entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import simplified, usual_tolerance
-from dsfab.export.smooth.gate import Limits
+from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.solid import Model
 from dsfab.export.smooth.text import SmoothText
 from dsfab.export.step_pieces import closing

@@ -16,6 +16,8 @@ from dsfab.arrays import Floats, Ints
 from dsfab.export.part import Part
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.ask import Finding
+from dsfab.export.smooth.dense import prisms
+from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import Sheet
 from dsfab.export.smooth.solid import Piece
 from dsfab.export.smooth.touching import crossings
@@ -23,39 +25,8 @@ from dsfab.export.smooth.touching import crossings
 GAP = 1 / 20
 """Widest gap between a skin and the edges on it, as a share of the thickness."""
 
-DISTANCE = 1 / 20
-"""Largest distance from the mesh unless asked otherwise, as a share of the thickness, beside its chord error."""
-
 VOLUME = 5e-3
 """Largest change of a volume, beside what the smooth surface has more than the triangles between its points."""
-
-
-@dataclass(frozen=True, eq=False)
-class Limits:
-    """Millimetres: the thickness, and how far the smooth solid may be off the mesh beside the mesh's own chord error.
-
-    V, chord : (n, 3) and (n,) vertices of the uncut surface, and the chord error around them.
-    rounder  : by what share the volume may be larger, since the mesh cuts its curves short.
-    """
-
-    thickness: float
-    distance: float
-    V: Floats
-    chord: Floats
-    rounder: float
-
-    @cached_property
-    def usual(self) -> float:
-        """The chord error that nine of ten vertices stay under."""
-        return float(np.percentile(self.chord, 90))
-
-    @cached_property
-    def _tree(self) -> cKDTree:
-        return cKDTree(self.V)
-
-    def allowed(self, points: Floats) -> Floats:
-        """(k,) how far points may be off: the chord error counts where they are."""
-        return np.asarray(self.distance + self.chord[self._tree.query(points)[1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +114,7 @@ class Gate:
             (gap <= GAP * limits.thickness, f"a gap of {gap:.2g} mm is wider than {GAP * limits.thickness:.2g} mm"),
             (near, f"it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
             (
-                abs(found.volume - wanted) <= (VOLUME + limits.rounder) * wanted,
+                abs(found.volume - wanted) <= (VOLUME + self.rounder[k]) * wanted,
                 f"its volume is off by {found.volume / wanted - 1:.1%}",
             ),
         )
@@ -160,15 +131,19 @@ class Gate:
     @cached_property
     def volumes(self) -> Floats:
         """Millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the skins."""
+        return self._sum(np.ones(len(self.sheet.F)))
+
+    @cached_property
+    def rounder(self) -> Floats:
+        """By what share the volume of each piece may be larger, since the mesh cuts its curves short."""
+        share = self.limits.rounder[self.limits.nearest(self.sheet.V[self.sheet.F].mean(axis=1))]
+        return np.maximum(self._sum(share) / self.volumes, 0.0)
+
+    def _sum(self, share: Floats) -> Floats:
+        """By piece, of a share of the volume over each face."""
         sheet = self.sheet
-        low, high = ((sheet.V + side * sheet.D)[sheet.F] for side in (-1, 1))
-        d = sheet.D[sheet.F]
-        total = np.zeros(len(sheet.F))
-        for s, weight in ((-np.sqrt(0.6), 5 / 9), (0.0, 8 / 9), (np.sqrt(0.6), 5 / 9)):  # cubic in s: exact
-            P = (low + high) / 2 + s * d
-            cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
-            total += weight * np.einsum("mi,mi->m", cross, d.mean(axis=1)) / 2
-        return np.asarray(np.bincount(sheet.piece, total, sheet.count), dtype=np.float64)
+        of = share * prisms(sheet.V, sheet.D, sheet.F)
+        return np.asarray(np.bincount(sheet.piece, of, sheet.count), dtype=np.float64)
 
     def _distances(self, found: dict[int, Finding]) -> dict[int, tuple[_Away, _Away]]:
         """By piece, from it to the mesh, and back."""

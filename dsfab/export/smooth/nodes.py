@@ -20,7 +20,7 @@ class Nodes:
             are known of the ends of runs, and of others once `add` was asked for them.
     """
 
-    charts: list[Chart]
+    charts: dict[int, Chart]
     uv: dict[int, Floats]
     steep: dict[int, Floats]
     around: list[Ints]
@@ -41,7 +41,7 @@ class Nodes:
             self.gap[v] = float(np.linalg.norm(seen - self.at[v], axis=2).max())
 
 
-def nodes_of(sheet: Sheet, charts: list[Chart]) -> Nodes:
+def nodes_of(sheet: Sheet, charts: dict[int, Chart]) -> Nodes:
     """Outline vertices on the middle surfaces of their charts, each at the nearest point."""
     uv, steep = {}, {}
     for k in {region.chart for region in sheet.regions}:
@@ -55,5 +55,5 @@ def nodes_of(sheet: Sheet, charts: list[Chart]) -> Nodes:
     start = np.searchsorted(sheet.charts[:, 0], np.arange(1, len(sheet.V)))
     nodes = Nodes(charts, uv, steep, np.split(sheet.charts[:, 1], start), {}, {})
     ends = [run.vertices[[0, -1]] for region in sheet.regions for loop in region.loops for run in loop]
-    nodes.add(np.unique(np.concatenate(ends)))
+    nodes.add(np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *ends])))
     return nodes

@@ -26,12 +26,12 @@ WALL = -1
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """vertices (k,) in order, the material on their left; beyond: the chart there, or `WALL`; around: the length of
-    the loop it is in, millimetres."""
+    """vertices (k,) in order, the material on their left; beyond: the chart there, or `WALL`; width: of the loop it is
+    in, twice its area over its length, millimetres: the radius of a circle, the width of a long slit."""
 
     vertices: Ints
     beyond: int
-    around: float
+    width: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,9 +125,14 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[Run, 
     sharp = ~seam & ~np.roll(seam, 1) & (ahead < np.cos(SHARP))
     ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop])
     at = _two_at_least(V, loop, np.flatnonzero(ends))
-    around = float(length.sum())
-    stops = [*at.tolist(), int(at[0]) + len(loop)]
-    return tuple(Run(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), around) for i, j in pairwise(stops))
+    stops, width = [*at.tolist(), int(at[0]) + len(loop)], _width(V[loop], float(length.sum()))
+    return tuple(Run(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), width) for i, j in pairwise(stops))
+
+
+def _width(line: Floats, length: float) -> float:
+    """Twice the area inside a closed line in space over its length."""
+    P = line - line.mean(axis=0)
+    return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
 
 
 def _two_at_least(V: Floats, loop: Ints, at: Ints) -> Ints:

@@ -51,7 +51,7 @@ class Piece:
 class Model:
     """All pieces on their charts, the points of their nodes (2, 3), and the thickness; millimetres."""
 
-    charts: list[Chart]
+    charts: dict[int, Chart]
     nodes: Nodes
     pieces: list[Piece]
     thickness: float
@@ -60,16 +60,16 @@ class Model:
 class Builder:
     """Builds pieces, again where asked, on one sheet and its charts."""
 
-    def __init__(self, sheet: Sheet, charts: list[Chart], allowed: Allowed) -> None:
+    def __init__(self, sheet: Sheet, charts: dict[int, Chart], allowed: Allowed) -> None:
         self.sheet, self.allowed = sheet, allowed
         self.nodes = nodes_of(sheet, charts)
         self._made: dict[tuple[Key, int], list[Edge]] = {}
-        for k in range(len(charts)):
+        for k in charts:
             self._walls([region for region in sheet.regions if region.chart == k], {})
 
     def piece(self, number: int, level: dict[Key, int]) -> Piece:
         """One piece; level : how often each of its runs was refused."""
-        made, seams = Piece(traced=bool(level)), dict[Key, int]()
+        made, seams = Piece(traced=max(level.values(), default=0) > 1), dict[Key, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         for region in regions:
             self._walls([region], level)
@@ -110,7 +110,7 @@ class Builder:
             return [(first + i, True) for i in range(len(edges))]
         if key not in seams:
             if (key, tight) not in self._made:
-                way = run if ahead else Run(run.vertices[::-1], run.beyond, run.around)
+                way = run if ahead else Run(run.vertices[::-1], run.beyond, run.width)
                 self._made[key, tight] = [seam_edge(way, chart, self.nodes, self.sheet, tight, self.allowed)]
             seams[key] = first
             made.edges += self._made[key, tight]

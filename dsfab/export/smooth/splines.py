@@ -1,6 +1,6 @@
-"""Cubic splines: least-squares curves of any dimension with adaptive knots, and surfaces over a rectangle.
+"""Cubic splines: least-squares curves of any dimension with adaptive knots.
 
-Curves run from 0 to 1; their knots are halves of halves, so they are short decimals.
+They run from 0 to 1; their knots are halves of halves, so they are short decimals.
 """
 
 from dataclasses import dataclass
@@ -9,16 +9,11 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array, diags_array, eye_array, kron, vstack
-from scipy.sparse.linalg import splu
 
 from dsfab.arrays import Floats, Ints, lock
 
 SAMPLES_PER_SPAN = 6
 """Fewest samples for each span of a curve; with fewer, curves swing between them."""
-
-CLOSE = 1e-8
-"""Nearest points are found to this share of a surface's size: a tenth of a micrometre on ten metres."""
 
 ROUNDS = 14
 """How often the spans of a curve are halved: a span is at least 2^-14 of it."""
@@ -26,7 +21,7 @@ ROUNDS = 14
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline on [0, 1]: knots (p + degree + 1,), poles (p, d), degree 1 or 3."""
+    """A clamped B-spline on [0, 1]: knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3."""
 
     knots: Floats
     poles: Floats
@@ -47,7 +42,7 @@ def straight(a: Floats, b: Floats) -> Spline:
 
 
 def spline_through(x: Floats, Q: Floats, tolerance: float, parts: int = 1) -> tuple[Spline, float]:
-    """The spline with the fewest halved spans that is within `tolerance` of points Q (k, d) at x (k,) in [0, 1].
+    """A line, parabola or cubic, of few halved spans, within `tolerance` of points Q (k, d) at x (k,) in [0, 1].
 
     Its ends are the first and the last point. parts : the d coordinates are those of so many points, whose distances
     count one by one. Returns the largest distance found, too; over `tolerance` where samples are too few to go on.
@@ -56,6 +51,12 @@ def spline_through(x: Floats, Q: Floats, tolerance: float, parts: int = 1) -> tu
     off = _largest(line - Q, parts)
     if off.max() <= 0.5 * tolerance:
         return straight(Q[0], Q[-1]), float(off.max())
+    bow = 2 * x * (1 - x)
+    bend = bow @ (Q - line) / (bow @ bow)
+    off = _largest(line + bow[:, None] * bend - Q, parts)
+    if off.max() <= tolerance:
+        poles = np.stack([Q[0], (Q[0] + Q[-1]) / 2 + bend, Q[-1]])
+        return Spline(np.array([0.0] * 3 + [1.0] * 3), poles, 2), float(off.max())
     breaks = np.array([0.0, 1.0])
     for _ in range(ROUNDS):
         knots = np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
@@ -124,111 +125,26 @@ def _normal(x: bytes, knots: bytes) -> tuple[Ints, Floats, Floats]:
     return first, values, cholesky_banded(band, lower=True)
 
 
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """A bicubic B-spline surface: clamped knots u (p + 4,) and v (q + 4,), poles (p, q, d)."""
-
-    u: Floats
-    v: Floats
-    poles: Floats
-
-    def __post_init__(self) -> None:
-        lock(self, "u", np.float64, (None,))
-        lock(self, "v", np.float64, (None,))
-        lock(self, "poles", np.float64, (None, None, None))
-
-    def __call__(self, uv: Floats) -> Floats:
-        """(k, d) points at uv (k, 2)."""
-        return self._sum(basis(uv[:, 0], self.u), basis(uv[:, 1], self.v))
-
-    def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points, and derivatives by u and by v, (k, d) each."""
-        bu, bv = basis(uv[:, 0], self.u), basis(uv[:, 1], self.v)
-        du, dv = basis(uv[:, 0], self.u, 1), basis(uv[:, 1], self.v, 1)
-        return self._sum(bu, bv), self._sum(du, bv), self._sum(bu, dv)
-
-    def _sum(self, bu: tuple[Ints, Floats], bv: tuple[Ints, Floats]) -> Floats:
-        (i, a), (j, b) = bu, bv
-        p, q, d = self.poles.shape
-        column = ((i[:, None, None] + np.arange(4)[:, None]) * q + j[:, None, None] + np.arange(4)).reshape(-1)
-        value = (a[:, :, None] * b[:, None, :]).reshape(-1)
-        hats = csr_array((value, column, np.arange(0, 16 * len(a) + 1, 16)), shape=(len(a), p * q))
-        return np.asarray(hats @ self.poles.reshape(p * q, d))
-
-    def only(self, first: int, last: int) -> "Patch":
-        """The surface of some of the coordinates."""
-        return Patch(self.u, self.v, self.poles[:, :, first:last])
-
-    def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """(k, 2) parameters of the surface's points nearest to `points` (k, 3), by Gauss-Newton from uv."""
-        low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
-        for _ in range(rounds):
-            uv = np.clip(uv, low, high)
-            at, a, b = self.slopes(uv)
-            r = points - at
-            aa, ab, bb, ra, rb = (np.einsum("ki,ki->k", x, y) for x, y in ((a, a), (a, b), (b, b), (r, a), (r, b)))
-            det = np.maximum(aa * bb - ab * ab, 1e-300)
-            step = np.stack([bb * ra - ab * rb, aa * rb - ab * ra], axis=1) / det[:, None]
-            uv = uv + step
-            if not len(step) or np.abs(step).max() < CLOSE * (high - low).max():
-                break
-        return np.asarray(np.clip(uv, low, high))
+def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
+    """The first of the four cubic hats that are not zero at each x (k,), and the four values (k, 4)."""
+    first, values, _ = hats(x, knots)
+    return first, values
 
 
-def basis(x: Floats, knots: Floats, order: int = 0) -> tuple[Ints, Floats]:
-    """The first of the four cubic hats that are not zero at each x (k,), and the four values (k, 4) [de Boor 1978].
+def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
+    """The first of the four cubic hats that are not zero at each x (k,), their values and slopes (k, 4) [de Boor 1978].
 
-    order : 1 for their derivatives.
+    Of each degree, hat r is a share of hat r and a share of hat r - 1 of the degree below.
     """
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
-    values = np.ones((len(x), 1))
-    for degree in range(1, 4 - order):
-        values = _raised(x, knots, span, values, degree)
-    for degree in range(4 - order, 4):
-        at = span[:, None] + np.arange(1 - degree, 1)
-        share = degree * values / (knots[at + degree] - knots[at])
-        zero = np.zeros((len(x), 1))
-        values = np.concatenate([zero, share], axis=1) - np.concatenate([share, zero], axis=1)
-    return span - 3, values
-
-
-def _raised(x: Floats, knots: Floats, span: Ints, values: Floats, degree: int) -> Floats:
-    """(k, degree + 1) values of the hats, from those of one degree less."""
-    at = span[:, None] + np.arange(1 - degree, 1)
-    low, high = knots[at], knots[at + degree]
-    share = values / (high - low)
-    zero = np.zeros((len(x), 1))
-    rising, falling = share * (x[:, None] - low), share * (high - x[:, None])
-    return np.asarray(np.concatenate([zero, rising], axis=1) + np.concatenate([falling, zero], axis=1))
-
-
-def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> Patch:
-    """The bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2), in the least-squares sense.
-
-    smoothing : weight of the second differences of the poles, so that poles without points have a place, too.
-    """
-    low, high = uv.min(axis=0), uv.max(axis=0)
-    pad = 0.01 * (high - low)
-    knots = [
-        np.concatenate([[a] * 3, np.linspace(a, b, n - 2), [b] * 3])
-        for a, b, n in zip(low - pad, high + pad, count, strict=True)
-    ]
-    (i, a), (j, b) = (basis(uv[:, k], knots[k]) for k in (0, 1))
-    p, q = count
-    k = len(uv)
-    column = (i[:, None, None] + np.arange(4)[:, None]) * q + j[:, None, None] + np.arange(4)
-    value = a[:, :, None] * b[:, None, :]
-    B = csr_array((value.ravel(), column.ravel(), np.arange(0, 16 * k + 1, 16)), shape=(k, p * q))
-    across = [kron(_difference(p, 2), eye_array(q)), kron(eye_array(p), _difference(q, 2))]
-    R = vstack([*across, np.sqrt(2) * kron(_difference(p, 1), _difference(q, 1))])
-    W = diags_array(weight)
-    A = B.T @ W @ B + smoothing * k / (p * q) * (R.T @ R)
-    poles = splu(A.tocsc()).solve(np.asarray(B.T @ (W @ Q)))
-    return Patch(knots[0], knots[1], poles.reshape(p, q, -1))
-
-
-def _difference(n: int, order: int) -> csr_array:
-    rows = {1: [-1.0, 1.0], 2: [1.0, -2.0, 1.0]}[order]
-    table: csr_array = csr_array(diags_array(rows, offsets=list(range(order + 1)), shape=(n - order, n)))
-    return table
+    past = [x - knots[span - i] for i in range(3)]
+    ahead = [knots[span + 1 + i] - x for i in range(3)]
+    values, shares = [np.ones(len(x))], list[Floats]()
+    for degree in range(1, 4):
+        shares = [values[r] / (ahead[r] + past[degree - 1 - r]) for r in range(degree)]
+        falling = [ahead[r] * share for r, share in enumerate(shares)]
+        rising = [past[degree - 1 - r] * share for r, share in enumerate(shares)]
+        values = [falling[0], *(f + g for f, g in zip(falling[1:], rising[:-1], strict=True)), rising[-1]]
+    a, b, c = shares
+    return span - 3, np.stack(values, axis=1), 3 * np.stack([-a, a - b, b - c, c], axis=1)

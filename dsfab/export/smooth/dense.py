@@ -1,0 +1,136 @@
+"""Points of smooth skins between the vertices of a mesh: each triangle in four, again and again, on cubics.
+
+Nothing is known there, but two charts must say the same: a spline with as many poles as points waves between them.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import igl
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.export.smooth.source import Curved
+from dsfab.surface.mesh import Surface
+from dsfab.units import MM_PER_M
+
+
+@dataclass(frozen=True, eq=False)
+class Dense:
+    """A surface divided some times, with its skins. Lengths in millimetres.
+
+    surface : metres.    half : (n,) half the thickness of the faces, metres.    shift : see `Curved`.
+    parent  : (m,) the face of the mesh that each face is a part of.
+    """
+
+    surface: Surface
+    half: Floats
+    shift: int
+    parent: Ints
+
+    @cached_property
+    def points(self) -> Floats:
+        """(n, 3) points of the surface."""
+        return MM_PER_M * self.surface.V
+
+    @cached_property
+    def across(self) -> Floats:
+        """(n, 3) vectors to the skins along the mean normals.
+
+        Those that a face sees best lean a little this way and that: on a skin that is noise of the vertices, not shape.
+        """
+        return np.asarray(MM_PER_M * self.half[:, None] * normals(self.surface))
+
+    @cached_property
+    def middle(self) -> Floats:
+        """(n, 3) half way between the skins."""
+        return np.asarray(self.points + self.shift * self.across)
+
+    @cached_property
+    def boundary(self) -> Bools:
+        """(n,) vertices of the boundary."""
+        edges = self.surface.edges
+        marks = np.zeros(self.surface.n, dtype=bool)
+        marks[edges.ends[edges.boundary]] = True
+        return marks
+
+    @cached_property
+    def finer(self) -> "Dense":
+        """Each triangle in four."""
+        return Dense(finer(self.surface), self.carry(self.half), self.shift, np.tile(self.parent, 4))
+
+    def carry(self, fields: Floats) -> Floats:
+        """Linear fields (n, ...) on the vertices of `finer`."""
+        return np.concatenate([fields, fields[self.surface.edges.ends].mean(axis=1)])
+
+
+def dense(surface: Surface, curved: Curved) -> Dense:
+    """The surface as it is."""
+    D = curved.D[surface.F]  # longer at corners: so long that the faces have their thickness
+    seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
+    half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
+    return Dense(surface, half, curved.shift, np.arange(surface.m))
+
+
+def normals(surface: Surface) -> Floats:
+    """(n, 3) of the vertices: the means of their faces', weighted with the angles there."""
+    N = np.asarray(igl.per_vertex_normals(surface.V, surface.F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
+    return np.asarray(N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300))
+
+
+def between(P: Floats, d: Floats, ends: Ints) -> Floats:
+    """Points half way along edges, on the cubic whose ends are normal to d: fits then do not wave between vertices."""
+    N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
+    chord = P[ends[:, 1]] - P[ends[:, 0]]
+    slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
+    return np.asarray(P[ends].mean(axis=1) + (slopes[0] - slopes[1]) / 8)
+
+
+def sags(surface: Surface) -> Floats:
+    """How far edges lie below the smooth surface, at their middles, metres."""
+    ends = surface.edges.ends
+    away = between(surface.V, normals(surface), ends) - surface.V[ends].mean(axis=1)
+    return np.asarray(np.linalg.norm(away, axis=1))
+
+
+def chord_errors(surface: Surface) -> Floats:
+    """(m,) how far each triangle lies below the smooth surface through its corners, metres.
+
+    In its middle, where it is a third more than in the middles of its edges: h^2 / 6R and h^2 / 8R of triangles with
+    three edges h on a sphere with radius R.
+    """
+    return np.asarray(4 / 3 * sags(surface)[surface.edges.of].max(axis=1))
+
+
+def excess(given: Dense, curved: Curved) -> Floats:
+    """(m,) by what share the smooth solid over each triangle is larger than the mesh's.
+
+    Its area is, and so is its thickness between the vertices, whose normals part. What is missing goes with the square
+    of the edges, so when each triangle is divided in four a third of the difference is left.
+    """
+    coarse, D = prisms(given.middle, given.across, given.surface.F), MM_PER_M * curved.D
+    fine = given.finer
+    parts = np.bincount(fine.parent, prisms(fine.middle, fine.across, fine.surface.F), given.surface.m)
+    smooth = coarse + 4 / 3 * (parts - coarse)
+    return np.asarray(smooth / prisms(given.points + curved.shift * D, D, given.surface.F) - 1)
+
+
+def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
+    """(m,) volumes between triangles V - D and V + D; (n, 3) each."""
+    low, high, d = (V - D)[F], (V + D)[F], D[F].mean(axis=1)
+    total = np.zeros(len(F))
+    for s, weight in ((-np.sqrt(0.6), 5 / 9), (0.0, 8 / 9), (np.sqrt(0.6), 5 / 9)):  # cubic in s: exact
+        P = (low + high) / 2 + s * (high - low) / 2
+        cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
+        total += weight * np.einsum("mi,mi->m", cross, d) / 2
+    return total
+
+
+def finer(surface: Surface) -> Surface:
+    """Each triangle in four, with points on cubics half way along the edges after the other points."""
+    M = np.concatenate([surface.V, between(surface.V, normals(surface), surface.edges.ends)])
+    (a, b, c), (ab, bc, ca) = surface.F.T, surface.n + surface.edges.of.T
+    four = np.concatenate(
+        [np.stack(corners, axis=1) for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    )
+    return Surface(M, four)

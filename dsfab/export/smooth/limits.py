@@ -1,0 +1,63 @@
+"""How far a smooth solid may be off the mesh: what is asked for, and what the mesh itself does not know."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import igl
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.export.part import Part
+from dsfab.export.smooth.dense import chord_errors, dense, excess
+from dsfab.export.smooth.source import Curved
+from dsfab.surface.mesh import Surface
+from dsfab.units import MM_PER_M
+
+DISTANCE = 1 / 20
+"""Largest distance from the mesh unless asked otherwise, as a share of the thickness, beside its chord error."""
+
+MOST_CHORD = 1 / 4
+"""No more of the mesh's own chord error counts, as a share of the thickness: at creases it is no such thing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Millimetres: the thickness, and how far the smooth solid may be off the mesh beside the mesh's own chord error.
+
+    V, F    : (n, 3) and (m, 3) both skins of the uncut surface.
+    chord   : (m,) the chord error of their triangles.
+    rounder : (m,) by what share the volume over them may be larger, since the mesh cuts its curves short.
+    """
+
+    thickness: float
+    distance: float
+    V: Floats
+    F: Ints
+    chord: Floats
+    rounder: Floats
+
+    @cached_property
+    def usual(self) -> float:
+        """The chord error that nine of ten triangles stay under."""
+        return float(np.percentile(self.chord, 90))
+
+    def allowed(self, points: Floats) -> Floats:
+        """(k,) how far points may be off: the chord error of the triangle where they are counts.
+
+        That of a vertex beside them does not say it: where triangles are long, no corner of theirs may be the nearest.
+        """
+        return np.asarray(self.distance + self.chord[self.nearest(points)])
+
+    def nearest(self, points: Floats) -> Ints:
+        """(k,) the triangles nearest to points."""
+        return np.asarray(igl.point_mesh_squared_distance(points, self.V, self.F)[1])
+
+
+def limits_of(part: Part, surface: Surface, curved: Curved) -> Limits:
+    """For a part cut from a surface."""
+    mesh = dense(surface, curved)
+    t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
+    chord = np.minimum(MM_PER_M * chord_errors(surface), MOST_CHORD * t)
+    V = np.concatenate([mesh.middle + mesh.across, mesh.middle - mesh.across])
+    F = np.concatenate([surface.F, surface.F + surface.n])
+    return Limits(t, part.tolerance or DISTANCE * t, V, F, np.tile(chord, 2), np.tile(excess(mesh, curved), 2))

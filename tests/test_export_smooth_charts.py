@@ -1,0 +1,97 @@
+"""Charts of smooth STEP: divided where no spline follows them, on points dense enough, beside those that fail."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from dsfab.export import write
+from dsfab.export.smooth import ask, charts, check, make, patches, points
+from dsfab.export.smooth.charts import Atlas
+from dsfab.export.smooth.limits import Limits
+from dsfab.export.smooth.patches import fitted
+from dsfab.slicing import Sheet, cut
+from dsfab.study.curved import _where_largest, curved_sheet
+from dsfab.surface import Surface
+from dsfab.thickening import offsets, thicken
+from tests.zoo import grid
+
+THICKNESS = 0.04
+
+
+def bumped() -> Surface:
+    """A plate of 3 x 1 m with a bump at one end."""
+    flat = grid(48, 16, 3.0, 1.0)
+    away = np.linalg.norm(flat.V[:, :2] - [2.4, 0.5], axis=1)
+    return Surface(flat.V + np.c_[np.zeros((flat.n, 2)), 0.15 * np.exp(-((away / 0.3) ** 2))], flat.F)
+
+
+def all_of(surface: Surface) -> Sheet:
+    return cut(surface, [surface.V[:, 0]], [np.array([-1.0])]).kept()
+
+
+def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_stay(monkeypatch):
+    monkeypatch.setattr(patches, "MOST_POLES", 9)
+    surface = bumped()
+    x = surface.V[:, 0]
+    fields = np.c_[1.0 - x, x - 1.0]
+    atlas = Atlas(surface, curved_sheet(surface, all_of(surface), THICKNESS), fields, 0.6)
+    atlas.make([0, 1])
+    assert not atlas.failed
+    assert sorted(atlas.charts) == list(range(atlas.fields.shape[1]))
+    assert len(atlas.charts) > 2
+    assert all(chart.off <= chart.tolerance for chart in atlas.charts.values())
+    assert atlas.fields[:, 0] == pytest.approx(fields[:, 0])
+    assert atlas.fields[:, 1:].max(axis=1) == pytest.approx(fields[:, 1])
+
+
+def test_a_fit_keeps_its_tolerance_between_its_points_or_asks_for_more():
+    """With as many poles as points a surface meets the points, and waves between them."""
+    rng = np.random.default_rng(0)
+    height = lambda p: 0.5 * np.exp(-((p**2).sum(axis=1)) / 0.02)  # noqa: E731
+    skins = lambda p: np.c_[p, height(p), p, height(p) - 0.01]  # noqa: E731
+    others = rng.uniform(-0.95, 0.95, (5000, 2))
+    for count, starved in ((400, True), (6000, False)):
+        uv = rng.uniform(-1, 1, (count, 2))
+        fit = fitted(uv, skins(uv), np.ones(count, dtype=bool), np.ones(count), 2e-3)
+        assert fit.starved == starved
+    assert fit.off <= 2e-3
+    assert np.abs(fit.patch(others) - skins(others)).max() < 3 * 2e-3
+
+
+def test_thickness_half_way_along_edges_is_that_of_the_ends():
+    d = np.array([[0.0, 0, 2], [0, np.sqrt(8), np.sqrt(8)]])
+    assert np.linalg.norm(points._mean(d, np.array([[0, 1]]))) == pytest.approx(3)
+
+
+def test_the_chord_error_that_counts_is_that_of_the_triangle_where_a_point_is():
+    """The vertex nearest to the point is no corner of it."""
+    V = np.array([[0.0, 0, 0], [10, 0, 0], [5, 0.3, 0], [5, -3, 0]])
+    F = np.array([[0, 1, 2], [1, 0, 3]])
+    limits = Limits(20.0, 1.0, V, F, np.array([0.25, 2.0]), np.zeros(2))
+    assert limits.allowed(np.array([[5.0, -0.1, 0], [5, 0.2, 0.1]])) == pytest.approx([3.0, 1.25])
+
+
+def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
+    """Chart 3 is largest at no corner of face 1, nor is it near."""
+    F = np.array([[0, 1, 2], [1, 3, 2]])
+    fields = np.array([[1.0, 0, 0, -9], [0.6, 0.6, 0, -9], [0.6, 0, 0.6, -9], [0, 0.7, 0.5, -9]])
+    assert _where_largest(fields, F, np.array([0, 3])).tolist() == [0, 1]
+    assert _where_largest(fields, F, np.array([0, 2])).tolist() == [0, 2]
+
+
+@pytest.mark.slow
+def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, monkeypatch):
+    """A fold at x = 1.5 in one of two pieces."""
+    monkeypatch.setattr(ask, "_said", lambda _, *asked: check.inspected(*asked[:3]))
+    monkeypatch.setattr(make, "LAYOUTS", make.LAYOUTS[:1])
+    monkeypatch.setattr(charts, "HALVED", 2)
+    flat = grid(16, 6, 2.0, 1.0)
+    surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1.5)], flat.F)
+    sheet = cut(surface, [np.abs(surface.V[:, 0] - 1.2) - 0.1], [np.array([0.0])]).kept()
+    solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
+    said: list[str] = []
+    curved = partial(curved_sheet, surface, sheet, THICKNESS)
+    write(solid, tmp_path / "a.step", step="smooth", curved=curved, note=said.append)
+    assert "1 of 2 pieces" in said[0]
+    assert "no spline surface follows chart" in said[0]
