@@ -6,14 +6,14 @@ from functools import partial
 import pytest
 
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, ladder, simplify, step, step_estimates, write
+from dsfab.export import STEP_FACES, ladder, readback, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import make
 from dsfab.study.curved import curved_sheet
 from dsfab.surface.shapes.roofs import barrel_vault
-from tests.test_export import box, quick_step, torus  # noqa: F401
+from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_estimate import saddle
 from tests.test_export_smooth import THICKNESS, here, holed, thickened  # noqa: F401
 
@@ -118,3 +118,15 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
     assert said.startswith("the STEP file of 'a' would have 1,152 planar faces")
     assert said.endswith("or raise step_faces (tried too: a gap)")
     assert str(ladder.refusal([ExportError("a gap; try this")])) == "a gap; try this"
+
+
+def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, monkeypatch):  # noqa: F811
+    """And not with the mesh, which is smaller."""
+    found = {"solids": 1, "valid": True, "tessellates": True, "faces": 1}
+    monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * make.made(part).volume})
+    monkeypatch.setattr(readback, "TOLERANCE", 1e-12)
+    (solid, curved), share = slow_vault, 1.0
+    assert write(solid, tmp_path / "a.brep", step="smooth", curved=curved).stat().st_size > 1000
+    share = 1.01
+    with pytest.raises(ExportError, match="reads back with another volume"):
+        write(solid, tmp_path / "a.brep", step="smooth", curved=curved)
