@@ -10,7 +10,7 @@ from dsfab.export import STEP_FACES, ladder, readback, simplify, step, step_esti
 from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
-from dsfab.export.smooth import make
+from dsfab.export.smooth import make, plan
 from dsfab.study.curved import curved_sheet
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.test_export import quick_step  # noqa: F401
@@ -21,7 +21,7 @@ from tests.test_export_smooth import THICKNESS, here, holed, thickened  # noqa: 
 @pytest.fixture
 def slow_vault(monkeypatch):
     """A vault with a hole, whose walls take too long to be made unasked: its solid, and what is known of its sheet."""
-    monkeypatch.setattr(make, "MOST_WALLS", 3)
+    monkeypatch.setattr(plan, "MOST_WALLS", 3)
     surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
     return thickened(surface, sheet), partial(curved_sheet, surface, sheet, THICKNESS)

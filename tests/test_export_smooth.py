@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.errors import ExportError
 from dsfab.export import write
-from dsfab.export.smooth import ask, check, edges, gate, make, outline
+from dsfab.export.smooth import ask, check, edges, gate, make, outline, plan
 from dsfab.export.smooth.dense import dense, excess, prisms
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.nodes import Nodes
@@ -158,7 +158,7 @@ def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_p
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
     monkeypatch.setattr(edges, "_parts", displaced)
     monkeypatch.setattr(make, "REFITS", 0)
-    monkeypatch.setattr(make, "LAYOUTS", make.LAYOUTS[:1])
+    monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
     with pytest.raises(ExportError, match=r"it is 1\d mm off the mesh, more than [2-5]"):
         written(surface, sheet, tmp_path / "a.step")
     assert [one["valid"] and one["closed"] and one["gap"] < 1000 * THICKNESS / 20 for one in here] == [True]
@@ -248,7 +248,7 @@ def test_a_folded_sheet_is_refused_and_says_why(tmp_path, here):
 def test_auto_leaves_many_walls_faceted_and_says_why(tmp_path, monkeypatch):
     surface = dome(2.0, 0.6, edge=0.3)
     sheet = holed(surface, [[0, 0, 0.6]], 0.3)
-    monkeypatch.setattr(make, "MOST_WALLS", 3)
+    monkeypatch.setattr(plan, "MOST_WALLS", 3)
     _, shape, said = written(surface, sheet, tmp_path / "a.step", "auto")
     assert said[0].startswith("STEP is faceted")
     assert "would have 4 walls, more than 3" in said[0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.export import write
-from dsfab.export.smooth import ask, charts, check, make, patches, points
+from dsfab.export.smooth import ask, charts, check, patches, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.patches import fitted
@@ -14,7 +14,7 @@ from dsfab.slicing import Sheet, cut
 from dsfab.study.curved import _where_largest, curved_sheet
 from dsfab.surface import Surface
 from dsfab.thickening import offsets, thicken
-from tests.zoo import grid
+from tests.zoo import grid, sphere
 
 THICKNESS = 0.04
 
@@ -27,7 +27,7 @@ def bumped() -> Surface:
 
 
 def all_of(surface: Surface) -> Sheet:
-    return cut(surface, [surface.V[:, 0]], [np.array([-1.0])]).kept()
+    return cut(surface, [surface.V[:, 0]], [np.array([-2.0])]).kept()
 
 
 def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_stay(monkeypatch):
@@ -43,6 +43,16 @@ def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_sta
     assert all(chart.off <= chart.tolerance for chart in atlas.charts.values())
     assert atlas.fields[:, 0] == pytest.approx(fields[:, 0])
     assert atlas.fields[:, 1:].max(axis=1) == pytest.approx(fields[:, 1])
+
+
+def test_a_chart_that_no_plane_sees_is_divided():
+    surface = sphere(3)
+    atlas = Atlas(surface, curved_sheet(surface, all_of(surface), THICKNESS), np.ones((surface.n, 1)), 1.0)
+    atlas.make([0])
+    assert not atlas.failed
+    assert len(atlas.charts) == atlas.fields.shape[1]
+    assert 4 <= len(atlas.charts) <= 12
+    assert min(chart.steepest for chart in atlas.charts.values()) > charts.STEEPEST
 
 
 def test_a_fit_keeps_its_tolerance_between_its_points_or_asks_for_more():
@@ -84,7 +94,7 @@ def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
 def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
     monkeypatch.setattr(ask, "_said", lambda _, *asked: check.inspected(*asked[:3]))
-    monkeypatch.setattr(make, "LAYOUTS", make.LAYOUTS[:1])
+    monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)
     flat = grid(16, 6, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1.5)], flat.F)

@@ -10,5 +10,6 @@ edges    : those runs as curves on the skins.
 solid    : faces with shared edges, piece by piece.
 text     : their entities.
 limits   : how far the solid may be off the mesh; gate: whether it is.
-make     : the ladder: build, ask OCCT (`check`, a program of its own), refit, give pieces up.
+plan     : what all layouts share, and the pieces built in one of them.
+make     : the ladder: build, ask OCCT (`check`, a program of its own), refit what `refit` names, give pieces up.
 """

@@ -1,7 +1,7 @@
 """Both skins over each chart: spline surfaces through V + D and V - D, fitted over the plane that sees the chart.
 
-A chart that no spline with so many poles follows is divided in two, along the straight line across its longer side;
-all other borders stay where they were.
+A chart that no spline with so many poles follows is divided in two across its longer side, and one that no plane sees
+between what leans one way and the other; all other borders stay where they were.
 """
 
 from collections.abc import Iterable
@@ -12,9 +12,9 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export.smooth.dense import dense
+from dsfab.export.smooth.dense import dense, normals
 from dsfab.export.smooth.patches import FIRST, Fit, Patch, fitted
-from dsfab.export.smooth.points import Points, marked, points_of
+from dsfab.export.smooth.points import FOLDED, Points, marked, points_of
 from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
 
@@ -28,6 +28,9 @@ Nothing is known between the vertices of a coarse mesh, but two skins must say t
 
 HALVED, FEWEST = 4, 12
 """How often a chart is divided, at most, and the vertices of the mesh that it must have for it."""
+
+STEEPEST = np.cos(np.deg2rad(80.0))
+"""A chart that leans more is divided between where it does and where it looks the other way."""
 
 STEEP = 0.25
 """The fields of both halves of a chart part within this share of its half length: a border between others is as steep.
@@ -85,15 +88,21 @@ class Atlas:
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
             k, turn = todo.pop()
+            may = halve and turn < HALVED and np.count_nonzero(self._best[0] == k) >= FEWEST
+            halves = [(k, turn + 1), (self.fields.shape[1], turn + 1)]
+            leaning = self._leaning(k)
+            if may and leaning is not None:
+                self._divide(k, leaning)
+                todo += halves
+                continue
             try:
                 chart = self._chart(k, FIRST * (2 if turn else 1))
             except ExportError as error:
                 self.failed[k] = str(error)
                 continue
-            many = np.count_nonzero(self._best[0] == k) >= FEWEST
-            if chart.off > chart.tolerance and halve and many and turn < HALVED:
-                self._divide(k, chart)
-                todo += [(k, turn + 1), (self.fields.shape[1] - 1, turn + 1)]
+            if may and chart.off > chart.tolerance:
+                self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
+                todo += halves
             elif chart.off > USELESS * chart.tolerance:
                 self.failed[k] = (
                     f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
@@ -102,10 +111,20 @@ class Atlas:
             else:
                 self.charts[k] = chart
 
-    def _divide(self, k: int, chart: Chart) -> None:
-        """Chart k, and a new one for what lies beyond its middle, seen along its longer side."""
+    def _leaning(self, k: int) -> Floats | None:
+        """(n,) from where chart k leans most to where it looks the other way; nothing when a plane sees it well."""
+        touched = (self._best[0] == k)[self.surface.F].any(axis=1)
+        N = self.surface.normals[touched]
+        mean = self.surface.areas[touched] @ N
+        cosine = N @ mean / max(float(np.linalg.norm(mean)), 1e-300)
+        if not len(N) or np.quantile(cosine, FOLDED) >= STEEPEST:
+            return None
+        first = N[cosine.argmin()]
+        return np.asarray(normals(self.surface) @ (N[(N @ first).argmin()] - first))
+
+    def _divide(self, k: int, along: Floats) -> None:
+        """Chart k, and a new one where a field (n,) is beyond its middle between the ends of the chart."""
         inside = self._best[0] == k
-        along = (self._levels[0].points - chart.origin) @ chart.axes[0]
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (STEEP * (high - low) / 2), -1, 1)
         old = self.fields[:, k]

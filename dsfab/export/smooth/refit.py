@@ -1,0 +1,21 @@
+"""Which curves of a refused piece are fitted more closely."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Floats
+from dsfab.export.smooth.seams import Key
+from dsfab.export.smooth.solid import Model
+
+
+def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
+    """Raise the level of the runs nearest to the `bad` points; whether there was one to raise."""
+    piece = model.pieces[k]
+    x = np.linspace(0, 1, 9)
+    samples = np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)])
+    tree = cKDTree(samples)
+    reach = np.atleast_1d(tree.query(bad)[0]) + 1e-3 * model.thickness
+    hit = {i // (2 * len(x)) for point, r in zip(bad, reach, strict=True) for i in tree.query_ball_point(point, r)}
+    keys = {piece.keys[i] for i in hit if level.get(piece.keys[i], 0) < 2}
+    level |= {key: level.get(key, 0) + 1 for key in keys}
+    return bool(keys)
