@@ -258,7 +258,7 @@ class Export(Section):
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "planar", "smooth", "faceted", "tessellated"] = "auto"
     """STEP: planar (flat sheets) or smooth (curved ones), of lines and splines, faceted, or tessellated (for viewers);
-    auto: planar where it can, else smooth where it is soon made, else faceted."""
+    auto: planar where it can, else smooth where it is soon made, else faceted where step_faces allows, else smooth."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Metres that planar, smooth or simplified STEP may be off the mesh; 0: a share of the thickness, faceted: none."""
     step_mb: Annotated[float, Ge(0)] = 0.0

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import struct
 import time
 from dataclasses import replace
@@ -12,7 +13,7 @@ import pytest
 import trimesh
 
 from dsfab.errors import DsfabError, ExportError
-from dsfab.export import FORMATS, atomic, step, step_check, write
+from dsfab.export import FORMATS, Written, atomic, formats, step, step_check, write
 from dsfab.export.part import in_single_precision, open_edges, part_of
 from dsfab.surface import Surface
 from dsfab.thickening import Solid
@@ -196,6 +197,21 @@ def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path, monkeypatch, failu
     assert [p.read_bytes() for p in tmp_path.iterdir()] == ([older] if older else [])
 
 
+@pytest.mark.parametrize(
+    ("suffix", "how", "holds"),
+    [("stl", {}, "12 triangles, volume error"), ("step", {"step": "planar"}, "6 faces, volume error"),
+     ("step", {"step": "tessellated"}, "12 triangles, volume error"), ("brep", {}, "6 faces, volume error")],
+)  # fmt: skip
+def test_the_report_says_what_was_written_and_how_far_the_volume_is_off(tmp_path, quick_step, suffix, how, holds):
+    done: list[Written] = []
+    path = write(box(), tmp_path / f"a.{suffix}", report=done.append, **how)
+    assert (done[0].path, done[0].size) == (path, path.stat().st_size)
+    assert done[0].seconds > 0
+    assert abs(done[0].found.off) < 1e-6
+    said = rf"{suffix}: {path.stat().st_size / 1e6:.3g} MB, {holds} (0|\de-\d\d), [\d.]+ s"
+    assert re.fullmatch(said, done[0].told), done[0].told
+
+
 def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
     path = tmp_path / "part.ply"
     path.write_bytes(b"older file")
@@ -207,6 +223,15 @@ def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
     with pytest.raises(ExportError, match="no permission to write there; choose another folder"):
         write(box(), path)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"older file"]
+
+
+def test_impossible_targets_are_refused_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(formats, "_put", lambda *_: pytest.fail("the work was begun"))
+    (tmp_path / "folder.step").mkdir()
+    for name, said in (("folder.step", "a folder has that name"), ("missing/a.step", "the folder does not exist")):
+        with pytest.raises(ExportError, match=said):
+            write(box(), tmp_path / name)
+    assert [path.name for path in tmp_path.iterdir()] == ["folder.step"]
 
 
 def test_impossible_targets_are_refused_in_a_sentence(tmp_path):

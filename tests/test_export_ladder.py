@@ -6,13 +6,14 @@ from functools import partial
 import pytest
 
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, ladder, simplify, step, step_estimates, write
+from dsfab.export import STEP_FACES, ladder, readback, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
+from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import make, plan
 from dsfab.study.curved import curved_sheet
 from dsfab.surface.shapes.roofs import barrel_vault
-from tests.test_export import box, quick_step, torus  # noqa: F401
+from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_estimate import saddle
 from tests.test_export_smooth import THICKNESS, here, holed, thickened  # noqa: F401
 
@@ -85,7 +86,7 @@ def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_pat
     said = str(caught.value)
     assert said.startswith("every STEP file of 'a' would be more than step_faces = 10: ")
     assert re.search(r"faceted 1,152 faces \(0\.\d+ MB, about 4\.2 s to write and check\)", said)
-    assert re.search(r"simplified within 8\.3 mm \d+ faces", said)
+    assert re.search(r"simplified within 8\.3 mm \d+ faces \(0\.\d+ MB, about", said)
     for words in ("STL or 3MF", "coarsen the mesh", "step_tolerance", "or raise step_faces"):
         assert words in said
     assert not any(tmp_path.iterdir())
@@ -109,3 +110,23 @@ def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
     with pytest.raises(ExportError, match="does not become simpler"):
         simplify.simplified(ladder.replace(part, step_faces=STEP_FACES), 4.0)
     assert len(tries) == 1 + simplify.TRIES
+
+
+def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
+    part = ladder.prepare(part_of(saddle(), "a", 10))
+    said = str(ladder.refusal([NotFlatError("not flat"), ExportError("a gap; try this"), BudgetError(part, 1152)]))
+    assert said.startswith("the STEP file of 'a' would have 1,152 planar faces")
+    assert said.endswith("or raise step_faces (tried too: a gap)")
+    assert str(ladder.refusal([ExportError("a gap; try this")])) == "a gap; try this"
+
+
+def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, monkeypatch):  # noqa: F811
+    """And not with the mesh, which is smaller."""
+    found = {"solids": 1, "valid": True, "tessellates": True, "faces": 1}
+    monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * make.made(part).volume})
+    monkeypatch.setattr(readback, "TOLERANCE", 1e-12)
+    (solid, curved), share = slow_vault, 1.0
+    assert write(solid, tmp_path / "a.brep", step="smooth", curved=curved).stat().st_size > 1000
+    share = 1.01
+    with pytest.raises(ExportError, match="reads back with another volume"):
+        write(solid, tmp_path / "a.brep", step="smooth", curved=curved)

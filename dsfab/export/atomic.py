@@ -33,6 +33,7 @@ def replacing(path: Path) -> Iterator[Path]:
     target = Path(os.path.realpath(path))  # a link stays a link: the file it points to is replaced
     temporary = target.with_name(f".{secrets.token_hex(6)}.partial{target.suffix}")
     try:
+        _ask(target, temporary)
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
@@ -41,6 +42,15 @@ def replacing(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # nothing was written, or nothing can be done
             temporary.unlink()
+
+
+def _ask(target: Path, temporary: Path) -> None:
+    """Raise OSError where no file can be made, or none of that name: before the work, not after it."""
+    if target.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    with open(temporary, "xb"):
+        pass
+    temporary.unlink()
 
 
 def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:

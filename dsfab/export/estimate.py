@@ -112,7 +112,7 @@ def _planar(part: Part) -> tuple[int, float, str]:
 def _smooth(part: Part) -> tuple[int, float, str]:
     if default := ladder.default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
-    return *drafted(part), "not checked yet: pieces that are refused will be faceted"
+    return *drafted(part), "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
 
 
 def _faceted(part: Part) -> tuple[int, float, str]:

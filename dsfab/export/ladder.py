@@ -146,6 +146,8 @@ def reasons(refused: Sequence[ExportError]) -> list[str]:
 def refusal(refused: Sequence[ExportError]) -> ExportError:
     """What to raise when every way was refused: what each would cost, where it is the budget that forbids it."""
     over = [one for one in refused if isinstance(one, BudgetError)]
-    if len({one.way for one in over}) > 1:
-        return none_within(over)
-    return over[-1] if over else refused[-1]
+    if not over:
+        return refused[-1]
+    others = [str(one).split("; ")[0] for one in refused if not isinstance(one, (BudgetError, NotFlatError))]
+    tried = f" (tried too: {others[-1]})" if others else ""
+    return ExportError(f"{none_within(over) if len({one.way for one in over}) > 1 else over[-1]}{tried}")

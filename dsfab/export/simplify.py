@@ -12,9 +12,9 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError, SolidError
 from dsfab.export.budget import within
-from dsfab.export.coplanar import coplanar_regions
 from dsfab.export.part import Part, open_edges
-from dsfab.surface.topology import edge_table
+from dsfab.export.planar import polyhedron
+from dsfab.export.step_text import faceted_bytes
 from dsfab.thickening.coarsen import coarsened
 from dsfab.thickening.intersect import intersecting_pairs
 
@@ -65,9 +65,9 @@ def simplified(part: Part, tolerance: float) -> Part:
 def _ask_faces(simple: Part) -> None:
     """Raise BudgetError where a try is no use: it went too far, and a smaller step hardly leaves fewer faces."""
     if 0 < HOPELESS * simple.step_faces < len(simple.F):
-        faces = len(coplanar_regions(simple.V, simple.F, edge_table(simple.F))[1])
-        if faces > HOPELESS * simple.step_faces:
-            within(simple, faces)
+        shape = polyhedron(simple.V, simple.F, np.zeros(len(simple.F), dtype=np.int64))
+        if len(shape.normals) > HOPELESS * simple.step_faces:
+            within(simple, len(shape.normals), faceted_bytes(shape))
 
 
 def _tried(part: Part, step: float) -> tuple[Part, float]:

@@ -133,7 +133,7 @@ def check(part: Part, path: Path) -> Found:
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
     """What `step_check` says about the file, in a process with a time limit; raises ExportError if it says nothing."""
-    limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step == "faceted" else 0)
+    limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
         answer: dict[str, Any] = json.loads(last_line(step_check.__file__, str(path), seconds=limit))
     except subprocess.TimeoutExpired as error:
