@@ -32,9 +32,9 @@ REFITS = 2
 DEFLECTION = 1 / 4
 """Of the triangles by which a piece is compared with the mesh, as a share of the distance that is allowed."""
 
-SECONDS = 60
-SECONDS_PER_FACE = 0.05
-"""Time for a check, several times what was measured; it may not end."""
+SECONDS = 120
+SECONDS_PER_FACE = 0.1
+"""Time for a check on the clock, many times what was measured, since others may be at work; it may not end."""
 
 
 class _Taken(NamedTuple):
