@@ -1,5 +1,6 @@
 """Smooth STEP: curved sheets as spline skins and ruled walls, closed by construction, or faceted with a reason."""
 
+import json
 from functools import partial
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from dsfab.errors import ExportError
 from dsfab.export import write
+from dsfab.export.program import last_line
 from dsfab.export.smooth import ask, check, edges, gate, make, outline, plan
 from dsfab.export.smooth.dense import dense, excess, prisms
 from dsfab.export.smooth.layout import layout
@@ -135,6 +137,30 @@ def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, mak
     assert here[0]["volume"] == pytest.approx(solid.volume * 1e9, rel=2e-3)
     assert here[0]["gap"] <= 1000 * THICKNESS / 20
     assert (tmp_path / "a.step").stat().st_size < 75 * len(solid.F)  # one face per triangle takes 750 bytes each
+
+
+def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
+    _, shape, _ = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step")
+    here = check.inspected(str(tmp_path / "a.step"))
+    there = json.loads(last_line(check.__file__, str(tmp_path / "a.step"), seconds=60))["solids"]
+    assert there == here
+    assert here[0]["volume"] == pytest.approx(shape.volume, rel=1e-3)
+
+
+COPIED = """
+import runpy, sys, time
+Meanwhile = runpy.run_path(sys.argv[1])["_Meanwhile"]
+asked, dropped, start = Meanwhile(lambda: 0.1 + 0.2), Meanwhile(lambda: time.sleep(60)), time.monotonic()
+dropped.stop()
+print(asked() == 0.1 + 0.2, time.monotonic() - start < 30)
+"""
+
+
+@pytest.mark.skipif(not check.COPIES, reason="processes are copied on Linux only")
+def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
+    (tmp_path / "a.py").write_text(COPIED)
+    assert last_line(str(tmp_path / "a.py"), check.__file__, seconds=60) == "True True"
 
 
 def displaced(run, level, k, nodes, allowed):
