@@ -1,12 +1,21 @@
 """Where outlines cross."""
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
+import dsfab
+from dsfab.export.ladder import prepare
+from dsfab.export.part import part_of
 from dsfab.export.smooth.edges import Edge
+from dsfab.export.smooth.plan import Plan
+from dsfab.export.smooth.refit import untangle
 from dsfab.export.smooth.solid import Piece, Skin
-from dsfab.export.smooth.splines import straight
+from dsfab.export.smooth.splines import Spline, straight
 from dsfab.export.smooth.touching import crossings
+from dsfab.study.curved import curved_design
 
 
 def outline(*corners):
@@ -29,3 +38,38 @@ def test_the_place_where_an_outline_crosses_itself():
     assert len(found) == 2  # a chord of each
     assert found[:, 2] == pytest.approx(10)
     assert np.linalg.norm(found[:, :2] - 0.9 / 1.9, axis=1).max() < 0.1
+
+
+@pytest.mark.parametrize("ahead", [(True, True), (False, True), (True, False)])
+@pytest.mark.parametrize("hook", [-0.03, 0.03])
+def test_two_curves_that_change_sides_just_before_they_meet(ahead, hook):
+    """A leaf with its tip at the origin; with a hook below the axis its upper side arrives from below."""
+    above = np.array([[10, 1], [7, 1], [0.6, hook], [0, 0]])
+    below = np.array([[0, 0], [0.6, -hook], [7, -1], [10, -1]])
+    edges, knots = [], np.r_[[0.0] * 4, [1.0] * 4]
+    for i, (poles, way) in enumerate(zip((above, below), ahead, strict=True)):
+        poles = poles[:: 1 if way else -1]
+        upper, lower = (Spline(knots, np.c_[poles, np.full(4, z)], 3) for z in (10.0, 0.0))
+        edges.append(Edge(i, i + 1, upper, lower, {0: Spline(knots, poles, 3)}, 0.0, True))
+    closing = outline((10, -1), (10, 1)).edges[0]
+    loop = ((0, ahead[0]), (1, ahead[1]), (2, True))
+    found = crossings(Piece(edges=[*edges, closing], skins=[Skin(0, (loop,))]))
+    assert found.tolist() == ([[0, 0, 10], [0, 0, 10]] if hook < 0 else [])
+
+
+def test_seams_that_cross_at_a_corner_of_the_domes_charts_are_followed_more_closely():
+    """OCCT made no triangles of that skin, and said of no edge that it was the reason."""
+    design = dsfab.run(dsfab.load_preset("dome"))
+    built = plan_of(design)
+    piece, level = built.model.pieces[0], {}
+    assert 1 <= len(crossings(piece)) <= 4
+    untangle(built.builder, built.model, 0, level)
+    assert len(crossings(built.model.pieces[0])) == 0
+    assert 1 <= len(level) <= 8
+    assert len(built.model.pieces[0].edges) == len(piece.edges)
+
+
+def plan_of(design):
+    part = replace(prepare(part_of(design.solid, "dome", 10**6)), curved=partial(curved_design, design))
+    plan = Plan(part)
+    return plan.built(next(plan.layouts()))

@@ -18,7 +18,7 @@ from dsfab.export.smooth.ask import Finding, findings, occt
 from dsfab.export.smooth.file import Made, file_text, rest_of
 from dsfab.export.smooth.gate import Verdict
 from dsfab.export.smooth.plan import MOST_WALLS, Plan
-from dsfab.export.smooth.refit import tighten
+from dsfab.export.smooth.refit import tighten, untangle
 from dsfab.export.smooth.seams import Key
 from dsfab.export.smooth.solid import Model
 from dsfab.sparse.threads import one_blas_thread
@@ -102,6 +102,9 @@ class _Ladder:
             built = self.plan.built(fields, self.done)
         gate, model, asked = built.gate, built.model, built.asked
         levels = [dict[Key, int]() for _ in model.pieces]
+        for k in asked:
+            if not model.pieces[k].refused:
+                untangle(built.builder, model, k, levels[k])
         verdicts, todo = dict[int, Verdict](), asked
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
@@ -111,7 +114,7 @@ class _Ladder:
                 break
             program = programs.enter_context(occt())
             for k in todo:
-                model.pieces[k] = built.builder.piece(k, levels[k])
+                model.pieces[k] = built.builder.piece(k, levels[k], traced=turn == REFITS - 1)
         refused = {int(gate.solid[k]) for k in asked if verdicts[k].reason}
         taken = [k for k in asked if int(gate.solid[k]) not in refused]
         self.taken += [_Taken(model, k, verdicts[k]) for k in taken]

@@ -1,11 +1,15 @@
-"""Which curves of a refused piece are fitted more closely."""
+"""Which curves of a piece are fitted more closely: those that cross others, and those that OCCT refuses."""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
 from dsfab.export.smooth.seams import Key
-from dsfab.export.smooth.solid import Model
+from dsfab.export.smooth.solid import Builder, Model
+from dsfab.export.smooth.touching import crossings
+
+CLOSEST = 2
+"""The level that no curve is refitted beyond (see `dsfab.export.smooth.edges.TIGHTER`)."""
 
 
 def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
@@ -16,6 +20,15 @@ def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
     tree = cKDTree(samples)
     reach = np.atleast_1d(tree.query(bad)[0]) + 1e-3 * model.thickness
     hit = {i // (2 * len(x)) for point, r in zip(bad, reach, strict=True) for i in tree.query_ball_point(point, r)}
-    keys = {piece.keys[i] for i in hit if level.get(piece.keys[i], 0) < 2}
+    keys = {piece.keys[i] for i in hit if level.get(piece.keys[i], 0) < CLOSEST}
     level |= {key: level.get(key, 0) + 1 for key in keys}
     return bool(keys)
+
+
+def untangle(builder: Builder, model: Model, k: int, level: dict[Key, int]) -> None:
+    """Build a piece again until none of its curves crosses another, as long as closer fits are left."""
+    for _ in range(CLOSEST):
+        bad = crossings(model.pieces[k])
+        if not len(bad) or not tighten(model, k, level, bad):
+            return
+        model.pieces[k] = builder.piece(k, level)

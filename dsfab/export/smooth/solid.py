@@ -67,9 +67,9 @@ class Builder:
         for k in charts:
             self._walls([region for region in sheet.regions if region.chart == k], {})
 
-    def piece(self, number: int, level: dict[Key, int]) -> Piece:
-        """One piece; level : how often each of its runs was refused."""
-        made, seams = Piece(traced=max(level.values(), default=0) > 1), dict[Key, int]()
+    def piece(self, number: int, level: dict[Key, int], traced: bool = False) -> Piece:
+        """One piece; level : how often each of its runs was refused; traced : as in `Piece`."""
+        made, seams = Piece(traced=traced), dict[Key, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         for region in regions:
             self._walls([region], level)

@@ -4,10 +4,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.export.smooth.edges import Edge
 from dsfab.export.smooth.solid import Piece, Skin
 
 SAMPLES = 16
 """Chords of each curve, of which crossings are looked for."""
+
+SHARP = 0.5
+"""Cosine of the angle between the sides of a corner that is sharp."""
 
 ROUNDED = 1e-9
 """Share of a chord's length within which a point counts as on it."""
@@ -26,7 +30,32 @@ def _in_skin(piece: Piece, skin: Skin) -> Floats:
     one, two = _near(start, end)
     found = _across(start, end, one, two) & _across(start, end, two, one)
     places = np.stack([edge.upper(x[:-1]) for edge in edges]).reshape(-1, 3)
-    return np.asarray(places[np.unique(np.concatenate([one[found], two[found]]))])
+    ends = np.concatenate([edge.upper(x[[0, -1]]) for edge in edges])
+    return np.concatenate([places[np.unique(np.r_[one[found], two[found]])], ends[_twisted(edges, skin)]])
+
+
+def _twisted(edges: list[Edge], skin: Skin) -> Ints:
+    """The ends 2 k and 2 k + 1 of edges k at sharp corners whose sides change places close to them: they cross there.
+
+    The chords that meet at a corner do not show that; the tangents do, beside the ways to the middles of the edges.
+    """
+    way = np.array([way for loop in skin.loops for _, way in loop])
+    number = np.split(np.arange(len(way)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
+    before = np.concatenate([np.roll(some, 1) for some in number])
+    flat = [edge.flat[skin.chart] for edge in edges]
+    lines = [curve.poles[:: 1 if ahead else -1] for curve, ahead in zip(flat, way, strict=True)]
+    middle = np.concatenate([curve(np.array([0.5])) for curve in flat])
+    into, out = (np.stack([line[[0, 1, -2, -1]] for line in lines])[i] for i in (before, np.arange(len(way))))
+    near = into[:, 3] - into[:, 2], out[:, 1] - out[:, 0]
+    far = into[:, 3] - middle[before], middle - out[:, 0]
+    sharp = np.einsum("ki,ki->k", *near) < -SHARP * np.prod([np.linalg.norm(v, axis=1) for v in near], axis=0)
+    bad = np.flatnonzero(sharp & (_turn(*near) * _turn(*far) < 0))
+    return np.concatenate([2 * before[bad] + way[before[bad]], 2 * bad + ~way[bad]])
+
+
+def _turn(one: Floats, two: Floats) -> Floats:
+    """(k,) positive where vectors turn to the left."""
+    return np.asarray(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
 
 
 def _near(start: Floats, end: Floats) -> tuple[Ints, Ints]:
