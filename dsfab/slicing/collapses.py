@@ -11,6 +11,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.mesh_edit import GAIN, Cut, independent
 from dsfab.slicing.sheet import VOID
+from dsfab.surface.neighbours import on_boundary
 
 POOR = 25.0
 """Degrees: only at cells with a smaller angle edges are collapsed."""
@@ -82,8 +83,7 @@ def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
     """
     v, w, _ = moves
     count = np.bincount(cut.edges.ends[cut.lines].ravel(), minlength=len(cut.V))
-    rim = np.zeros(len(cut.V), dtype=bool)
-    rim[cut.edges.ends[cut.edges.boundary]] = True
+    rim = on_boundary(cut.edges, len(cut.V))
     edge = cut.edge(v, w)
     along = cut.lines[edge]
     step = np.linalg.norm(cut.V[v] - cut.V[w], axis=1)

@@ -20,6 +20,13 @@ def on_boundary(edges: EdgeTable, n: int) -> Bools:
     return rim
 
 
+def corners_of(F: Ints, faces: Bools, n: int) -> Bools:
+    """(n,) whether a vertex is a corner of a marked face (m,)."""
+    marks = np.zeros(n, dtype=bool)
+    marks[F[faces]] = True
+    return marks
+
+
 def smoothing_pairs(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
     """Vertices and their neighbours, to whose mean they may move: for those on the boundary only along it."""
     i, j = _both_ways(edges)

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
-from dsfab.surface.neighbours import adjacency
+from dsfab.surface.neighbours import adjacency, corners_of
 
 STEP = 0.01
 """By this share of the offset a part is thinner one vertex away from a seam, and by twice of it on the seam; half as
@@ -45,18 +45,18 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """
     near = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
-    own = [_touched(surface, colour == c) for c in range(count)]
+    own = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
     more = [_extension(surface, colour, c, own[c], clashes) for c in range(count)]
     parts = []
     for c in range(count):
-        beyond = _touched(surface, more[c]) & ~own[c]
+        beyond = corners_of(surface.F, more[c], surface.n) & ~own[c]
         on_seam, open_seam = np.zeros((2, surface.n), dtype=bool)
         for lower in range(c):
             shared = own[c] & own[lower]
-            open_ = shared & _touched(surface, (colour == c) & ~more[lower])
+            open_ = shared & corners_of(surface.F, (colour == c) & ~more[lower], surface.n)
             on_seam, open_seam = on_seam | (shared & ~open_), open_seam | open_
         on_seam &= ~open_seam
-        inside = _touched(surface, colour < c) & ~on_seam if c else np.zeros(surface.n, dtype=bool)
+        inside = corners_of(surface.F, colour < c, surface.n) & ~on_seam if c else np.zeros(surface.n, dtype=bool)
         V = _drawn_in(surface, near, beyond, own[c])
         V = _moved(V, near, on_seam, inside, INWARD)
         share = np.ones(surface.n)
@@ -74,13 +74,6 @@ def _extension(surface: Surface, colour: Ints, c: int, own: Bools, clashes: Ints
     meet = clashes[part[clashes].all(axis=1)]
     more[meet.ravel()] = False
     return np.asarray(more)
-
-
-def _touched(surface: Surface, faces: Bools) -> Bools:
-    """(n,) vertices of the marked faces."""
-    touched = np.zeros(surface.n, dtype=bool)
-    touched[surface.F[faces]] = True
-    return touched
 
 
 def _drawn_in(surface: Surface, near: csr_array, beyond: Bools, own: Bools) -> Floats:

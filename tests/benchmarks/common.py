@@ -1,6 +1,7 @@
-"""What the measuring scripts share: spheres of a wanted size, compiling, and matrices as C++ reads them."""
+"""What the measuring scripts share: spheres of a wanted size, compiling, matrices as C++ reads them, and time spent."""
 
 import argparse
+import resource
 import shutil
 import subprocess
 import sys
@@ -49,3 +50,8 @@ def sizes(text: str, default: str) -> list[int]:
     parser = argparse.ArgumentParser(description=text)
     parser.add_argument("vertices", nargs="?", default=default, help=f"numbers of vertices, default {default}")
     return [int(number) for number in parser.parse_args().vertices.split(",")]
+
+
+def cpu() -> float:
+    """Seconds that this process and those that it started have spent."""
+    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))

@@ -1,6 +1,6 @@
 """How many pieces of random patterns become smooth STEP solids, and what that costs.
 
-    DSFAB_MESHES=... python tests/benchmarks/smooth_rate.py RESULTS.jsonl [patterns] [names]
+    DSFAB_MESHES=... python -m tests.benchmarks.smooth_rate RESULTS.jsonl [patterns] [names]
 
 For each surface of SURFACES (or those named, with commas), so many patterns (60) of two of the surface's own modes cut
 at random; a hundredth of the half diagonal is the thickness. Every pattern adds a line to the file, and those that are
@@ -11,7 +11,6 @@ per triangle, the largest distance both ways and gap in parts of the thickness, 
 
 import json
 import os
-import resource
 import sys
 from collections import Counter
 from collections.abc import Callable
@@ -35,6 +34,7 @@ from dsfab.surface.shapes.closed import sphere, torus
 from dsfab.surface.shapes.roofs import barrel_vault, hypar
 from dsfab.surface.shapes.turned import dome
 from dsfab.thickening import offsets, thicken
+from tests.benchmarks.common import cpu
 
 SHARE = 0.01
 FACES = 9000
@@ -89,10 +89,6 @@ def patterned(name: str, number: int) -> tuple[Part, int, float]:
     smooth = replace(part_of(solid, "part", 10**6), step="smooth")
     part = replace(ladder.prepare(smooth), curved=partial(curved_sheet, surface, sheet, thickness))
     return part, len(solid.F), thickness
-
-
-def cpu() -> float:
-    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
 def measured(name: str, number: int) -> dict[str, Any]:

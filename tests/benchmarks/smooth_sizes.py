@@ -1,6 +1,6 @@
 """Smooth STEP against faceted STEP of the same designs: size, seconds, distances and volume.
 
-    python tests/benchmarks/smooth_sizes.py [dome vault hypar sphere torus]
+    python -m tests.benchmarks.smooth_sizes [dome vault hypar sphere torus]
 
 Each of 60 000 solid triangles or more. Seconds are those of building, checking and writing the smooth file on the
 clock, and of all processes' CPU; the faceted one is written only, without simplification. Distances, from the smooth
@@ -8,7 +8,6 @@ solid to the mesh and back, and what is allowed (t/20 and the mesh's usual chord
 is OCCT's of the file, against the mesh's and, since the mesh cuts its curves short, what that may be less.
 """
 
-import resource
 import sys
 import tempfile
 import time
@@ -23,6 +22,7 @@ from dsfab.export.smooth.make import made
 from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from dsfab.study.curved import curved_design
+from tests.benchmarks.common import cpu
 
 OPENING = {"slicing.min_opening": 0.03}
 
@@ -37,10 +37,6 @@ DESIGNS: dict[str, tuple[str, dict[str, Any]]] = {
               "pattern.keep": 0.0, "pattern.major": {"mode": 5, "frequency": 5.0},
               "pattern.minor": {"mode": 7, "frequency": 5.0}} | OPENING),
 }  # fmt: skip
-
-
-def cpu() -> float:
-    return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 
 
 def row(name: str, folder: Path) -> str:

@@ -14,9 +14,10 @@ from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export.smooth.dense import dense, normals
 from dsfab.export.smooth.patches import FIRST, Fit, Patch, fitted
-from dsfab.export.smooth.points import FOLDED, Points, marked, points_of
+from dsfab.export.smooth.points import FOLDED, Points, points_of
 from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import corners_of
 
 USELESS = 3
 """A chart that is off by so many tolerances is not worth asking OCCT about. One that is off by less may be, since the
@@ -145,7 +146,7 @@ class Atlas:
         F = self.surface.F
         near = (self._best[0] == k)[F].any(axis=1)
         for _ in range(2):
-            near = marked(F, near, self.surface.n)[F].any(axis=1)
+            near = corners_of(F, near, self.surface.n)[F].any(axis=1)
         for level in range(DIVISIONS + 1):
             if level == len(self._levels):
                 self._levels.append(self._levels[-1].finer)

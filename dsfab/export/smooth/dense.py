@@ -12,6 +12,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import on_boundary
 from dsfab.units import MM_PER_M
 
 
@@ -49,10 +50,7 @@ class Dense:
     @cached_property
     def boundary(self) -> Bools:
         """(n,) vertices of the boundary."""
-        edges = self.surface.edges
-        marks = np.zeros(self.surface.n, dtype=bool)
-        marks[edges.ends[edges.boundary]] = True
-        return marks
+        return on_boundary(self.surface.edges, self.surface.n)
 
     @cached_property
     def finer(self) -> "Dense":

@@ -7,6 +7,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.smooth.dense import Dense, between
+from dsfab.surface.neighbours import corners_of
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
 """Weights of the points around a chart, which hold the skins where seams are drawn, and of those on the boundary, whose
@@ -45,8 +46,8 @@ def points_of(dense: Dense, near: Bools, mine: Bools) -> Points:
     touched = np.asarray(mine[used][F].any(axis=1))
     if not touched.any():
         raise ExportError("a chart of the sheet is smaller than a face")
-    core = marked(F, touched, len(used))
-    around = marked(F, np.asarray(core[F].any(axis=1)), len(used))[F].any(axis=1)
+    core = corners_of(F, touched, len(used))
+    around = corners_of(F, np.asarray(core[F].any(axis=1)), len(used))[F].any(axis=1)
     V, normals = dense.points[used], dense.surface.normals[faces]
     axes = _axes(V[core], (dense.surface.areas[faces, None] * normals)[touched].sum(axis=0))
     steepest = float(np.quantile(normals[touched] @ axes[2], FOLDED))
@@ -73,13 +74,6 @@ def _mean(d: Floats, ends: Ints) -> Floats:
     middle = d[ends].mean(axis=1)
     length = np.linalg.norm(d, axis=1)[ends].mean(axis=1)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
-
-
-def marked(F: Ints, faces: Bools, n: int) -> Bools:
-    """(n,) the corners of the marked faces."""
-    marks = np.zeros(n, dtype=bool)
-    marks[F[faces]] = True
-    return marks
 
 
 def _axes(V: Floats, across: Floats) -> Floats:

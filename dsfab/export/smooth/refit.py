@@ -4,12 +4,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
+from dsfab.export.smooth.edges import TIGHTER
 from dsfab.export.smooth.seams import Key
 from dsfab.export.smooth.solid import Builder, Model
 from dsfab.export.smooth.touching import crossings
 
-CLOSEST = 2
-"""The level that no curve is refitted beyond (see `dsfab.export.smooth.edges.TIGHTER`)."""
+CLOSEST = len(TIGHTER) - 1
+"""The level that no curve is refitted beyond."""
 
 
 def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:

@@ -74,5 +74,5 @@ def _across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
     along = (end - start)[line]
     long = np.linalg.norm(along, axis=1)
     to, past = start[chord] - start[line], end[chord] - start[line]
-    first, second = ((along[:, 0] * v[:, 1] - along[:, 1] * v[:, 0]) / long for v in (to, past))
+    first, second = _turn(along, to) / long, _turn(along, past) / long
     return np.asarray((first * second < 0) & (np.minimum(np.abs(first), np.abs(second)) > ROUNDED * long))
