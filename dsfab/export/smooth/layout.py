@@ -101,8 +101,10 @@ def _middles(surface: Surface, label: Ints) -> list[int]:
     area = np.bincount(label, surface.areas)
     middle = np.stack([np.bincount(label, surface.areas * c) for c in surface.centroids.T], axis=1) / area[:, None]
     away = np.linalg.norm(surface.centroids - middle[label], axis=1)
-    order = np.lexsort((away, label))
-    return [int(f) for f in order[np.r_[True, np.diff(label[order]) > 0]]]
+    least = np.full(len(area), np.inf)
+    np.minimum.at(least, label, away)
+    nearest = np.flatnonzero(away == least[label])
+    return nearest[np.unique(label[nearest], return_index=True)[1]].tolist()
 
 
 def _cosines(surface: Surface, label: Ints) -> Floats:

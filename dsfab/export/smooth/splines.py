@@ -33,7 +33,7 @@ class Spline:
 
     def __call__(self, x: Floats) -> Floats:
         """(k, d) points at parameters x (k,)."""
-        return np.asarray(BSpline(self.knots, self.poles, self.degree)(x))
+        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # a third of the time
 
 
 def straight(a: Floats, b: Floats) -> Spline:
