@@ -138,13 +138,16 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
     """
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
-    past = [x - knots[span - i] for i in range(3)]
-    ahead = [knots[span + 1 + i] - x for i in range(3)]
-    values, shares = [np.ones(len(x))], list[Floats]()
+    past = x - knots[span - np.arange(3)[:, None]]
+    ahead = knots[span + np.arange(1, 4)[:, None]] - x
+    values = shares = np.ones((1, len(x)))
     for degree in range(1, 4):
-        shares = [values[r] / (ahead[r] + past[degree - 1 - r]) for r in range(degree)]
-        falling = [ahead[r] * share for r, share in enumerate(shares)]
-        rising = [past[degree - 1 - r] * share for r, share in enumerate(shares)]
-        values = [falling[0], *(f + g for f, g in zip(falling[1:], rising[:-1], strict=True)), rising[-1]]
-    a, b, c = shares
-    return span - 3, np.stack(values, axis=1), 3 * np.stack([-a, a - b, b - c, c], axis=1)
+        behind = past[degree - 1 :: -1]
+        shares = values / (ahead[:degree] + behind)
+        values = np.zeros((degree + 1, len(x)))
+        values[:-1] = ahead[:degree] * shares
+        values[1:] += behind * shares
+    slopes = np.zeros((4, len(x)))
+    slopes[1:] = shares
+    slopes[:-1] -= shares
+    return span - 3, values.T, 3 * slopes.T
