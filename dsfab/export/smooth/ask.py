@@ -68,7 +68,7 @@ def _finding(said: dict[str, Any], path: Path) -> Finding:
 
 
 def merged(points: Floats) -> tuple[Floats, Ints]:
-    """The different ones of points (k, 3), in order, and which of these each is: `np.unique`, in a quarter of the time."""
+    """The different ones of points (k, 3), in order, and which each is: `np.unique`, in a quarter of its time."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     first = np.ones(len(points), dtype=bool)

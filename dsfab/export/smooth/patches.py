@@ -75,17 +75,18 @@ class Patch:
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
         """(k, 2) parameters of the surface's points nearest to `points` (k, 3), by Gauss-Newton from uv."""
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
+        uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
-            uv = np.clip(uv, low, high)
-            at, a, b = self.slopes(uv)
-            r = points - at
+            at, a, b = self.slopes(uv[going])
+            r = points[going] - at
             aa, ab, bb, ra, rb = (np.einsum("ki,ki->k", x, y) for x, y in ((a, a), (a, b), (b, b), (r, a), (r, b)))
             det = np.maximum(aa * bb - ab * ab, 1e-300)
             step = np.stack([bb * ra - ab * rb, aa * rb - ab * ra], axis=1) / det[:, None]
-            uv = uv + step
-            if not len(step) or np.abs(step).max() < CLOSE * (high - low).max():
+            uv[going] = np.clip(uv[going] + step, low, high)
+            going = going[np.abs(step).max(axis=1) >= CLOSE * (high - low).max()]
+            if not len(going):
                 break
-        return np.asarray(np.clip(uv, low, high))
+        return uv
 
 
 @dataclass(frozen=True, eq=False)
