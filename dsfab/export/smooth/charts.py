@@ -12,7 +12,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export.smooth.dense import dense, normals
+from dsfab.export.smooth.dense import dense
 from dsfab.export.smooth.patches import FIRST, Fit, Patch, fitted
 from dsfab.export.smooth.points import FOLDED, Points, points_of
 from dsfab.export.smooth.source import Curved
@@ -121,7 +121,7 @@ class Atlas:
         if not len(N) or np.quantile(cosine, FOLDED) >= STEEPEST:
             return None
         first = N[cosine.argmin()]
-        return np.asarray(normals(self.surface) @ (N[(N @ first).argmin()] - first))
+        return np.asarray(self._levels[0].normals @ (N[(N @ first).argmin()] - first))
 
     def _divide(self, k: int, along: Floats) -> None:
         """Chart k, and a new one where a field (n,) is beyond its middle between the ends of the chart."""

@@ -35,12 +35,19 @@ class Dense:
         return MM_PER_M * self.surface.V
 
     @cached_property
+    def normals(self) -> Floats:
+        """(n, 3) of the vertices: the means of their faces', weighted with the angles there."""
+        V, F = self.surface.V, self.surface.F
+        N = np.asarray(igl.per_vertex_normals(V, F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
+        return np.asarray(N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300))
+
+    @cached_property
     def across(self) -> Floats:
         """(n, 3) vectors to the skins along the mean normals.
 
         Those that a face sees best lean a little this way and that: on a skin that is noise of the vertices, not shape.
         """
-        return np.asarray(MM_PER_M * self.half[:, None] * normals(self.surface))
+        return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
     def middle(self) -> Floats:
@@ -55,7 +62,16 @@ class Dense:
     @cached_property
     def finer(self) -> "Dense":
         """Each triangle in four."""
-        return Dense(finer(self.surface), self.carry(self.half), self.shift, np.tile(self.parent, 4))
+        return Dense(self._divided, self.carry(self.half), self.shift, np.tile(self.parent, 4))
+
+    @property
+    def _divided(self) -> Surface:
+        """The surface with points on cubics half way along the edges after the other points."""
+        surface, edges = self.surface, self.surface.edges
+        M = np.concatenate([surface.V, between(surface.V, self.normals, edges.ends)])
+        (a, b, c), (ab, bc, ca) = surface.F.T, surface.n + edges.of.T
+        four = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        return Surface(M, np.concatenate([np.stack(corners, axis=1) for corners in four]))
 
     def carry(self, fields: Floats) -> Floats:
         """Linear fields (n, ...) on the vertices of `finer`."""
@@ -70,12 +86,6 @@ def dense(surface: Surface, curved: Curved) -> Dense:
     return Dense(surface, half, curved.shift, np.arange(surface.m))
 
 
-def normals(surface: Surface) -> Floats:
-    """(n, 3) of the vertices: the means of their faces', weighted with the angles there."""
-    N = np.asarray(igl.per_vertex_normals(surface.V, surface.F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
-    return np.asarray(N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300))
-
-
 def between(P: Floats, d: Floats, ends: Ints) -> Floats:
     """Points half way along edges, on the cubic whose ends are normal to d: fits then do not wave between vertices."""
     N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
@@ -84,20 +94,15 @@ def between(P: Floats, d: Floats, ends: Ints) -> Floats:
     return np.asarray(P[ends].mean(axis=1) + (slopes[0] - slopes[1]) / 8)
 
 
-def sags(surface: Surface) -> Floats:
-    """How far edges lie below the smooth surface, at their middles, metres."""
-    ends = surface.edges.ends
-    away = between(surface.V, normals(surface), ends) - surface.V[ends].mean(axis=1)
-    return np.asarray(np.linalg.norm(away, axis=1))
-
-
-def chord_errors(surface: Surface) -> Floats:
+def chord_errors(given: Dense) -> Floats:
     """(m,) how far each triangle lies below the smooth surface through its corners, metres.
 
     In its middle, where it is a third more than in the middles of its edges: h^2 / 6R and h^2 / 8R of triangles with
     three edges h on a sphere with radius R.
     """
-    return np.asarray(4 / 3 * sags(surface)[surface.edges.of].max(axis=1))
+    V, edges = given.surface.V, given.surface.edges
+    sags = np.linalg.norm(between(V, given.normals, edges.ends) - V[edges.ends].mean(axis=1), axis=1)
+    return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
 
 
 def excess(given: Dense, curved: Curved) -> Floats:
@@ -118,13 +123,3 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     a, b, c = F.T
     across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3  # of V + s D, from s = -1 to 1
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
-
-
-def finer(surface: Surface) -> Surface:
-    """Each triangle in four, with points on cubics half way along the edges after the other points."""
-    M = np.concatenate([surface.V, between(surface.V, normals(surface), surface.edges.ends)])
-    (a, b, c), (ab, bc, ca) = surface.F.T, surface.n + surface.edges.of.T
-    four = np.concatenate(
-        [np.stack(corners, axis=1) for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-    )
-    return Surface(M, four)
