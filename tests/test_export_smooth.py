@@ -11,11 +11,12 @@ from dsfab.export import write
 from dsfab.export.program import last_line
 from dsfab.export.smooth import ask, check, edges, gate, make, outline, plan
 from dsfab.export.smooth.dense import dense, excess, prisms
+from dsfab.export.smooth.fits import spline_through
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import WALL, Run
 from dsfab.export.smooth.patches import Patch, patch_through
-from dsfab.export.smooth.splines import Spline, basis, hats, spline_through
+from dsfab.export.smooth.splines import Spline, basis, hats
 from dsfab.slicing import Sheet, cut
 from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
@@ -163,17 +164,19 @@ def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
     assert last_line(str(tmp_path / "a.py"), check.__file__, seconds=60) == "True True"
 
 
-def displaced(run, level, k, nodes, allowed):
+def displaced(asked, nodes, allowed):
     """Curves of holes pushed to one side, which closes as well as before."""
-    parts = honest_parts(run, level, k, nodes, allowed)
-    if run.width > 1000 * 0.3:
-        return parts
-    poles = [part.flat.poles.copy() for part in parts]
-    for some in poles:
-        some[1:-1] += 0.2 * 1000 * THICKNESS
+    found = honest_parts(asked, nodes, allowed)
     return [
-        part._replace(flat=Spline(part.flat.knots, p, part.flat.degree)) for part, p in zip(parts, poles, strict=True)
+        parts if one.run.width > 1000 * 0.3 else [part._replace(flat=pushed(part.flat)) for part in parts]
+        for one, parts in zip(asked, found, strict=True)
     ]
+
+
+def pushed(curve):
+    poles = curve.poles.copy()
+    poles[1:-1] += 0.2 * 1000 * THICKNESS
+    return Spline(curve.knots, poles, curve.degree)
 
 
 honest_parts = edges._parts
@@ -196,11 +199,12 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
     line = np.c_[x, 40 * (np.arange(9) % 2)]
     nodes = Nodes({}, {0: line}, {0: np.ones(9)}, [], {}, {})
     run = Run(np.arange(9), WALL, 1e6)
-    whole = edges._parts(run, 0, 0, nodes, edges.Allowed(60.0, 75.0, 0.0))
+    asked = [edges.Asked(run, 0, 0)]
+    (whole,) = edges._parts(asked, nodes, edges.Allowed(60.0, 75.0, 0.0))
     assert len(whole) == 1
     for distance in (3.0, 3e-4):
-        parts = edges._parts(run, 0, 0, nodes, edges.Allowed(60.0, distance, 0.0))
-        assert np.concatenate([part.run.vertices[:-1] for part in parts]).tolist() == list(range(8))
+        (parts,) = edges._parts(asked, nodes, edges.Allowed(60.0, distance, 0.0))
+        assert np.concatenate([part.asked.run.vertices[:-1] for part in parts]).tolist() == list(range(8))
         on = np.concatenate([part.flat(np.linspace(0, 1, 500)) for part in parts])
         away = np.abs(on[:, 1] - np.interp(on[:, 0], x, line[:, 1]))
         assert away.max() <= distance

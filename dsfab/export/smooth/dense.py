@@ -75,7 +75,7 @@ class Dense:
 
     def carry(self, fields: Floats) -> Floats:
         """Linear fields (n, ...) on the vertices of `finer`."""
-        return np.concatenate([fields, fields[self.surface.edges.ends].mean(axis=1)])
+        return np.concatenate([fields, halfway(fields, self.surface.edges.ends)])
 
 
 def dense(surface: Surface, curved: Curved) -> Dense:
@@ -91,7 +91,13 @@ def between(P: Floats, d: Floats, ends: Ints) -> Floats:
     N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
     chord = P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
-    return np.asarray(P[ends].mean(axis=1) + (slopes[0] - slopes[1]) / 8)
+    return np.asarray(halfway(P, ends) + (slopes[0] - slopes[1]) / 8)
+
+
+def halfway(values: Floats, ends: Ints) -> Floats:
+    """Means of values (n, ...) at both ends of edges (k, 2): numpy's own over pairs takes three times as long."""
+    a, b = ends.T
+    return np.asarray((values[a] + values[b]) / 2)
 
 
 def chord_errors(given: Dense) -> Floats:
@@ -101,7 +107,7 @@ def chord_errors(given: Dense) -> Floats:
     three edges h on a sphere with radius R.
     """
     V, edges = given.surface.V, given.surface.edges
-    sags = np.linalg.norm(between(V, given.normals, edges.ends) - V[edges.ends].mean(axis=1), axis=1)
+    sags = np.linalg.norm(between(V, given.normals, edges.ends) - halfway(V, edges.ends), axis=1)
     return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
 
 

@@ -105,7 +105,7 @@ def _middles(surface: Surface, label: Ints) -> list[int]:
     least = np.full(len(area), np.inf)
     np.minimum.at(least, label, away)
     nearest = np.flatnonzero(away == least[label])
-    return nearest[np.unique(label[nearest], return_index=True)[1]].tolist()
+    return [int(f) for f in nearest[np.unique(label[nearest], return_index=True)[1]]]
 
 
 def _cosines(surface: Surface, label: Ints) -> Floats:

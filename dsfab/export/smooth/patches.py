@@ -56,13 +56,13 @@ class Patch:
         """(k, 4, 4, d) the poles from (i, j) on."""
         _, q, d = self.poles.shape
         at = (i * q + j)[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
-        return self.poles.reshape(-1, d).take(at, axis=0).reshape(-1, 4, 4, d)
+        return np.asarray(self.poles.reshape(-1, d).take(at, axis=0).reshape(-1, 4, 4, d))
 
     @staticmethod
     def _across_u(hat: Floats, around: Floats) -> Floats:
         """(k, 4, d) sums over the first direction, weighted with hats (k, 4)."""
         k, *_, d = around.shape
-        return np.einsum("ka,kax->kx", hat, around.reshape(k, 4, -1)).reshape(k, 4, d)
+        return np.asarray(np.einsum("ka,kax->kx", hat, around.reshape(k, 4, -1)).reshape(k, 4, d))
 
     @staticmethod
     def _along_v(hat: Floats, rows: Floats) -> Floats:
@@ -155,7 +155,7 @@ def _normal(first: Ints, value: Floats, weight: Floats, Q: Floats, p: int, q: in
     at = first[order[start], None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
     row, column = np.tril_indices(16)
     place = (at[:, row] - at[:, column]) * p * q + at[:, column]
-    band = np.bincount(place.ravel(), sums[:, row, column].ravel(), (3 * q + 4) * p * q)
+    band = np.asarray(np.bincount(place.ravel(), sums[:, row, column].ravel(), (3 * q + 4) * p * q), dtype=np.float64)
     right = [np.bincount(at.ravel(), side.ravel(), p * q) for side in np.moveaxis(sums[:, :, 16:], 2, 0)]
     return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 

@@ -18,6 +18,7 @@ from dsfab.export.smooth.limits import limits_of
 from dsfab.export.smooth.outline import WALL, Sheet, sheet_of
 from dsfab.export.smooth.solid import Builder, Model, Piece
 from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import faces_at
 from dsfab.units import MM_PER_M
 
 FIT = 1 / 3
@@ -113,7 +114,7 @@ class Plan:
         points = self.whole.V[np.unique(self.whole.F[mine])]
         marks = np.zeros(self.surface.n, dtype=bool)
         marks[cKDTree(MM_PER_M * self.surface.V).query(points)[1]] = True
-        return np.unique(self.surface.F[marks[self.surface.F].any(axis=1)])
+        return np.unique(self.surface.F[faces_at(self.surface.F, marks)])
 
 
 def _pieces(gate: Gate, done: Collection[int]) -> list[int]:
