@@ -13,7 +13,6 @@ from dsfab.export.smooth.dense import prisms
 from dsfab.export.smooth.edges import by_chart, spread
 from dsfab.export.smooth.fits import spline_through, splines_through
 from dsfab.export.smooth.solid import Model
-from dsfab.export.smooth.splines import basis
 from dsfab.export.smooth.text import SmoothText
 from dsfab.surface.shapes.closed import sphere
 from tests.zoo import grid
@@ -69,13 +68,14 @@ def test_normal_equations_by_cells_are_those_of_all_points():
     rng, p, q = np.random.default_rng(0), 7, 9
     knots = [np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3] for n in (p, q)]
     uv, Q, weight = rng.random((400, 2)), rng.random((400, 6)), rng.random(400)
-    (i, a), (j, b) = (basis(uv[:, k], knots[k]) for k in (0, 1))
-    value = np.einsum("ka,kb->kab", a, b).reshape(-1, 16)
-    band, right = patches._normal(i * q + j, value, weight, Q, p, q)
+    cells = patches._Cells.of(uv, *knots)
+    band, right = cells.normal(weight, Q, p, q)
     u, v = (BSpline.design_matrix(uv[:, k], knots[k], 3).toarray() for k in (0, 1))
     A = np.einsum("kp,kq->kpq", u, v).reshape(-1, p * q)
     assert right == pytest.approx(A.T @ (weight[:, None] * Q))
     assert full(band) == pytest.approx(A.T @ (weight[:, None] * A))
+    poles = rng.random((p * q, 6))
+    assert cells.sums(poles) == pytest.approx(A @ poles)
 
 
 def full(band):
@@ -90,7 +90,10 @@ def test_roughness_is_the_sum_of_squared_second_differences(p, q):
     poles = np.random.default_rng(0).random((p, q))
     differences = (np.diff(poles, 2, axis=0), np.diff(poles, 2, axis=1), np.diff(np.diff(poles, axis=0), axis=1))
     wanted = sum(weight * (D**2).sum() for D, weight in zip(differences, (1, 1, 2), strict=True))
-    assert poles.ravel() @ full(patches._roughness(p, q)) @ poles.ravel() == pytest.approx(wanted)
+    rows, rough = patches._roughness(p, q)
+    band = np.zeros((3 * q + 4, p * q))
+    band[rows] = rough
+    assert poles.ravel() @ full(band) @ poles.ravel() == pytest.approx(wanted)
 
 
 def test_nearest_points_of_many_are_those_of_each():
