@@ -11,11 +11,12 @@ from dsfab.export import write
 from dsfab.export.program import last_line
 from dsfab.export.smooth import ask, check, edges, gate, make, outline, plan
 from dsfab.export.smooth.dense import dense, excess, prisms
-from dsfab.export.smooth.fits import spline_through
+from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import WALL, Run
-from dsfab.export.smooth.patches import Patch, patch_through
+from dsfab.export.smooth.patch_fits import patch_through
+from dsfab.export.smooth.patches import Patch
 from dsfab.export.smooth.splines import Spline, basis, hats
 from dsfab.slicing import Sheet, cut
 from dsfab.study.curved import curved_sheet
@@ -77,7 +78,7 @@ def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
 def test_a_curve_keeps_its_tolerance_between_its_samples(tolerance):
     x = np.linspace(0, 1, 400)
     circle = lambda x: np.stack([np.cos(3 * x), np.sin(3 * x)], axis=1)  # noqa: E731
-    curve, off = spline_through(x, circle(x), tolerance)
+    ((curve, off),) = splines_through([(x, circle(x))], [tolerance])
     fine = np.linspace(0, 1, 1777)
     assert 0.01 * tolerance < off <= tolerance
     assert np.linalg.norm(curve(fine) - circle(fine), axis=1).max() <= 1.2 * tolerance
@@ -87,7 +88,7 @@ def test_a_curve_keeps_its_tolerance_between_its_samples(tolerance):
 def test_a_curve_is_a_line_or_a_parabola_where_that_is_near_enough():
     x = np.linspace(0, 1, 65)
     bowed = lambda x: np.c_[x, 0.2 * x * (1 - x), 0.01 * x**3]  # noqa: E731
-    line, parabola, cubic = (spline_through(x, bowed(x), tolerance)[0] for tolerance in (0.2, 0.01, 1e-4))
+    line, parabola, cubic = (splines_through([(x, bowed(x))], [off])[0][0] for off in (0.2, 0.01, 1e-4))
     assert [curve.degree for curve in (line, parabola, cubic)] == [1, 2, 3]
     for curve, tolerance in ((line, 0.2), (parabola, 0.01), (cubic, 1e-4)):
         assert np.linalg.norm(curve(x) - bowed(x), axis=1).max() <= tolerance

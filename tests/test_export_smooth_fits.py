@@ -7,11 +7,11 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from dsfab.export.plate_text import Entities, listed
-from dsfab.export.smooth import fits, layout, patches, points, touching
+from dsfab.export.smooth import fits, layout, patch_fits, points, touching
 from dsfab.export.smooth.ask import merged
 from dsfab.export.smooth.dense import prisms
 from dsfab.export.smooth.edges import by_chart, spread
-from dsfab.export.smooth.fits import spline_through, splines_through
+from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.solid import Model
 from dsfab.export.smooth.text import SmoothText
 from dsfab.surface.shapes.closed import sphere
@@ -24,6 +24,11 @@ def wavy(rng, count, d=2):
         x = np.unique(np.r_[0.0, rng.random(int(rng.integers(30, 400))), 1.0])
         wave = rng.normal(size=d) * [0.0, 1e-3, 1.0][c % 3]
         yield x, 100 * np.outer(x, rng.normal(size=d)) + np.outer(np.sin(rng.integers(1, 25) * x), wave)
+
+
+def spline_through(x, Q, tolerance, parts=1):
+    """One curve."""
+    return splines_through([(x, Q)], [tolerance], parts)[0]
 
 
 @pytest.mark.parametrize("at_once", [1, 2000])
@@ -68,7 +73,7 @@ def test_normal_equations_by_cells_are_those_of_all_points():
     rng, p, q = np.random.default_rng(0), 7, 9
     knots = [np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3] for n in (p, q)]
     uv, Q, weight = rng.random((400, 2)), rng.random((400, 6)), rng.random(400)
-    cells = patches._Cells.of(uv, *knots)
+    cells = patch_fits._Cells.of(uv, *knots)
     band, right = cells.normal(weight, Q, p, q)
     u, v = (BSpline.design_matrix(uv[:, k], knots[k], 3).toarray() for k in (0, 1))
     A = np.einsum("kp,kq->kpq", u, v).reshape(-1, p * q)
@@ -90,7 +95,7 @@ def test_roughness_is_the_sum_of_squared_second_differences(p, q):
     poles = np.random.default_rng(0).random((p, q))
     differences = (np.diff(poles, 2, axis=0), np.diff(poles, 2, axis=1), np.diff(np.diff(poles, axis=0), axis=1))
     wanted = sum(weight * (D**2).sum() for D, weight in zip(differences, (1, 1, 2), strict=True))
-    rows, rough = patches._roughness(p, q)
+    rows, rough = patch_fits._roughness(p, q)
     band = np.zeros((3 * q + 4, p * q))
     band[rows] = rough
     assert poles.ravel() @ full(band) @ poles.ravel() == pytest.approx(wanted)
@@ -99,7 +104,7 @@ def test_roughness_is_the_sum_of_squared_second_differences(p, q):
 def test_nearest_points_of_many_are_those_of_each():
     rng = np.random.default_rng(0)
     uv = rng.uniform(-1, 1, (500, 2))
-    patch = patches.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
+    patch = patch_fits.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
     at = rng.uniform(-0.9, 0.9, (40, 2))
     P = np.c_[at, 0.3 * at[:, 0] ** 2 + rng.uniform(-0.2, 0.2, 40)]
     assert patch.nearest(P, at) == pytest.approx(np.concatenate([patch.nearest(P[[k]], at[[k]]) for k in range(40)]))

@@ -13,7 +13,8 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export.smooth.dense import dense
-from dsfab.export.smooth.patches import FIRST, Fit, Patch, fitted
+from dsfab.export.smooth.patch_fits import FIRST, Fit, fitted
+from dsfab.export.smooth.patches import Patch
 from dsfab.export.smooth.points import FOLDED, Points, points_of
 from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface

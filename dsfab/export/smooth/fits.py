@@ -1,20 +1,17 @@
 """Least-squares curves with adaptive knots, many at once.
 
-Each is fitted to a few hundred samples, and one by one most of the time goes into the calls: many at once take a third
-of it. The samples of all curves are one array, curve after curve, and so are their spans and their poles:
-
-    samples   o o o o o | o o o o | o o o o o o         those of a curve in rising order of x
-    spans     [   ] [  ] | [     ] | [ ] [] [  ]        row r with s spans has s + 3 poles and s + 7 knots
+Each is fitted to a few hundred samples, and one by one most of the time goes into the calls: many at once, as `rows` of
+samples, take a third of it.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Floats, Ints
+from dsfab.export.smooth.rows import Rows, Spans
 from dsfab.export.smooth.splines import Spline, hats_within, straight
 
 SAMPLES_PER_SPAN = 6
@@ -30,11 +27,6 @@ Fitted = tuple[Spline, float]
 """A curve, and its largest distance from its samples."""
 
 
-def spline_through(x: Floats, Q: Floats, tolerance: float, parts: int = 1) -> Fitted:
-    """One curve: see `splines_through`."""
-    return splines_through([(x, Q)], [tolerance], parts)[0]
-
-
 def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
@@ -48,7 +40,7 @@ def splines_through(
     for some in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in some), strict=True))
         count = np.array([len(samples[c][0]) for c in some])
-        rows = _Rows.of(np.array(some), count, x, Q, np.array([tolerances[c] for c in some]), parts)
+        rows = Rows.of(np.array(some), count, x, Q, np.array([tolerances[c] for c in some]), parts)
         rows = _lines(rows, found)
         if len(rows.number):
             rows = _parabolas(rows, found)
@@ -67,52 +59,7 @@ def _batches(counts: list[int]) -> Iterator[range]:
             start, total = c + 1, 0
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """The samples of some curves.
-
-    number : (r,) of the curves; count, first, last (r,) : how many samples each has, and where these are.
-    row    : (k,) the row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,).
-    """
-
-    number: Ints
-    count: Ints
-    first: Ints
-    last: Ints
-    row: Ints
-    x: Floats
-    Q: Floats
-    tolerance: Floats
-    parts: int
-
-    @classmethod
-    def of(cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int) -> "_Rows":
-        end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
-        return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
-
-    def some(self, chosen: Bools) -> "_Rows":
-        """Some of the rows (r,)."""
-        mine = chosen[self.row]
-        number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
-        return _Rows.of(number, count, self.x[mine], self.Q[mine], tolerance, self.parts)
-
-    @property
-    def line(self) -> Floats:
-        """(k, d) on the segments between the ends."""
-        start, end = self.Q[self.first], self.Q[self.last]
-        return start[self.row] + self.x[:, None] * (end - start)[self.row]
-
-    def away(self, at: Floats) -> Floats:
-        """(k,) the largest distance of each sample's points from those at (k, d)."""
-        off = (at - self.Q).reshape(len(at), self.parts, -1)
-        return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", off, off).max(axis=0)))
-
-    def most(self, away: Floats) -> Floats:
-        """(r,) the largest of each row."""
-        return np.asarray(np.maximum.reduceat(away, self.first))
-
-
-def _lines(rows: _Rows, found: dict[int, Fitted]) -> _Rows:
+def _lines(rows: Rows, found: dict[int, Fitted]) -> Rows:
     """Add the curves that may be lines; the others."""
     off = rows.most(rows.away(rows.line))
     good = off <= 0.5 * rows.tolerance
@@ -121,7 +68,7 @@ def _lines(rows: _Rows, found: dict[int, Fitted]) -> _Rows:
     return rows.some(~good)
 
 
-def _parabolas(rows: _Rows, found: dict[int, Fitted]) -> _Rows:
+def _parabolas(rows: Rows, found: dict[int, Fitted]) -> Rows:
     """Add the curves that may be parabolas; the others."""
     line, bow = rows.line, 2 * rows.x * (1 - rows.x)
     bend = np.add.reduceat(bow[:, None] * (rows.Q - line), rows.first) / np.add.reduceat(bow * bow, rows.first)[:, None]
@@ -137,43 +84,9 @@ def _parabolas(rows: _Rows, found: dict[int, Fitted]) -> _Rows:
     return rows.some(~good)
 
 
-@dataclass(frozen=True, eq=False)
-class _Spans:
-    """The spans of some rows: where they begin and end, their rows (s,), and the span of each sample (k,)."""
-
-    low: Floats
-    high: Floats
-    row: Ints
-    of: Ints
-
-    @property
-    def count(self) -> Ints:
-        """(r,) of each row."""
-        return np.bincount(self.row)
-
-    @property
-    def knots(self) -> Floats:
-        """(s + 7 r,) the knots of one row after another: 0 and 1 count four times."""
-        knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
-        knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
-        knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
-        return knots
-
-    def halved(self, bad: Bools, going: Bools, rows: _Rows) -> "_Spans":
-        """The spans of those rows (r,) that are going on; the bad ones (s,) in two."""
-        stays = going[self.row]
-        low, high, row, two = self.low[stays], self.high[stays], (np.cumsum(going) - 1)[self.row[stays]], bad[stays]
-        of = (np.cumsum(stays) - 1)[self.of[going[rows.row]]]
-        x, middle = rows.x[going[rows.row]], (low + high) / 2
-        left, times = np.cumsum(1 + two) - (1 + two), 1 + two
-        low, high, row = (np.repeat(values, times) for values in (low, high, row))
-        high[left[two]] = low[left[two] + 1] = middle[two]
-        return _Spans(low, high, row, left[of] + (two[of] & (x >= middle[of])))
-
-
-def _cubics(rows: _Rows, found: dict[int, Fitted]) -> None:
+def _cubics(rows: Rows, found: dict[int, Fitted]) -> None:
     """Add cubics; the spans that are off are halved until none is, or has too few samples."""
-    spans = _Spans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
+    spans = Spans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     for turn in range(ROUNDS):
         poles, away = _least_squares(rows, spans)
         off, many = rows.most(away), np.bincount(spans.of, minlength=len(spans.row))
@@ -192,7 +105,7 @@ def _cubics(rows: _Rows, found: dict[int, Fitted]) -> None:
         rows, spans = rows.some(going), spans.halved(bad, going, rows)
 
 
-def _least_squares(rows: _Rows, spans: _Spans) -> tuple[Floats, Floats]:
+def _least_squares(rows: Rows, spans: Spans) -> tuple[Floats, Floats]:
     """Poles (s + 3 r, d) of the cubics nearest to the samples with their ends fixed, and how far each sample is off."""
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
     first, size = spans.of + 3 * rows.row, spans.count + 3
