@@ -14,6 +14,7 @@ from dsfab.export.smooth.edges import by_chart, spread
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.solid import Model
 from dsfab.export.smooth.text import SmoothText
+from dsfab.surface.neighbours import faces_at
 from dsfab.surface.shapes.closed import sphere
 from tests.zoo import grid
 
@@ -107,7 +108,13 @@ def test_nearest_points_of_many_are_those_of_each():
     patch = patch_fits.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
     at = rng.uniform(-0.9, 0.9, (40, 2))
     P = np.c_[at, 0.3 * at[:, 0] ** 2 + rng.uniform(-0.2, 0.2, 40)]
-    assert patch.nearest(P, at) == pytest.approx(np.concatenate([patch.nearest(P[[k]], at[[k]]) for k in range(40)]))
+    found = patch.nearest(P, at)
+    assert found == pytest.approx(np.concatenate([patch.nearest(P[[k]], at[[k]]) for k in range(40)]))
+    there, a, b = patch.slopes(found)
+    inside = np.abs(found).max(axis=1) < 0.95
+    assert inside.sum() > 30
+    for slope in (a, b):
+        assert np.einsum("ki,ki->k", P - there, slope)[inside] == pytest.approx(0, abs=1e-7)
 
 
 def test_each_chart_is_asked_once_about_all_its_rows():
@@ -136,6 +143,12 @@ def test_edges_of_faces_are_numpys_unique_rows():
     F = sphere(edge=0.4).F
     pairs = np.sort(F[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     assert points._edges(F, int(F.max()) + 1).tolist() == np.unique(pairs, axis=0).tolist()
+
+
+def test_faces_at_marked_vertices_have_a_marked_corner():
+    surface = grid(5, 4, 1.0, 1.0)
+    for marks in (np.arange(surface.n) % 7 == 0, np.zeros(surface.n, dtype=bool)):
+        assert faces_at(surface.F, marks).tolist() == [bool(marks[face].any()) for face in surface.F]
 
 
 def test_points_are_written_as_lists_are():

@@ -77,10 +77,8 @@ def _parabolas(rows: Rows, found: dict[int, Fitted]) -> Rows:
     knots = np.array([0.0] * 3 + [1.0] * 3)
     for r in np.flatnonzero(good):
         start, end = rows.Q[rows.first[r]], rows.Q[rows.last[r]]
-        found[int(rows.number[r])] = (
-            Spline(knots, np.stack([start, (start + end) / 2 + bend[r], end]), 2),
-            float(off[r]),
-        )
+        poles = np.stack([start, (start + end) / 2 + bend[r], end])
+        found[int(rows.number[r])] = Spline(knots, poles, 2), float(off[r])
     return rows.some(~good)
 
 
@@ -96,9 +94,9 @@ def _cubics(rows: Rows, found: dict[int, Fitted]) -> None:
         going = np.zeros(len(off), dtype=bool)
         going[spans.row[bad]] = True
         knots, end = spans.knots, np.cumsum(spans.count)
+        start = end - spans.count
         for r in np.flatnonzero(~going):
-            t = knots[end[r] - spans.count[r] + 7 * r : end[r] + 7 * (r + 1)]
-            own = poles[end[r] - spans.count[r] + 3 * r : end[r] + 3 * (r + 1)]
+            t, own = knots[start[r] + 7 * r : end[r] + 7 * r + 7], poles[start[r] + 3 * r : end[r] + 3 * r + 3]
             found[int(rows.number[r])] = Spline(t, own, 3), float(off[r])
         if not going.any():
             return
@@ -132,5 +130,5 @@ def _band(values: Floats, first: Ints, begin: Ints, ends: Ints, n: int) -> Float
     band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], begin) / (size - 2), size)  # a span without a sample
     band[0, ends] = 1.0
     for below in range(1, 4):
-        band[below, ends] = band[below, ends - below] = 0.0
+        band[below, ends] = band[below, ends - below] = 0.0  # before the first pole: of the last, which is not used
     return band

@@ -1,5 +1,7 @@
 """Seams as curves: where two charts of a sheet meet, each with a curve of its own on both skins, and one in space."""
 
+from typing import TypeVar
+
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
@@ -16,37 +18,44 @@ between them."""
 OF_EDGE = 0.05
 """Tolerance of a seam in space, as a share of the mesh's edges: nobody sees where it runs."""
 
+T = TypeVar("T")
+
 Key = tuple[int, int, int, int]
 """The first two and the last two vertices of a run."""
 
 
 def seam_edges(asked: list[Asked], nodes: Nodes, sheet: Sheet, allowed: Allowed) -> list[Edge]:
     """The curves between the charts asked about and those beyond: one for both, half way between what the two say."""
-    runs, ways = [one.run for one in asked], range(2)
-    charts = [k for one in asked for k in (one.chart, one.run.beyond)]  # two for each run
+    runs, charts = [one.run for one in asked], [k for one in asked for k in (one.chart, one.run.beyond)]
     tight = [TIGHTER[one.level] * ON_SEAM * allowed.thickness for one in asked]
-    lines = [sheet.V[run.vertices] for run in runs]
-    middle = _in_space(lines, [TIGHTER[one.level] * OF_EDGE for one in asked])
-    x = [parameters(curve) for curve in middle for _ in ways]
-    points = [curve(at) for curve, at in zip(middle, x[::2], strict=True) for _ in ways]
+    middle = _in_space([sheet.V[run.vertices] for run in runs], [TIGHTER[one.level] * OF_EDGE for one in asked])
+    x = [parameters(curve) for curve in middle]
+    points = _twice([curve(at) for curve, at in zip(middle, x, strict=True)])
     uv = by_chart(charts, points, lambda k, P: nodes.charts[k].middle.nearest(P, nodes.charts[k].over(P)))
-    for at, k, run in zip(uv, charts, [run for run in runs for _ in ways], strict=True):
+    for at, k, run in zip(uv, charts, _twice(runs), strict=True):
         at[[0, -1]] = nodes.uv[k][run.vertices[[0, -1]]]
-    fits = splines_through(list(zip(x, uv, strict=True)), [t for t in tight for _ in ways])
-    flat = [curve for curve, _ in fits]
-    pairs = list(zip(flat[::2], flat[1::2], strict=True))
-    x = [np.unique(np.concatenate([parameters(one), parameters(two)])) for one, two in pairs]
-    on = [curve(at) for pair, at in zip(pairs, x, strict=True) for curve in pair]
-    sides = by_chart(charts, on, lambda k, uv: nodes.charts[k].both(uv))
-    means = [(one + two) / 2 for one, two in zip(sides[::2], sides[1::2], strict=True)]
-    apart = [_apart(one, two) for one, two in zip(sides[::2], sides[1::2], strict=True)]
-    fits = splines_through(list(zip(x, means, strict=True)), tight, parts=2)
+    fits = splines_through(list(zip(_twice(x), uv, strict=True)), _twice(tight))
+    flat = _pairs([curve for curve, _ in fits])
+    x = [np.unique(np.concatenate([parameters(curve) for curve in pair])) for pair in flat]
+    on = [curve(at) for pair, at in zip(flat, x, strict=True) for curve in pair]
+    sides = _pairs(by_chart(charts, on, lambda k, uv: nodes.charts[k].both(uv)))
+    fits = splines_through([(at, (one + two) / 2) for at, (one, two) in zip(x, sides, strict=True)], tight, parts=2)
+    gaps = [off + _apart(one, two) for (_, off), (one, two) in zip(fits, sides, strict=True)]
+    ways = [dict(zip(both, pair, strict=True)) for both, pair in zip(_pairs(charts), flat, strict=True)]
     return [
-        ended(
-            run, space, dict(zip(charts[2 * i : 2 * i + 2], pairs[i], strict=True)), off + apart[i], nodes, wall=False
-        )
-        for i, (run, (space, off)) in enumerate(zip(runs, fits, strict=True))
+        ended(run, space, way, gap, nodes, wall=False)
+        for run, (space, _), way, gap in zip(runs, fits, ways, gaps, strict=True)
     ]
+
+
+def _twice(values: list[T]) -> list[T]:
+    """Each value for both charts of a seam."""
+    return [value for value in values for _ in range(2)]
+
+
+def _pairs(values: list[T]) -> list[tuple[T, T]]:
+    """What there is of both charts of each seam."""
+    return list(zip(values[::2], values[1::2], strict=True))
 
 
 def _apart(one: Floats, two: Floats) -> float:
