@@ -1,4 +1,4 @@
-"""The order of the tests: the files that take longest first, so that no core is idle at the end; and Ctrl-C."""
+"""The order of the tests, the files that take longest first, so that no core is idle at the end; Ctrl-C; a fixture."""
 
 import signal
 
@@ -14,3 +14,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 # A shell lets background jobs ignore Ctrl-C, and so would all programs that the tests start and stop with it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Ask OCCT in this process; gives the last findings."""
+    from dsfab.export.smooth import ask, check
+
+    found: list = []
+
+    def said(program, path, folder, deflection, limit):
+        found[:] = [dict(one) for one in check.inspected(path, folder, deflection)]
+        return [dict(one) for one in found]
+
+    monkeypatch.setattr(ask, "_said", said)
+    return found

@@ -13,9 +13,9 @@ from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import make, plan
 from dsfab.study.curved import curved_sheet
 from dsfab.surface.shapes.roofs import barrel_vault
+from tests.smooth import THICKNESS, holed, thickened
 from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_estimate import saddle
-from tests.test_export_smooth import THICKNESS, here, holed, thickened  # noqa: F401
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def chosen(solid, **how):
     return next((one for one in step_estimates(solid, **how) if one.chosen), None)
 
 
-def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, unread):  # noqa: F811
+def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, unread):
     said, (solid, curved) = [], slow_vault
     path = write(solid, tmp_path / "a.step", curved=curved, step_faces=60, note=said.append)
     assert faces(path) < 30
@@ -120,7 +120,7 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
     assert str(ladder.refusal([ExportError("a gap; try this")])) == "a gap; try this"
 
 
-def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, monkeypatch):  # noqa: F811
+def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, monkeypatch):
     """And not with the mesh, which is smaller."""
     found = {"solids": 1, "valid": True, "tessellates": True, "faces": 1}
     monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * make.made(part).volume})

@@ -24,9 +24,9 @@ from dsfab.study.curved import curved_sheet
 from dsfab.surface.lines import Line
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken
+from tests.smooth import THICKNESS, holed, thickened
 from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_lines import ARCHED
-from tests.test_export_smooth import THICKNESS, here, holed, thickened  # noqa: F401
 from tests.zoo import grid, lifted
 
 

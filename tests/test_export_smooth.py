@@ -1,6 +1,5 @@
 """Smooth STEP: curved sheets as spline skins and ruled walls, closed by construction, or faceted with a reason."""
 
-import json
 from functools import partial
 
 import numpy as np
@@ -8,8 +7,7 @@ import pytest
 
 from dsfab.errors import ExportError
 from dsfab.export import write
-from dsfab.export.program import last_line
-from dsfab.export.smooth import ask, check, edges, gate, make, outline, plan
+from dsfab.export.smooth import edges, gate, make, outline, plan
 from dsfab.export.smooth.dense import dense, excess, prisms
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.layout import layout
@@ -18,49 +16,14 @@ from dsfab.export.smooth.outline import WALL, Run
 from dsfab.export.smooth.patch_fits import patch_through
 from dsfab.export.smooth.patches import Patch
 from dsfab.export.smooth.splines import Spline, basis, hats
-from dsfab.slicing import Sheet, cut
+from dsfab.slicing import cut
 from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.surface.shapes.turned import dome
-from dsfab.thickening import Solid, offsets, thicken
+from dsfab.thickening import thicken
+from tests.smooth import THICKNESS, holed, written
 from tests.zoo import grid, sphere
-
-THICKNESS = 0.04
-
-
-@pytest.fixture
-def here(monkeypatch):
-    """Ask OCCT in this process; gives the last findings."""
-    found: list = []
-
-    def said(program, path, folder, deflection, limit):
-        found[:] = [dict(one) for one in check.inspected(path, folder, deflection)]
-        return [dict(one) for one in found]
-
-    monkeypatch.setattr(ask, "_said", said)
-    return found
-
-
-def thickened(surface: Surface, sheet: Sheet) -> Solid:
-    D = sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F)
-    return thicken(sheet.surface, D)
-
-
-def holed(surface: Surface, centres: list[list[float]], radius: float) -> Sheet:
-    """The surface with round holes; the edge is linear over each face."""
-    away = np.linalg.norm(surface.V[:, None] - np.array(centres), axis=2).min(axis=1)
-    return cut(surface, [away - radius], [np.array([0.0])]).kept()
-
-
-def written(surface, sheet, path, step="smooth"):
-    """The solid, the file read back by build123d, and what was said."""
-    from build123d import import_step
-
-    said: list[str] = []
-    solid = thickened(surface, sheet)
-    write(solid, path, step=step, curved=partial(curved_sheet, surface, sheet, THICKNESS), note=said.append)
-    return solid, import_step(path), said
 
 
 def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
@@ -139,30 +102,6 @@ def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, mak
     assert here[0]["volume"] == pytest.approx(solid.volume * 1e9, rel=2e-3)
     assert here[0]["gap"] <= 1000 * THICKNESS / 20
     assert (tmp_path / "a.step").stat().st_size < 75 * len(solid.F)  # one face per triangle takes 750 bytes each
-
-
-def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
-    surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    _, shape, _ = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step")
-    here = check.inspected(str(tmp_path / "a.step"))
-    there = json.loads(last_line(check.__file__, str(tmp_path / "a.step"), seconds=60))["solids"]
-    assert there == here
-    assert here[0]["volume"] == pytest.approx(shape.volume, rel=1e-3)
-
-
-COPIED = """
-import runpy, sys, time
-Meanwhile = runpy.run_path(sys.argv[1])["_Meanwhile"]
-asked, dropped, start = Meanwhile(lambda: 0.1 + 0.2), Meanwhile(lambda: time.sleep(60)), time.monotonic()
-dropped.stop()
-print(asked() == 0.1 + 0.2, time.monotonic() - start < 30)
-"""
-
-
-@pytest.mark.skipif(not check.COPIES, reason="processes are copied on Linux only")
-def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
-    (tmp_path / "a.py").write_text(COPIED)
-    assert last_line(str(tmp_path / "a.py"), check.__file__, seconds=60) == "True True"
 
 
 def displaced(asked, nodes, allowed):

@@ -9,7 +9,10 @@ from dsfab.export import write
 from dsfab.export.smooth import ask, charts, check, patch_fits, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
+from dsfab.export.smooth.outline import sheet_of
 from dsfab.export.smooth.patch_fits import fitted
+from dsfab.export.smooth.seams import run_key
+from dsfab.export.smooth.source import Divided
 from dsfab.slicing import Sheet, cut
 from dsfab.study.curved import _where_largest, curved_sheet
 from dsfab.surface import Surface
@@ -88,6 +91,34 @@ def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
     fields = np.array([[1.0, 0, 0, -9], [0.6, 0.6, 0, -9], [0.6, 0, 0.6, -9], [0, 0.7, 0.5, -9]])
     assert _where_largest(fields, F, np.array([0, 3])).tolist() == [0, 1]
     assert _where_largest(fields, F, np.array([0, 2])).tolist() == [0, 2]
+
+
+def test_an_outline_that_touches_itself_is_cut_apart_there():
+    """Chart 1 is two squares that meet in a corner: the outline of chart 0 around them comes by there twice."""
+    flat = grid(4, 4, 4.0, 4.0)
+    cell = np.floor(flat.centroids[:, :2]).tolist()
+    chart = np.array([int(at in ([1, 1], [2, 2])) for at in cell])
+    boundary = np.flatnonzero(flat.edges.boundary[flat.edges.of.ravel()])
+    given = Divided(flat.V, flat.F, np.zeros((flat.n, 3)), chart, boundary, np.full(len(boundary), -1))
+    regions = sheet_of(given, 0).regions
+    assert sorted((region.chart, len(region.loops)) for region in regions) == [(0, 3), (1, 1), (1, 1)]
+    for region in regions:
+        for loop in region.loops:
+            visited = np.concatenate([run.vertices[:-1] for run in loop])
+            assert len(np.unique(visited)) == len(visited)
+    seams = [
+        {
+            run_key(run)[0]
+            for region in regions
+            if region.chart == k
+            for loop in region.loops
+            for run in loop
+            if run.beyond == 1 - k
+        }
+        for k in (0, 1)
+    ]
+    assert seams[0] == seams[1]
+    assert len(seams[0]) == 4
 
 
 @pytest.mark.slow

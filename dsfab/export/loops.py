@@ -61,12 +61,12 @@ def simple(outline: Outline, F: Ints) -> Outline:
     loops: list[list[int]] = []
     for i, (begin, end) in enumerate(zip(outline.start[:-1], outline.start[1:], strict=True)):
         h = outline.h[begin:end].tolist()
-        loops.extend(_cut_apart(h, vertex[begin:end].tolist()) if i in touching else [h])
+        loops.extend(cut_apart(h, vertex[begin:end].tolist()) if i in touching else [h])
     return Outline(np.concatenate([np.array(loop) for loop in loops]), np.cumsum([0, *map(len, loops)]))
 
 
-def _cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
-    """One loop of half-edges as loops that visit each vertex once."""
+def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
+    """One loop of half-edges h, with the vertices they leave, as loops that visit each vertex once."""
     loops, path, place = [], list[int](), dict[int, int]()
     visited: list[int] = []
     for half_edge, vertex in zip(h, vertices, strict=True):

@@ -7,12 +7,14 @@ seam |........ 0 | 1 ........| seam
      |   chart 1             |
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.export.loops import cut_apart
 from dsfab.export.smooth.source import Divided
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 from dsfab.units import MM_PER_M
@@ -91,16 +93,35 @@ def sheet_of(given: Divided, shift: int) -> Sheet:
     special = np.bincount(charts[:, 0], minlength=len(V)) > 2
     special[table.ends[table.boundary]] = True
     beyond = _beyond(given, len(V))
-    regions = []
-    for k in np.unique(given.chart):
-        mine = np.flatnonzero(given.chart == k)
-        parts, part = pieces(F[mine], edge_table(F[mine]))
-        for i in range(parts):
+    found = list(_regions(F, given.chart))
+    for _, loops in found:
+        for loop in loops:
+            visited, often = np.unique(loop, return_counts=True)
+            special[visited[often > 1]] = True
+    regions = tuple(
+        Region(
+            int(given.chart[face]),
+            int(piece[face]),
+            tuple(_runs(V, some, special, beyond) for loop in loops for some in _simple(loop)),
+        )
+        for face, loops in found
+    )
+    return Sheet(V, D, F, given.chart, piece, charts, regions)
+
+
+def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:
+    """Connected parts of charts: a face of each, and its outlines as vertices."""
+    for k in np.unique(chart):
+        mine = np.flatnonzero(chart == k)
+        count, part = pieces(F[mine], edge_table(F[mine]))
+        for i in range(count):
             faces = mine[part == i]
-            loops = boundary_loops(F[faces], edge_table(F[faces]))
-            runs = tuple(_runs(V, loop, special, beyond) for loop in loops)
-            regions.append(Region(int(k), int(piece[faces[0]]), runs))
-    return Sheet(V, D, F, given.chart, piece, charts, tuple(regions))
+            yield int(faces[0]), boundary_loops(F[faces], edge_table(F[faces]))
+
+
+def _simple(loop: Ints) -> list[Ints]:
+    """A loop cut apart where it comes back to a vertex: a wire of STEP must not, and only some readers mend it."""
+    return [loop[some] for some in cut_apart(list(range(len(loop))), loop.tolist())]
 
 
 def _beyond(given: Divided, n: int) -> _Beyond:

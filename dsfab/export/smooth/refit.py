@@ -1,10 +1,11 @@
-"""Which curves of a piece are fitted more closely: those that cross others, and those that OCCT refuses."""
+"""Which curves of a piece are fitted more closely: those that cross others or gape, and those that OCCT refuses."""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
 from dsfab.export.smooth.edges import TIGHTER
+from dsfab.export.smooth.gate import GAP
 from dsfab.export.smooth.seams import Key
 from dsfab.export.smooth.solid import Builder, Model
 from dsfab.export.smooth.touching import crossings
@@ -27,9 +28,10 @@ def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
 
 
 def untangle(builder: Builder, model: Model, k: int, level: dict[Key, int]) -> None:
-    """Build a piece again until none of its curves crosses another, as long as closer fits are left."""
+    """Build a piece again until none of its curves crosses another or gapes, as long as closer fits are left."""
     for _ in range(CLOSEST):
-        bad = crossings(model.pieces[k])
+        piece = model.pieces[k]
+        bad = np.concatenate([crossings(piece), piece.ends[[edge.gap > GAP * model.thickness for edge in piece.edges]]])
         if not len(bad) or not tighten(model, k, level, bad):
             return
         model.pieces[k] = builder.piece(k, level)

@@ -1,0 +1,82 @@
+"""The program that reads smooth STEP with OCCT: what it finds, what it does not mend, and its copies."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from dsfab.export.program import last_line
+from dsfab.export.smooth import check
+from dsfab.slicing import cut
+from dsfab.surface.shapes.roofs import barrel_vault
+from tests.smooth import holed, written
+
+
+def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
+    _, shape, _ = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step")
+    here = check.inspected(str(tmp_path / "a.step"))
+    there = json.loads(last_line(check.__file__, str(tmp_path / "a.step"), seconds=60))["solids"]
+    assert there == here
+    assert here[0]["volume"] == pytest.approx(shape.volume, rel=1e-3)
+
+
+COPIED = """
+import runpy, sys, time
+Meanwhile = runpy.run_path(sys.argv[1])["_Meanwhile"]
+asked, dropped, start = Meanwhile(lambda: 0.1 + 0.2), Meanwhile(lambda: time.sleep(60)), time.monotonic()
+dropped.stop()
+print(asked() == 0.1 + 0.2, time.monotonic() - start < 30)
+"""
+
+
+@pytest.mark.skipif(not check.COPIES, reason="processes are copied on Linux only")
+def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
+    (tmp_path / "a.py").write_text(COPIED)
+    assert last_line(str(tmp_path / "a.py"), check.__file__, seconds=60) == "True True"
+
+
+TURNED = {
+    "a face": r"=ADVANCED_FACE\([^;]*,\.T\.\);",
+    "a hole": r"=FACE_BOUND\([^;]*,\.T\.\);",
+    "an outline": r"=FACE_OUTER_BOUND\([^;]*,\.T\.\);",
+    "an edge": r"=ORIENTED_EDGE\([^;]*,\.F\.\);",
+}
+
+
+@pytest.mark.parametrize("what", TURNED)
+def test_what_other_readers_mend_is_refused(tmp_path, vault, what):
+    """One sense in the file turned over: OCCT as build123d uses it repairs that and calls it valid."""
+    from build123d import import_step
+
+    found = list(re.finditer(TURNED[what], vault))[-1]
+    flag = {".T.": ".F.", ".F.": ".T."}[found[0][-5:-2]]
+    (tmp_path / "a.step").write_text(vault[: found.end() - 5] + flag + vault[found.end() - 2 :])
+    assert import_step(tmp_path / "a.step").is_valid
+    assert [one["valid"] for one in check.inspected(str(tmp_path / "a.step"))] == [False]
+
+
+@pytest.fixture(scope="module")
+def vault(tmp_path_factory):
+    """The text of a small vault with a hole."""
+    path = tmp_path_factory.mktemp("check") / "a.step"
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
+    written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), path)
+    return path.read_text()
+
+
+@pytest.mark.skipif(not check.COPIES, reason="processes are copied on Linux only")
+def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
+    strips = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).kept()
+    written(surface, strips, tmp_path / "a.step")
+    file, alone, shared = tmp_path / "a.step", tmp_path / "alone", tmp_path / "shared"
+    alone.mkdir()
+    shared.mkdir()
+    here = check.inspected(str(file), str(alone), 1.0)
+    assert json.loads(last_line(check.__file__, str(file), str(shared), "1.0", seconds=60))["solids"] == here
+    assert len({one["volume"] for one in here}) == len(here) >= 3
+    files = [[path.read_bytes() for path in sorted(folder.iterdir())] for folder in (alone, shared)]
+    assert files[0] == files[1]
+    assert len(files[0]) == len(here)
