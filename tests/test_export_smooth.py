@@ -9,11 +9,13 @@ from dsfab.errors import ExportError
 from dsfab.export import write
 from dsfab.export.smooth import edges, gate, make, outline, plan
 from dsfab.export.smooth.dense import dense, excess, prisms
+from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import WALL, Run
-from dsfab.export.smooth.patches import Patch, patch_through
-from dsfab.export.smooth.splines import Spline, basis, hats, spline_through
+from dsfab.export.smooth.patch_fits import patch_through
+from dsfab.export.smooth.patches import Patch
+from dsfab.export.smooth.splines import Spline, basis, hats
 from dsfab.slicing import cut
 from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
@@ -39,7 +41,7 @@ def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
 def test_a_curve_keeps_its_tolerance_between_its_samples(tolerance):
     x = np.linspace(0, 1, 400)
     circle = lambda x: np.stack([np.cos(3 * x), np.sin(3 * x)], axis=1)  # noqa: E731
-    curve, off = spline_through(x, circle(x), tolerance)
+    ((curve, off),) = splines_through([(x, circle(x))], [tolerance])
     fine = np.linspace(0, 1, 1777)
     assert 0.01 * tolerance < off <= tolerance
     assert np.linalg.norm(curve(fine) - circle(fine), axis=1).max() <= 1.2 * tolerance
@@ -49,7 +51,7 @@ def test_a_curve_keeps_its_tolerance_between_its_samples(tolerance):
 def test_a_curve_is_a_line_or_a_parabola_where_that_is_near_enough():
     x = np.linspace(0, 1, 65)
     bowed = lambda x: np.c_[x, 0.2 * x * (1 - x), 0.01 * x**3]  # noqa: E731
-    line, parabola, cubic = (spline_through(x, bowed(x), tolerance)[0] for tolerance in (0.2, 0.01, 1e-4))
+    line, parabola, cubic = (splines_through([(x, bowed(x))], [off])[0][0] for off in (0.2, 0.01, 1e-4))
     assert [curve.degree for curve in (line, parabola, cubic)] == [1, 2, 3]
     for curve, tolerance in ((line, 0.2), (parabola, 0.01), (cubic, 1e-4)):
         assert np.linalg.norm(curve(x) - bowed(x), axis=1).max() <= tolerance
@@ -102,17 +104,19 @@ def test_a_patch_with_two_holes_is_two_skins_and_their_walls(tmp_path, here, mak
     assert (tmp_path / "a.step").stat().st_size < 75 * len(solid.F)  # one face per triangle takes 750 bytes each
 
 
-def displaced(run, level, k, nodes, allowed):
+def displaced(asked, nodes, allowed):
     """Curves of holes pushed to one side, which closes as well as before."""
-    parts = honest_parts(run, level, k, nodes, allowed)
-    if run.width > 1000 * 0.3:
-        return parts
-    poles = [part.flat.poles.copy() for part in parts]
-    for some in poles:
-        some[1:-1] += 0.2 * 1000 * THICKNESS
+    found = honest_parts(asked, nodes, allowed)
     return [
-        part._replace(flat=Spline(part.flat.knots, p, part.flat.degree)) for part, p in zip(parts, poles, strict=True)
+        parts if one.run.width > 1000 * 0.3 else [part._replace(flat=pushed(part.flat)) for part in parts]
+        for one, parts in zip(asked, found, strict=True)
     ]
+
+
+def pushed(curve):
+    poles = curve.poles.copy()
+    poles[1:-1] += 0.2 * 1000 * THICKNESS
+    return Spline(curve.knots, poles, curve.degree)
 
 
 honest_parts = edges._parts
@@ -135,11 +139,12 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
     line = np.c_[x, 40 * (np.arange(9) % 2)]
     nodes = Nodes({}, {0: line}, {0: np.ones(9)}, [], {}, {})
     run = Run(np.arange(9), WALL, 1e6)
-    whole = edges._parts(run, 0, 0, nodes, edges.Allowed(60.0, 75.0, 0.0))
+    asked = [edges.Asked(run, 0, 0)]
+    (whole,) = edges._parts(asked, nodes, edges.Allowed(60.0, 75.0, 0.0))
     assert len(whole) == 1
     for distance in (3.0, 3e-4):
-        parts = edges._parts(run, 0, 0, nodes, edges.Allowed(60.0, distance, 0.0))
-        assert np.concatenate([part.run.vertices[:-1] for part in parts]).tolist() == list(range(8))
+        (parts,) = edges._parts(asked, nodes, edges.Allowed(60.0, distance, 0.0))
+        assert np.concatenate([part.asked.run.vertices[:-1] for part in parts]).tolist() == list(range(8))
         on = np.concatenate([part.flat(np.linspace(0, 1, 500)) for part in parts])
         away = np.abs(on[:, 1] - np.interp(on[:, 0], x, line[:, 1]))
         assert away.max() <= distance

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from dsfab.export import write
-from dsfab.export.smooth import ask, charts, check, patches, plan, points
+from dsfab.export.smooth import ask, charts, check, patch_fits, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import sheet_of
-from dsfab.export.smooth.patches import fitted
+from dsfab.export.smooth.patch_fits import fitted
 from dsfab.export.smooth.seams import run_key
 from dsfab.export.smooth.source import Divided
 from dsfab.slicing import Sheet, cut
@@ -34,7 +34,7 @@ def all_of(surface: Surface) -> Sheet:
 
 
 def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_stay(monkeypatch):
-    monkeypatch.setattr(patches, "MOST_POLES", 9)
+    monkeypatch.setattr(patch_fits, "MOST_POLES", 9)
     surface = bumped()
     x = surface.V[:, 0]
     fields = np.c_[1.0 - x, x - 1.0]

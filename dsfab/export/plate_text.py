@@ -29,8 +29,9 @@ class Entities:
 
     def add(self, body: str) -> int:
         """The number of a new entity."""
-        self.text.append(f"#{self.free}={body};\n")
-        return self.free - 1
+        number = self.free
+        self.text.append(f"#{number}={body};\n")
+        return number
 
     @property
     def free(self) -> int:

@@ -27,6 +27,12 @@ def corners_of(F: Ints, faces: Bools, n: int) -> Bools:
     return marks
 
 
+def faces_at(F: Ints, marks: Bools) -> Bools:
+    """(m,) whether a corner of a face is a marked vertex (n,): `any` over rows of three takes five times as long."""
+    a, b, c = marks[F.T]
+    return np.asarray(a | b | c)
+
+
 def smoothing_pairs(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
     """Vertices and their neighbours, to whose mean they may move: for those on the boundary only along it."""
     i, j = _both_ways(edges)

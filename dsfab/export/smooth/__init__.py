@@ -1,7 +1,8 @@
 """Smooth STEP of curved sheets: spline skins on both sides, trimmed by the pattern's edges, and ruled walls.
 
 source   : what it takes, the uncut surface with offsets and the sheet that was cut from it.
-splines  : curves and their fits; patches: surfaces.
+splines  : curves; fits: many of them at once, through `rows` of samples.
+patches  : surfaces; patch_fits: through points.
 dense    : points of the skins between the vertices of the mesh.
 layout   : the surface divided into charts that a plane sees whole.
 charts   : the two skins over each chart, through `points`.

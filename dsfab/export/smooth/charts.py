@@ -12,12 +12,13 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export.smooth.dense import dense, normals
-from dsfab.export.smooth.patches import FIRST, Fit, Patch, fitted
+from dsfab.export.smooth.dense import dense
+from dsfab.export.smooth.patch_fits import FIRST, Fit, fitted
+from dsfab.export.smooth.patches import Patch
 from dsfab.export.smooth.points import FOLDED, Points, points_of
 from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
-from dsfab.surface.neighbours import corners_of
+from dsfab.surface.neighbours import corners_of, faces_at
 
 USELESS = 3
 """A chart that is off by so many tolerances is not worth asking OCCT about. One that is off by less may be, since the
@@ -114,14 +115,14 @@ class Atlas:
 
     def _leaning(self, k: int) -> Floats | None:
         """(n,) from where chart k leans most to where it looks the other way; nothing when a plane sees it well."""
-        touched = (self._best[0] == k)[self.surface.F].any(axis=1)
+        touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
         cosine = N @ mean / max(float(np.linalg.norm(mean)), 1e-300)
         if not len(N) or np.quantile(cosine, FOLDED) >= STEEPEST:
             return None
         first = N[cosine.argmin()]
-        return np.asarray(normals(self.surface) @ (N[(N @ first).argmin()] - first))
+        return np.asarray(self._levels[0].normals @ (N[(N @ first).argmin()] - first))
 
     def _divide(self, k: int, along: Floats) -> None:
         """Chart k, and a new one where a field (n,) is beyond its middle between the ends of the chart."""
@@ -144,9 +145,9 @@ class Atlas:
     def _chart(self, k: int, first: float) -> Chart:
         """Chart k, on points that are dense enough for its curvature and for its poles."""
         F = self.surface.F
-        near = (self._best[0] == k)[F].any(axis=1)
+        near = faces_at(F, self._best[0] == k)
         for _ in range(2):
-            near = corners_of(F, near, self.surface.n)[F].any(axis=1)
+            near = faces_at(F, corners_of(F, near, self.surface.n))
         for level in range(DIVISIONS + 1):
             if level == len(self._levels):
                 self._levels.append(self._levels[-1].finer)

@@ -5,16 +5,18 @@ thickness of it everywhere; a run that no spline follows so closely is cut in tw
 segment is its own curve in the end.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import Run
-from dsfab.export.smooth.splines import Spline, evenly, spline_through, straight
+from dsfab.export.smooth.splines import Spline, straight
 
 TIGHTER = (1.0, 0.2, 0.04)
 """Tolerances of a run that was refused so often."""
@@ -76,59 +78,97 @@ class Allowed:
         return TIGHTER[level] * min(IN_SPACE * self.thickness, OF_LOOP * run.width)
 
 
-class _Part(NamedTuple):
-    """A part of a run of walls, its curve over the plane and the level it was fitted at."""
+class Asked(NamedTuple):
+    """A run in a chart, and how often it was refused."""
 
     run: Run
-    flat: Spline
+    chart: int
     level: int
 
 
-def wall_edges(runs: list[tuple[Run, int]], k: int, nodes: Nodes, allowed: Allowed) -> list[list[Edge]]:
-    """The edges of each of the runs, with the level that it was refused to, in chart k; all skins are asked at once."""
-    found = [_parts(run, level, k, nodes, allowed) for run, level in runs]
+class _Part(NamedTuple):
+    """A part of a run of walls, and its curve over the plane."""
+
+    asked: Asked
+    flat: Spline
+
+
+def wall_edges(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[Edge]]:
+    """The edges of each of the runs; all are fitted at once."""
+    found = _parts(asked, nodes, allowed)
     parts = [part for some in found for part in some]
-    nodes.add(np.unique([v for part in parts for v in part.run.vertices[[0, -1]]]))
+    nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
     x = [parameters(part.flat) for part in parts]
-    on = nodes.charts[k].both(np.concatenate([part.flat(at) for part, at in zip(parts, x, strict=True)]))
-    both = np.split(on, np.cumsum([len(at) for at in x])[:-1])
-    edges = iter([_in_space(*of, k, nodes, allowed) for of in zip(parts, x, both, strict=True)])
+    flat = [part.flat(at) for part, at in zip(parts, x, strict=True)]
+    both = by_chart([part.asked.chart for part in parts], flat, lambda k, uv: nodes.charts[k].both(uv))
+    wanted = [allowed.in_space(part.asked.run, part.asked.level) for part in parts]
+    fits = splines_through(list(zip(x, both, strict=True)), wanted, parts=2)
+    edges = iter(
+        ended(part.asked.run, space, {part.asked.chart: part.flat}, off, nodes, wall=True)
+        for part, (space, off) in zip(parts, fits, strict=True)
+    )
     return [[next(edges) for _ in some] for some in found]
 
 
-def _parts(run: Run, level: int, k: int, nodes: Nodes, allowed: Allowed) -> list[_Part]:
-    """A run over the plane, divided until each part has a curve within the tolerance."""
-    line = nodes.uv[k][run.vertices]
-    if len(line) == 2:
-        return [_Part(run, straight(line[0], line[1]), level)]
-    tolerance = allowed.outline(run, float(nodes.steep[k][run.vertices].max()), level)
-    x, Q = spread(line)
-    flat, off = spline_through(x, Q, tolerance)
-    if off <= tolerance:
-        return [_Part(run, flat, level)]
-    worst = x[np.linalg.norm(flat(x) - Q, axis=1).argmax()]
+def _parts(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[_Part]]:
+    """The runs over their planes, each divided until each part has a curve within the tolerance."""
+    lines = [nodes.uv[one.chart][one.run.vertices] for one in asked]
+    found = {i: [_Part(asked[i], straight(*line))] for i, line in enumerate(lines) if len(line) == 2}
+    some = [i for i in range(len(asked)) if i not in found]
+    samples = [spread(lines[i]) for i in some]
+    steep = [float(nodes.steep[asked[i].chart][asked[i].run.vertices].max()) for i in some]
+    wanted = [allowed.outline(asked[i].run, s, asked[i].level) for i, s in zip(some, steep, strict=True)]
+    halves = dict[int, list[Asked]]()
+    fits = splines_through(samples, wanted)
+    for i, (x, Q), tolerance, (flat, off) in zip(some, samples, wanted, fits, strict=True):
+        if off <= tolerance:
+            found[i] = [_Part(asked[i], flat)]
+        else:
+            halves[i] = _halves(asked[i], lines[i], float(x[np.linalg.norm(flat(x) - Q, axis=1).argmax()]))
+    if halves:
+        deeper = _parts([half for two in halves.values() for half in two], nodes, allowed)
+        found |= {i: deeper[2 * j] + deeper[2 * j + 1] for j, i in enumerate(halves)}
+    return [found[i] for i in range(len(asked))]
+
+
+def _halves(asked: Asked, line: Floats, worst: float) -> list[Asked]:
+    """A run divided at the vertex of its line nearest to a share of its length."""
     length = np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))
     at = 1 + int(np.abs(length[:-1] / length[-1] - worst).argmin())
-    halves = (Run(v, run.beyond, run.width) for v in (run.vertices[: at + 1], run.vertices[at:]))
-    return [part for half in halves for part in _parts(half, level, k, nodes, allowed)]
+    run = asked.run
+    return [asked._replace(run=Run(v, run.beyond, run.width)) for v in (run.vertices[: at + 1], run.vertices[at:])]
 
 
-def _in_space(part: _Part, x: Floats, both: Floats, k: int, nodes: Nodes, allowed: Allowed) -> Edge:
-    """The curves on both skins (m, 6) at parameters x."""
-    space, off = spline_through(x, both, allowed.in_space(part.run, part.level), parts=2)
-    return ended(part.run, space, {k: part.flat}, off, nodes, wall=True)
+def by_chart(charts: list[int], rows: list[Floats], of: Callable[[int, Floats], Floats]) -> list[Floats]:
+    """What a function of a chart and rows (k, d) says of each of the rows, asked once for all that are in a chart."""
+    found = dict[int, Floats]()
+    for k in dict.fromkeys(charts):
+        mine = [i for i, chart in enumerate(charts) if chart == k]
+        said = of(k, np.concatenate([rows[i] for i in mine]))
+        found |= zip(mine, np.split(said, np.cumsum([len(rows[i]) for i in mine])[:-1]), strict=True)
+    return [found[i] for i in range(len(charts))]
 
 
 def spread(line: Floats) -> tuple[Floats, Floats]:
-    """Even samples of a polyline, many more than it has vertices; their number is a power of two."""
-    count = 1 << int(np.ceil(np.log2(np.clip(16 * len(line), 64, 4096))))
-    total = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    return evenly(line, total / count, fewest=count, most=count)
+    """Parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
+
+    The number of spaces between them is a power of two.
+    """
+    count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    x = np.arange(count + 1) / count
+    return x, np.stack([np.interp(x * length[-1], length, column) for column in line.T], axis=1)
 
 
 def parameters(curve: Spline) -> Floats:
     """Parameters to measure at: many in each span."""
-    breaks = np.unique(curve.knots)
+    return _parameters(curve.knots.tobytes())
+
+
+@lru_cache(maxsize=1024)
+def _parameters(knots: bytes) -> Floats:
+    """Most curves have one of a few lists of knots."""
+    breaks = np.unique(np.frombuffer(knots))
     each = max(24, int(np.ceil(128 / (len(breaks) - 1))))
     steps = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(each) / each
     return np.concatenate([steps.ravel(), [1.0]])

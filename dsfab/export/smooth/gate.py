@@ -4,6 +4,7 @@ BRepCheck's word alone is not enough: it calls edges valid within whatever toler
 be another one than the mesh: every piece is compared with the mesh of its own solid, from both sides.
 """
 
+from collections.abc import Container
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import Sheet
 from dsfab.export.smooth.solid import Piece
 from dsfab.export.smooth.touching import crossings
+from dsfab.surface.neighbours import corners_of
 
 GAP = 1 / 20
 """Widest gap between a skin and the edges on it, as a share of the thickness."""
@@ -57,40 +59,58 @@ _NOWHERE = _Away(0.0, 0.0, 0.0, np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
-class Gate:
-    """Judges the pieces of a sheet against a part, millimetres."""
+class Solids:
+    """The solids of a part's mesh, millimetres."""
 
     part: Part
+
+    @cached_property
+    def _shells(self) -> tuple[Ints, list[list[int]]]:
+        return solids_of(self.part)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.part.V)
+
+    def at(self, points: Floats) -> Ints:
+        """(k,) the solids of the vertices nearest to points."""
+        shell, solids = self._shells
+        at = np.full(len(self.part.V), -1)
+        at[self.part.F] = shell[:, None]
+        of = np.empty(int(shell.max()) + 1, dtype=np.int64)
+        for i, some in enumerate(solids):
+            of[some] = i
+        return np.asarray(of[at[self._tree.query(points)[1]]])
+
+    def faces(self, chosen: Container[int]) -> Ints:
+        """(m, 3) the triangles of some solids."""
+        shell, solids = self._shells
+        shells = [k for i, some in enumerate(solids) if i in chosen for k in some]
+        return np.asarray(self.part.F[np.isin(shell, shells)])
+
+    @property
+    def count(self) -> int:
+        """Number of solids."""
+        return len(self._shells[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Gate:
+    """Judges the pieces of a sheet against the solids of a part, millimetres."""
+
+    solids: Solids
     sheet: Sheet
     limits: Limits
 
     @cached_property
     def solid(self) -> Ints:
         """The solid of the mesh that each piece is: that of the vertex nearest to one of its own."""
-        shell, solids = self._shells
         first = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
-        nearest = cKDTree(self.part.V).query((self.sheet.V + self.sheet.D)[first])[1]
-        at = np.full(len(self.part.V), -1)
-        at[self.part.F] = shell[:, None]
-        of = np.empty(int(shell.max()) + 1, dtype=np.int64)
-        for i, some in enumerate(solids):
-            of[some] = i
-        return np.asarray(of[at[nearest]])
-
-    @cached_property
-    def _shells(self) -> tuple[Ints, list[list[int]]]:
-        return solids_of(self.part)
-
-    def mesh(self, solid: int) -> Ints:
-        """(m, 3) the triangles of a solid."""
-        shell, solids = self._shells
-        return np.asarray(self.part.F[np.isin(shell, solids[solid])])
+        return self.solids.at((self.sheet.V + self.sheet.D)[first])
 
     def without(self, done: set[int]) -> Ints:
         """(m, 3) the triangles of all other solids."""
-        shell, solids = self._shells
-        left = [k for i, some in enumerate(solids) if i not in done for k in some]
-        return np.asarray(self.part.F[np.isin(shell, left)])
+        return self.solids.faces(set(range(self.solids.count)) - done)
 
     def verdicts(self, pieces: dict[int, Piece], found: dict[int, Finding]) -> dict[int, Verdict]:
         """About pieces by their numbers, with what OCCT says about those that it read."""
@@ -136,7 +156,9 @@ class Gate:
     @cached_property
     def rounder(self) -> Floats:
         """By what share the volume of each piece may be larger, since the mesh cuts its curves short."""
-        share = self.limits.rounder[self.limits.nearest(self.sheet.V[self.sheet.F].mean(axis=1))]
+        sheet = self.sheet
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # on a skin, whose triangles are found in half the time
+        share = self.limits.rounder[self.limits.nearest(upper)]
         return np.maximum(self._sum(share) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
@@ -148,19 +170,21 @@ class Gate:
     def _distances(self, found: dict[int, Finding]) -> dict[int, tuple[_Away, _Away]]:
         """By piece, from it to the mesh, and back."""
         away = dict[int, tuple[_Away, _Away]]()
+        points = self.solids.part.V
         for solid in {int(self.solid[k]) for k in found}:
-            mesh, these = self.mesh(solid), [k for k in found if self.solid[k] == solid]
+            mesh, these = self.solids.faces({solid}), [k for k in found if self.solid[k] == solid]
             V = np.concatenate([found[k].V for k in these])
             start = np.cumsum([0, *(len(found[k].V) for k in these)])
             F = np.concatenate([found[k].F + i for k, i in zip(these, start, strict=False)])
-            back = self._farthest(self.part.V, mesh, V, F)
+            back = self._farthest(points, mesh, V, F)
             for k in these:
-                away[k] = (self._farthest(found[k].V, found[k].F, self.part.V, mesh), back)
+                away[k] = (self._farthest(found[k].V, found[k].F, points, mesh), back)
         return away
 
     def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> _Away:
         """Of the vertices and the middles of triangles, from the other triangles."""
-        points = np.concatenate([V[np.unique(F)], V[F].mean(axis=1)])
+        corners = corners_of(F, np.ones(len(F), dtype=bool), len(V))
+        points = np.concatenate([V[corners], V[F].mean(axis=1)])
         away = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, np.array(V2), np.array(F2))[0]))
         far = points[away > self.limits.distance]  # the others need not be asked
         if not len(far):

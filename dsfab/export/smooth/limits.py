@@ -50,14 +50,21 @@ class Limits:
 
     def nearest(self, points: Floats) -> Ints:
         """(k,) the triangles nearest to points."""
-        return np.asarray(igl.point_mesh_squared_distance(points, self.V, self.F)[1])
+        return np.asarray(self._tree.squared_distance(self.V, self.F, points)[1])
+
+    @cached_property
+    def _tree(self) -> igl.AABB:
+        """Of the triangles: it takes as long as asking it about as many points."""
+        tree = igl.AABB()
+        tree.init(self.V, self.F)
+        return tree
 
 
 def limits_of(part: Part, surface: Surface, curved: Curved) -> Limits:
     """For a part cut from a surface."""
     mesh = dense(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
-    chord = np.minimum(MM_PER_M * chord_errors(surface), MOST_CHORD * t)
+    chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)
     V = np.concatenate([mesh.middle + mesh.across, mesh.middle - mesh.across])
     F = np.concatenate([surface.F, surface.F + surface.n])
     return Limits(t, part.tolerance or DISTANCE * t, V, F, np.tile(chord, 2), np.tile(excess(mesh, curved), 2))

@@ -30,10 +30,12 @@ class Nodes:
     def add(self, vertices: Ints) -> None:
         """Ends of runs: half way between what their charts say."""
         new = [v for v in vertices.tolist() if v not in self.at]
-        said = dict[int, list[Floats]]({v: [] for v in new})
-        for k in {int(k) for v in new for k in self.around[v]}:
-            here = [v for v in new if k in self.around[v]]
-            for v, both in zip(here, self.charts[k].both(self.uv[k][here]), strict=True):
+        here, said = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in new})
+        for v in new:
+            for k in self.around[v].tolist():
+                here.setdefault(k, []).append(v)
+        for k, some in here.items():
+            for v, both in zip(some, self.charts[k].both(self.uv[k][some]), strict=True):
                 said[v].append(both)
         for v, points in said.items():
             seen = np.array(points).reshape(-1, 2, 3)

@@ -88,8 +88,8 @@ def sheet_of(given: Divided, shift: int) -> Sheet:
     V, F = MM_PER_M * given.V + shift * D, given.F
     table = edge_table(F)
     _, piece = pieces(F, table)
-    corners = np.stack([F.ravel(), np.repeat(given.chart, 3)], axis=1)
-    charts = np.unique(corners, axis=0)
+    count = int(given.chart.max()) + 1
+    charts = np.stack(np.divmod(np.unique(F * count + given.chart[:, None]), count), axis=1)  # pairs as single numbers
     special = np.bincount(charts[:, 0], minlength=len(V)) > 2
     special[table.ends[table.boundary]] = True
     beyond = _beyond(given, len(V))

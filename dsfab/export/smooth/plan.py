@@ -12,12 +12,13 @@ from dsfab.errors import ExportError
 from dsfab.export.part import Part
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.edges import Allowed
-from dsfab.export.smooth.gate import Gate
+from dsfab.export.smooth.gate import Gate, Solids
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.limits import limits_of
 from dsfab.export.smooth.outline import WALL, Sheet, sheet_of
 from dsfab.export.smooth.solid import Builder, Model, Piece
 from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import faces_at
 from dsfab.units import MM_PER_M
 
 FIT = 1 / 3
@@ -49,7 +50,7 @@ class Plan:
     def __init__(self, part: Part) -> None:
         if part.curved is None:
             raise ExportError("smooth STEP needs the sheet, and only its solid is known")
-        self.part, self.curved = part, part.curved()
+        self.curved, self.solids = part.curved(), Solids(part)
         self.surface = Surface(self.curved.V, self.curved.F)
         self.limits = limits_of(part, self.surface, self.curved)
         t, distance = self.limits.thickness, self.limits.distance
@@ -95,7 +96,7 @@ class Plan:
         atlas = Atlas(self.surface, self.curved, fields, FIT * self.limits.distance)
         atlas.make(np.unique(fields.argmax(axis=1)[self._near(done)]))
         sheet = sheet_of(self.curved.divided(atlas.fields), self.curved.shift)
-        gate = Gate(self.part, sheet, self.limits)
+        gate = Gate(self.solids, sheet, self.limits)
         asked = _pieces(gate, done)
         atlas.make(np.unique(sheet.chart[np.isin(sheet.piece, asked)]), halve=False)
         why = {k: text for chart, text in atlas.failed.items() for k in np.unique(sheet.piece[sheet.chart == chart])}
@@ -109,11 +110,11 @@ class Plan:
 
     def _near(self, done: Collection[int]) -> Ints:
         """Vertices of the surface on faces that the pieces of solids may touch that are not done."""
-        mine = np.isin(self.whole.piece, _pieces(Gate(self.part, self.whole, self.limits), done))
+        mine = np.isin(self.whole.piece, _pieces(Gate(self.solids, self.whole, self.limits), done))
         points = self.whole.V[np.unique(self.whole.F[mine])]
         marks = np.zeros(self.surface.n, dtype=bool)
         marks[cKDTree(MM_PER_M * self.surface.V).query(points)[1]] = True
-        return np.unique(self.surface.F[marks[self.surface.F].any(axis=1)])
+        return np.unique(self.surface.F[faces_at(self.surface.F, marks)])
 
 
 def _pieces(gate: Gate, done: Collection[int]) -> list[int]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.smooth.dense import Dense, between
-from dsfab.surface.neighbours import corners_of
+from dsfab.export.smooth.dense import Dense, between, halfway
+from dsfab.surface.neighbours import corners_of, faces_at
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
 """Weights of the points around a chart, which hold the skins where seams are drawn, and of those on the boundary, whose
@@ -43,11 +43,11 @@ def points_of(dense: Dense, near: Bools, mine: Bools) -> Points:
     faces = np.flatnonzero(near[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
-    touched = np.asarray(mine[used][F].any(axis=1))
+    touched = faces_at(F, mine[used])
     if not touched.any():
         raise ExportError("a chart of the sheet is smaller than a face")
     core = corners_of(F, touched, len(used))
-    around = corners_of(F, np.asarray(core[F].any(axis=1)), len(used))[F].any(axis=1)
+    around = faces_at(F, corners_of(F, faces_at(F, core), len(used)))
     V, normals = dense.points[used], dense.surface.normals[faces]
     axes = _axes(V[core], (dense.surface.areas[faces, None] * normals)[touched].sum(axis=0))
     steepest = float(np.quantile(normals[touched] @ axes[2], FOLDED))
@@ -55,11 +55,11 @@ def points_of(dense: Dense, near: Bools, mine: Bools) -> Points:
         raise ExportError("the sheet bends too sharply for charts")
     ring = around & (normals @ axes[2] > 0.5 * steepest)
     some, F = np.unique(F[ring], return_inverse=True)
-    ends = np.unique(np.sort(F.reshape(-1, 3)[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    ends = _edges(F.reshape(-1, 3), len(some))
     V, core, used = V[some], core[some], used[some]
     origin, P, d = V.mean(axis=0), dense.middle[used], dense.across[used]
     M = between(P, d, ends)
-    chord = np.linalg.norm(M - P[ends].mean(axis=1), axis=1)
+    chord = np.linalg.norm(M - halfway(P, ends), axis=1)
     uv = np.concatenate([V - origin, M - origin]) @ axes[:2].T
     P, d = np.concatenate([P, M]), np.concatenate([d, _mean(d, ends)])
     own, inside = (np.concatenate([x, x[ends].all(axis=1)]) for x in (core, core & ~dense.boundary[used]))
@@ -69,10 +69,15 @@ def points_of(dense: Dense, near: Bools, mine: Bools) -> Points:
     return Points(origin, axes, steepest, uv, Q, inside, weight, float(np.percentile(chord, 90)))
 
 
+def _edges(F: Ints, n: int) -> Ints:
+    """(k, 2) the edges of faces, each once, in order; as single numbers they are sorted in a tenth of the time."""
+    a, b = F, np.roll(F, -1, axis=1)
+    return np.stack(np.divmod(np.unique(np.minimum(a, b) * n + np.maximum(a, b)), n), axis=1)
+
+
 def _mean(d: Floats, ends: Ints) -> Floats:
     """Half way along edges: their ends' mean direction, and mean length."""
-    middle = d[ends].mean(axis=1)
-    length = np.linalg.norm(d, axis=1)[ends].mean(axis=1)
+    middle, length = halfway(d, ends), halfway(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
 

@@ -1,5 +1,6 @@
 """Pieces of a sheet as closed shells: skins and walls on shared edges."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,10 +8,10 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.plate import enclosed
 from dsfab.export.smooth.charts import Chart
-from dsfab.export.smooth.edges import Allowed, Edge, wall_edges
+from dsfab.export.smooth.edges import Allowed, Asked, Edge, wall_edges
 from dsfab.export.smooth.nodes import Nodes, nodes_of
 from dsfab.export.smooth.outline import WALL, Region, Run, Sheet
-from dsfab.export.smooth.seams import Key, run_key, seam_edge
+from dsfab.export.smooth.seams import Key, run_key, seam_edges
 
 
 @dataclass(frozen=True)
@@ -64,18 +65,16 @@ class Builder:
         self.sheet, self.allowed = sheet, allowed
         self.nodes = nodes_of(sheet, charts)
         self._made: dict[tuple[Key, int], list[Edge]] = {}
-        for k in charts:
-            self._walls([region for region in sheet.regions if region.chart == k], {})
+        self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[Key, int], traced: bool = False) -> Piece:
         """One piece; level : how often each of its runs was refused; traced : as in `Piece`."""
         made, seams = Piece(traced=traced), dict[Key, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
+        self._make(regions, level)
         for region in regions:
-            self._walls([region], level)
             loops = [
-                tuple(step for run in loop for step in self._edges(made, seams, run, region.chart, level))
-                for loop in region.loops
+                tuple(step for run in loop for step in self._edges(made, seams, run, level)) for loop in region.loops
             ]
             area = [enclosed(_polygon(made, loop, region.chart)) for loop in loops]
             order = sorted(range(len(loops)), key=lambda i: -area[i])
@@ -87,35 +86,35 @@ class Builder:
         made.gap = max((edge.gap for edge in made.edges), default=0.0)
         return made
 
-    def _walls(self, regions: list[Region], level: dict[Key, int]) -> None:
-        """Make the walls of regions of one chart that are not made yet."""
-        runs = [run for region in regions for loop in region.loops for run in loop if run.beyond == WALL]
-        wanted = {(key, level.get(key, 0)): run for key, run in ((run_key(run)[0], run) for run in runs)}
-        new = [(made, run) for made, run in wanted.items() if made not in self._made]
-        if new:
-            found = wall_edges([(run, tight) for (_, tight), run in new], regions[0].chart, self.nodes, self.allowed)
-            self._made |= dict(zip((made for made, _ in new), found, strict=True))
+    def _make(self, regions: Iterable[Region], level: dict[Key, int]) -> None:
+        """Make the edges of regions that are not made yet, all at once."""
+        walls, seams = dict[tuple[Key, int], Asked](), dict[tuple[Key, int], Asked]()
+        for chart, run in ((region.chart, run) for region in regions for loop in region.loops for run in loop):
+            key, ahead = run_key(run)
+            made = key, level.get(key, 0)
+            if made not in self._made and made not in seams:
+                way = run if run.beyond == WALL or ahead else Run(run.vertices[::-1], run.beyond, run.width)
+                (walls if run.beyond == WALL else seams)[made] = Asked(way, chart, made[1])
+        if walls:
+            found = wall_edges(list(walls.values()), self.nodes, self.allowed)
+            self._made |= dict(zip(walls, found, strict=True))
+        if seams:
+            both = seam_edges(list(seams.values()), self.nodes, self.sheet, self.allowed)
+            self._made |= {made: [edge] for made, edge in zip(seams, both, strict=True)}
 
-    def _edges(
-        self, made: Piece, seams: dict[Key, int], run: Run, chart: int, level: dict[Key, int]
-    ) -> list[tuple[int, bool]]:
+    def _edges(self, made: Piece, seams: dict[Key, int], run: Run, level: dict[Key, int]) -> list[tuple[int, bool]]:
         """The numbers of a run's edges, and whether the run goes along them."""
         key, ahead = run_key(run)
-        tight = level.get(key, 0)
         first = len(made.edges)
+        if run.beyond != WALL and key in seams:
+            return [(seams[key], ahead)]
+        edges = self._made[key, level.get(key, 0)]
+        made.edges += edges
+        made.keys += [key] * len(edges)
         if run.beyond == WALL:
-            edges = self._made[key, tight]
-            made.edges += edges
-            made.keys += [key] * len(edges)
             return [(first + i, True) for i in range(len(edges))]
-        if key not in seams:
-            if (key, tight) not in self._made:
-                way = run if ahead else Run(run.vertices[::-1], run.beyond, run.width)
-                self._made[key, tight] = [seam_edge(way, chart, self.nodes, self.sheet, tight, self.allowed)]
-            seams[key] = first
-            made.edges += self._made[key, tight]
-            made.keys.append(key)
-        return [(seams[key], ahead)]
+        seams[key] = first
+        return [(first, ahead)]
 
 
 def _polygon(made: Piece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:

@@ -11,6 +11,7 @@ Curves on surfaces, a third of a file, can be found again by projection, and OCC
 them; they are written only of a piece that was refused without them.
 """
 
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -43,9 +44,9 @@ class SmoothText:
         """The faces of a piece."""
         new = self.new
         at = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
-        vertices = {v: [new.add(f"VERTEX_POINT('',#{self._point(p)})") for p in both] for v, both in at.items()}
+        vertices = {v: [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both)] for v, both in at.items()}
         edges, faces = list[tuple[int, int]](), list[int]()
-        poles = [[[self._point(p) for p in line.poles] for line in (edge.upper, edge.lower)] for edge in piece.edges]
+        poles = [[list(self._points(line.poles)) for line in (edge.upper, edge.lower)] for edge in piece.edges]
         surfaces = [
             self._wall(edge, through) if edge.wall else 0 for edge, through in zip(piece.edges, poles, strict=True)
         ]
@@ -81,8 +82,11 @@ class SmoothText:
         upper = new.face(above, self._skin(skin.chart, True))
         return upper, new.face(below, self._skin(skin.chart, False), same=False)
 
-    def _point(self, p: Floats) -> int:
-        return self.new.once(f"CARTESIAN_POINT('',{listed(p, self.digits)})")
+    def _points(self, points: Floats) -> Iterator[int]:
+        """Of points (k, d), written as `listed` does: rounded all at once, in a third of the time."""
+        for p in (np.round(points, self.digits) + 0.0).tolist():
+            text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
+            yield self.new.once(f"CARTESIAN_POINT('',({text}))")
 
     def _post(self, vertices: list[int], ends: Floats, sides: list[tuple[int, str, int]]) -> int:
         """The edge from the lower to the upper point of a node, between two walls."""
@@ -118,7 +122,7 @@ class SmoothText:
 
     def _line(self, curve: Spline, spans: int) -> int:
         """A curve whose poles are not written yet."""
-        return self._curve(curve, [self._point(p) for p in curve.poles], spans)
+        return self._curve(curve, list(self._points(curve.poles)), spans)
 
     def _curve(self, curve: Spline, through: list[int], spans: int) -> int:
         """A curve with the parameters 0 to `spans`; a line is the shortest to write as a polyline, which has 0 to 1."""
@@ -139,7 +143,7 @@ class SmoothText:
     def _skin(self, chart: int, above: bool) -> int:
         if (chart, above) not in self._skins:
             patch: Patch = self.model.charts[chart].upper if above else self.model.charts[chart].lower
-            poles = ",".join(references([self._point(p) for p in row]) for row in patch.poles)
+            poles = ",".join(references(list(self._points(row))) for row in patch.poles)
             self._skins[chart, above] = self._surface((3, 3), poles, patch.u, patch.v)
         return self._skins[chart, above]
 
@@ -161,9 +165,3 @@ def _counted_bytes(knots: bytes) -> tuple[str, str]:
     """Most curves have one of a few lists of knots."""
     values, times = np.unique(np.frombuffer(knots), return_counts=True)
     return "(" + ",".join(str(k) for k in times.tolist()) + ")", listed(values, 14)
-
-
-def _decimals(point: Floats, digits: int) -> str:
-    """What `listed` says, of one point, in a third of the time."""
-    text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in point.tolist()])
-    return f"({text})" if "-0." not in text else listed(point, digits)

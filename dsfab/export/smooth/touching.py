@@ -60,8 +60,12 @@ def _turn(one: Floats, two: Floats) -> Floats:
 
 def _near(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     """Pairs of chords that may cross, without those that meet at their ends."""
-    reach = np.linalg.norm(end - start, axis=1).max()
-    one, two = cKDTree((start + end) / 2).query_pairs(reach, output_type="ndarray").T
+    middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
+    reach = long.max()
+    one, two = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
+    apart = np.linalg.norm(middle[one] - middle[two], axis=1)
+    close = apart <= (1 + ROUNDED) * (long[one] + long[two]) / 2  # chords that cross are; most others are shorter
+    one, two = one[close], two[close]
     meet = np.zeros(len(one), dtype=bool)
     for a in (start, end):
         for b in (start, end):

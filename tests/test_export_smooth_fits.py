@@ -1,0 +1,219 @@
+"""What smooth STEP computes many at once says the same as one by one, by other roads."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import spsolve
+
+from dsfab.export.plate_text import Entities, listed
+from dsfab.export.smooth import fits, layout, patch_fits, points, touching
+from dsfab.export.smooth.ask import merged
+from dsfab.export.smooth.dense import prisms
+from dsfab.export.smooth.edges import by_chart, spread
+from dsfab.export.smooth.fits import splines_through
+from dsfab.export.smooth.solid import Model
+from dsfab.export.smooth.text import SmoothText
+from dsfab.surface.neighbours import faces_at
+from dsfab.surface.shapes.closed import sphere
+from tests.zoo import grid
+
+
+def wavy(rng, count, d=2):
+    """Samples of so many curves, each with its own number of them and waves of its own."""
+    for c in range(count):
+        x = np.unique(np.r_[0.0, rng.random(int(rng.integers(30, 400))), 1.0])
+        wave = rng.normal(size=d) * [0.0, 1e-3, 1.0][c % 3]
+        yield x, 100 * np.outer(x, rng.normal(size=d)) + np.outer(np.sin(rng.integers(1, 25) * x), wave)
+
+
+def spline_through(x, Q, tolerance, parts=1):
+    """One curve."""
+    return splines_through([(x, Q)], [tolerance], parts)[0]
+
+
+@pytest.mark.parametrize("at_once", [1, 2000])
+def test_many_curves_at_once_are_those_found_one_by_one(monkeypatch, at_once):
+    rng = np.random.default_rng(0)
+    samples = list(wavy(rng, 40, 6))
+    wanted = 10 ** rng.uniform(-4, 0, len(samples))
+    monkeypatch.setattr(fits, "AT_ONCE", at_once)
+    for (x, Q), tolerance, (curve, off) in zip(samples, wanted, splines_through(samples, wanted, 2), strict=True):
+        alone, far = spline_through(x, Q, tolerance, 2)
+        assert (curve.degree, curve.knots.tolist()) == (alone.degree, alone.knots.tolist())
+        assert curve.poles == pytest.approx(alone.poles, abs=1e-9)
+        assert off == pytest.approx(far, abs=1e-9)
+        away = np.linalg.norm((curve(x) - Q).reshape(-1, 2, 3), axis=2).max()
+        assert off == pytest.approx(away, abs=1e-9)
+
+
+def test_cubics_are_the_nearest_with_their_ends_where_they_are():
+    """Least squares with full tables of hats, of which the poles between the ends are free."""
+    samples = list(wavy(np.random.default_rng(1), 30))
+    found = splines_through(samples, [1e-3] * len(samples))
+    cubics = [(x, Q, curve) for (x, Q), (curve, _) in zip(samples, found, strict=True) if curve.degree == 3]
+    assert len(cubics) > 5
+    assert max(len(curve.poles) for *_, curve in cubics) > 10
+    for x, Q, curve in cubics:
+        hats = BSpline.design_matrix(x, curve.knots, 3).toarray()
+        rest = Q - hats[:, [0, -1]] @ Q[[0, -1]]
+        free = np.linalg.lstsq(hats[:, 1:-1], rest, rcond=None)[0]
+        assert curve.poles == pytest.approx(np.vstack([Q[0], free, Q[-1]]), abs=1e-5)
+
+
+def test_samples_of_a_polyline_are_even_and_their_number_is_a_power_of_two():
+    for n in (2, 3, 5, 17, 300):
+        line = np.random.default_rng(n).random((n, 2))
+        x, Q = spread(line)
+        assert len(x) - 1 == 2 ** np.ceil(np.log2(np.clip(16 * n, 64, 4096)))
+        length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
+        assert pytest.approx(np.c_[[np.interp(x * length[-1], length, c) for c in line.T]].T) == Q
+
+
+def test_normal_equations_by_cells_are_those_of_all_points():
+    rng, p, q = np.random.default_rng(0), 7, 9
+    knots = [np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3] for n in (p, q)]
+    uv, Q, weight = rng.random((400, 2)), rng.random((400, 6)), rng.random(400)
+    cells = patch_fits._Cells.of(uv, *knots)
+    band, right = cells.normal(weight, Q, p, q)
+    u, v = (BSpline.design_matrix(uv[:, k], knots[k], 3).toarray() for k in (0, 1))
+    A = np.einsum("kp,kq->kpq", u, v).reshape(-1, p * q)
+    assert right == pytest.approx(A.T @ (weight[:, None] * Q))
+    assert full(band) == pytest.approx(A.T @ (weight[:, None] * A))
+    poles = rng.random((p * q, 6))
+    assert cells.sums(poles) == pytest.approx(A @ poles)
+
+
+def full(band):
+    """The symmetric matrix of a lower band."""
+    n = band.shape[1]
+    lower = sum(np.diag(band[k, : n - k], -k) for k in range(min(len(band), n)))
+    return lower + np.tril(lower, -1).T
+
+
+@pytest.mark.parametrize(("p", "q"), [(6, 6), (6, 9), (11, 7)])
+def test_roughness_is_the_sum_of_squared_second_differences(p, q):
+    poles = np.random.default_rng(0).random((p, q))
+    differences = (np.diff(poles, 2, axis=0), np.diff(poles, 2, axis=1), np.diff(np.diff(poles, axis=0), axis=1))
+    wanted = sum(weight * (D**2).sum() for D, weight in zip(differences, (1, 1, 2), strict=True))
+    rows, rough = patch_fits._roughness(p, q)
+    band = np.zeros((3 * q + 4, p * q))
+    band[rows] = rough
+    assert poles.ravel() @ full(band) @ poles.ravel() == pytest.approx(wanted)
+
+
+def test_nearest_points_of_many_are_those_of_each():
+    rng = np.random.default_rng(0)
+    uv = rng.uniform(-1, 1, (500, 2))
+    patch = patch_fits.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
+    at = rng.uniform(-0.9, 0.9, (40, 2))
+    P = np.c_[at, 0.3 * at[:, 0] ** 2 + rng.uniform(-0.2, 0.2, 40)]
+    found = patch.nearest(P, at)
+    assert found == pytest.approx(np.concatenate([patch.nearest(P[[k]], at[[k]]) for k in range(40)]))
+    there, a, b = patch.slopes(found)
+    inside = np.abs(found).max(axis=1) < 0.95
+    assert inside.sum() > 30
+    for slope in (a, b):
+        assert np.einsum("ki,ki->k", P - there, slope)[inside] == pytest.approx(0, abs=1e-7)
+
+
+def test_each_chart_is_asked_once_about_all_its_rows():
+    calls = []
+    rows = [np.full((n, 2), n) for n in (1, 3, 2, 4)]
+    said = by_chart([5, 2, 5, 2], rows, lambda k, x: calls.append((k, len(x))) or k * x)
+    assert calls == [(5, 3), (2, 7)]
+    assert [one.tolist() for one in said] == [(k * x).tolist() for k, x in zip([5, 2, 5, 2], rows, strict=True)]
+
+
+def test_merged_points_are_numpys_unique_rows():
+    rng = np.random.default_rng(0)
+    for P in (
+        rng.integers(-2, 3, (500, 3)).astype(np.float32),
+        np.zeros((0, 3)),
+        np.array([[0.0, 1, 2], [-0.0, 1, 2]]),
+    ):
+        V, number = merged(P)
+        wanted, inverse = np.unique(P, axis=0, return_inverse=True)
+        assert V.tolist() == wanted.tolist()
+        assert number.tolist() == inverse.ravel().tolist()
+        assert np.array_equal(V[number], P)
+
+
+def test_edges_of_faces_are_numpys_unique_rows():
+    F = sphere(edge=0.4).F
+    pairs = np.sort(F[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    assert points._edges(F, int(F.max()) + 1).tolist() == np.unique(pairs, axis=0).tolist()
+
+
+def test_faces_at_marked_vertices_have_a_marked_corner():
+    surface = grid(5, 4, 1.0, 1.0)
+    for marks in (np.arange(surface.n) % 7 == 0, np.zeros(surface.n, dtype=bool)):
+        assert faces_at(surface.F, marks).tolist() == [bool(marks[face].any()) for face in surface.F]
+
+
+def test_points_are_written_as_lists_are():
+    rng = np.random.default_rng(0)
+    P = np.concatenate([rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-8, 4, (50, 1)), [[-1e-9, 100, 0.5]]])
+    new = Entities()
+    numbers = list(SmoothText(new, Model({}, None, [], 1.0))._points(P))  # type: ignore[arg-type]
+    wanted = [f"CARTESIAN_POINT('',{listed(p, 5)})" for p in P]
+    assert [new.text[k - numbers[0]] for k in numbers] == [
+        f"#{k}={one};\n" for k, one in zip(numbers, wanted, strict=True)
+    ]
+    assert len(new.text) == len(set(wanted)) < len(P)
+
+
+def test_prisms_are_those_of_a_quadrature_that_is_exact_for_cubics():
+    V, D = np.random.default_rng(0).normal(size=(2, 30, 3))
+    F = np.random.default_rng(1).permutation(30).reshape(-1, 3)
+    total = np.zeros(len(F))
+    for s, weight in zip(*np.polynomial.legendre.leggauss(3), strict=True):
+        a, b, c = np.moveaxis((V + s * D)[F], 1, 0)
+        total += weight * np.einsum("mi,mi->m", np.cross(b - a, c - a) / 2, D[F].mean(axis=1))
+    assert prisms(V, D, F) == pytest.approx(total)
+
+
+def test_chords_that_cross_are_those_of_all_pairs():
+    """Chords of very different lengths; two in five begin where another one ends."""
+    rng = np.random.default_rng(0)
+    start = rng.random((200, 2))
+    end = start + rng.normal(size=(200, 2)) * 10.0 ** rng.uniform(-3, 0, (200, 1))
+    start[:80] = end[80:160]
+    pairs = np.array([(i, j) for i in range(200) for j in range(i + 1, 200)]).T
+    apart = [np.linalg.norm(a[pairs[0]] - b[pairs[1]], axis=1) > 0 for a in (start, end) for b in (start, end)]
+    pairs = pairs[:, np.all(apart, axis=0)]
+    crossing = [
+        {tuple(sorted(pair)) for pair in np.transpose([one, two])[found].tolist()}
+        for one, two in (pairs, touching._near(start, end))
+        for found in [touching._across(start, end, one, two) & touching._across(start, end, two, one)]
+    ]
+    assert len(crossing[0]) > 50
+    assert crossing[0] == crossing[1]
+
+
+def test_the_face_nearest_to_the_middle_of_each_cluster():
+    surface = grid(6, 4, 3.0, 2.0)
+    label = np.arange(surface.m) % 3
+    found = layout._middles(surface, label)
+    assert label[found].tolist() == [0, 1, 2]
+    for k, f in enumerate(found):
+        mine = label == k
+        middle = np.average(surface.centroids[mine], axis=0, weights=surface.areas[mine])
+        away = np.linalg.norm(surface.centroids - middle, axis=1)
+        assert away[f] == pytest.approx(away[mine].min())
+
+
+def test_fields_that_did_not_move_are_those_solved_again():
+    surface = sphere(edge=0.3)
+    label = np.argmax(surface.centroids @ np.vstack([np.eye(3), -np.eye(3)]).T, axis=1)
+    fields = layout._straightened(surface, label, 1.0)
+    mass, stiffness = layout.voronoi_mass(surface), -layout.igl.cotmatrix(surface.V, surface.F)
+    radius = np.sqrt(np.bincount(label, surface.areas) / np.pi)
+    reach = layout.REACH * max(np.percentile(radius, 10), 4 * surface.mean_edge)
+    load = np.stack(
+        [np.bincount(surface.F.ravel(), np.repeat((label == k) * surface.areas / 3, 3)) for k in range(6)], 1
+    )
+    for _ in range(layout.SWEEPS):
+        wanted = spsolve(csc_array(diags_array(mass) + reach**2 * stiffness), load)
+        load = mass[:, None] * (wanted.argmax(axis=1)[:, None] == np.arange(6))
+    assert fields == pytest.approx(wanted, abs=1e-9)
