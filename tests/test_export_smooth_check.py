@@ -2,6 +2,8 @@
 
 import json
 import re
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -35,6 +37,25 @@ print(asked() == 0.1 + 0.2, time.monotonic() - start < 30)
 def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
     (tmp_path / "a.py").write_text(COPIED)
     assert last_line(str(tmp_path / "a.py"), check.__file__, seconds=60) == "True True"
+
+
+LEFT = """
+import os, runpy, sys, time
+print(runpy.run_path(sys.argv[1])["_Meanwhile"](lambda: time.sleep(600))._copy, flush=True)
+time.sleep(0.5)
+os._exit(0)
+"""
+
+
+@pytest.mark.skipif(not check.COPIES, reason="processes are copied on Linux only")
+def test_a_copy_ends_with_the_process_that_it_is_a_copy_of(tmp_path):
+    """As when the time is over, or somebody presses Ctrl-C."""
+    (tmp_path / "a.py").write_text(LEFT)
+    state = Path("/proc", last_line(str(tmp_path / "a.py"), check.__file__, seconds=60), "stat")
+    waited = 0.0
+    while state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z":
+        assert (waited := waited + 0.1) < 20
+        time.sleep(0.1)
 
 
 TURNED = {
