@@ -61,7 +61,7 @@ def test_a_chart_that_no_plane_sees_is_divided():
 def test_a_fit_keeps_its_tolerance_between_its_points_or_asks_for_more():
     """With as many poles as points a surface meets the points, and waves between them."""
     rng = np.random.default_rng(0)
-    height = lambda p: 0.5 * np.exp(-((p**2).sum(axis=1)) / 0.02)  # noqa: E731
+    height = lambda p: 0.5 * np.exp(-((p**2).sum(axis=1)) / 0.06)  # noqa: E731
     skins = lambda p: np.c_[p, height(p), p, height(p) - 0.01]  # noqa: E731
     others = rng.uniform(-0.95, 0.95, (5000, 2))
     for count, starved in ((400, True), (6000, False)):
