@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.export import write
-from dsfab.export.smooth import ask, charts, check, patch_fits, plan, points
+from dsfab.export.smooth import ask, charts, check, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import sheet_of
@@ -34,7 +34,8 @@ def all_of(surface: Surface) -> Sheet:
 
 
 def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_stay(monkeypatch):
-    monkeypatch.setattr(patch_fits, "MOST_POLES", 9)
+    for name in ("FEW_POLES", "MOST_POLES"):
+        monkeypatch.setattr(charts, name, 9)
     surface = bumped()
     x = surface.V[:, 0]
     fields = np.c_[1.0 - x, x - 1.0]
@@ -61,7 +62,7 @@ def test_a_chart_that_no_plane_sees_is_divided():
 def test_a_fit_keeps_its_tolerance_between_its_points_or_asks_for_more():
     """With as many poles as points a surface meets the points, and waves between them."""
     rng = np.random.default_rng(0)
-    height = lambda p: 0.5 * np.exp(-((p**2).sum(axis=1)) / 0.06)  # noqa: E731
+    height = lambda p: 0.5 * np.exp(-((p**2).sum(axis=1)) / 0.02)  # noqa: E731
     skins = lambda p: np.c_[p, height(p), p, height(p) - 0.01]  # noqa: E731
     others = rng.uniform(-0.95, 0.95, (5000, 2))
     for count, starved in ((400, True), (6000, False)):

@@ -15,9 +15,8 @@ from dsfab.export.smooth.splines import basis
 SMOOTHING = 1e-5
 """Weight of the differences of poles against the distances from the points."""
 
-FEWEST_POLES, MOST_POLES = 6, 24
-"""Poles of a fit in one direction. A chart that needs more is divided: OCCT looks through all poles of a surface for each
-point that it projects, and the halves need fewer together. With 48 the tower took 2.5 times the time."""
+FEWEST_POLES, MOST_POLES = 6, 48
+"""Poles of a fit in one direction."""
 
 FIRST = 8.0
 """Poles of the first attempt, in the geometric mean of both directions."""
@@ -42,9 +41,18 @@ class Fit:
     starved: bool
 
 
-def fitted(uv: Floats, Q: Floats, inside: Bools, weight: Floats, tolerance: float, first: float = FIRST) -> Fit:
+def fitted(
+    uv: Floats,
+    Q: Floats,
+    inside: Bools,
+    weight: Floats,
+    tolerance: float,
+    first: float = FIRST,
+    most_poles: int = MOST_POLES,
+) -> Fit:
     """The surface with few poles within the tolerance of what is inside, Q (k, 6) two points each.
 
+    first, most_poles : poles to begin and to end with, the geometric mean of both directions, and in one of them.
     The distance of a cubic surface goes with the fourth power of its spans: that says how many poles to try next.
     """
     extent = np.ptp(uv, axis=0)
@@ -52,13 +60,13 @@ def fitted(uv: Floats, Q: Floats, inside: Bools, weight: Floats, tolerance: floa
     most = np.sqrt(len(uv) / POINTS_PER_POLE)
     n, here = min(first, most), np.flatnonzero(inside)
     while True:
-        count = [int(np.clip(np.rint(x), FEWEST_POLES, MOST_POLES)) for x in (n * aspect, n / aspect)]
+        count = [int(np.clip(np.rint(x), FEWEST_POLES, most_poles)) for x in (n * aspect, n / aspect)]
         patch, found = _through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
         away = np.linalg.norm((found[here] - Q[here]).reshape(-1, 2, 3), axis=2)
         off = float(away.max())
-        if off <= tolerance or n >= min(most, MOST_POLES):
-            return Fit(patch, off, float(n), bool(off > tolerance and n < MOST_POLES))
-        n = min(n * float(np.clip(1.05 * (off / tolerance) ** 0.25, 1.15, 2.0)), max(most, n), float(MOST_POLES))
+        if off <= tolerance or n >= min(most, most_poles):
+            return Fit(patch, off, float(n), bool(off > tolerance and n < most_poles))
+        n = min(n * float(np.clip(1.05 * (off / tolerance) ** 0.25, 1.15, 2.0)), max(most, n), float(most_poles))
 
 
 def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> Patch:
