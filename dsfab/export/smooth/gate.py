@@ -131,7 +131,7 @@ class Gate:
             (sound, "OCCT finds it invalid"),
             (found.faces == piece.faces, f"OCCT reads {found.faces} faces instead of {piece.faces}"),
             (found.tessellates, "OCCT makes no triangles of a face"),
-            (gap <= GAP * limits.thickness, f"a gap of {gap:.2g} mm is wider than {GAP * limits.thickness:.2g} mm"),
+            (gap <= GAP * limits.thickness, f"a gap of {gap:.3g} mm is wider than {GAP * limits.thickness:.3g} mm"),
             (near, f"it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
             (
                 abs(found.volume - wanted) <= (VOLUME + self.rounder[k]) * wanted,
