@@ -31,7 +31,7 @@ LOOPS = 40
 """Outlines in a chart, about: opening, checking and measuring a face take OCCT their number squared."""
 
 MOST_WALLS = 1500
-"""Walls of a sheet that is to be made in a hurry: up to a quarter of a minute. Nor are more faces read back twice."""
+"""Walls of a sheet that is to be made in a hurry: half a minute at most so far. Nor are more faces read back twice."""
 
 
 @dataclass(frozen=True, eq=False)
