@@ -1,4 +1,4 @@
-"""Where outlines cross."""
+"""Where outlines cross, and where they are too far off the mesh."""
 
 from dataclasses import replace
 from functools import partial
@@ -10,8 +10,9 @@ import dsfab
 from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
 from dsfab.export.smooth.edges import Edge
+from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.plan import Plan
-from dsfab.export.smooth.refit import untangle
+from dsfab.export.smooth.refit import astray, untangle
 from dsfab.export.smooth.solid import Piece, Skin
 from dsfab.export.smooth.splines import Spline, straight
 from dsfab.export.smooth.touching import crossings
@@ -57,13 +58,24 @@ def test_two_curves_that_change_sides_just_before_they_meet(ahead, hook):
     assert found.tolist() == ([[0, 0, 10], [0, 0, 10]] if hook < 0 else [])
 
 
+def test_corners_of_the_mesh_that_are_farther_from_an_edge_than_the_solid_may_be():
+    """A millimetre is allowed, and the mesh's chord error: half of one to the left of x = 50."""
+    lower, upper = (straight(np.array([0.0, 0, z]), np.array([100.0, 0, z])) for z in (0, 50))
+    piece = Piece(edges=[Edge(0, 1, upper, lower, {}, 0.0, True)])
+    V = np.array([[-9.0, -9, 0], [50, -9, 0], [50, 9, 0], [-9, 9, 0], [120, -9, 0], [120, 9, 0]])
+    F = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
+    limits = Limits(20.0, 1.0, V, F, np.array([0.5, 0.5, 0, 0]), np.zeros(4))
+    corners = np.array([[20, 1.4, 0], [20, 1.6, 0], [70, 1.1, 0], [70, 0.9, 0], [100.9, 0, 0], [101.1, 0, 0]])
+    assert astray(piece, corners, limits).tolist() == corners[[1, 2, 5]].tolist()
+
+
 def test_seams_that_cross_at_a_corner_of_the_domes_charts_are_followed_more_closely():
     """OCCT made no triangles of that skin, and said of no edge that it was the reason."""
     design = dsfab.run(dsfab.load_preset("dome"))
     built = plan_of(design)
     piece, level = built.model.pieces[0], {}
     assert 1 <= len(crossings(piece)) <= 4
-    untangle(built.builder, built.model, 0, level)
+    untangle(built, 0, level)
     assert len(crossings(built.model.pieces[0])) == 0
     assert 1 <= len(level) <= 8
     assert len(built.model.pieces[0].edges) == len(piece.edges)

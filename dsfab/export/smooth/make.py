@@ -104,7 +104,7 @@ class _Ladder:
         levels = [dict[Key, int]() for _ in model.pieces]
         for k in asked:
             if not model.pieces[k].refused:
-                untangle(built.builder, model, k, levels[k])
+                untangle(built, k, levels[k])
         verdicts, todo = dict[int, Verdict](), asked
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
