@@ -40,6 +40,14 @@ def lengths(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
+def from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
+    """(...) distances of points (..., 3) from the segments from a to b (..., 3)."""
+    along, to = b - a, points - a
+    squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
+    t = np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1)
+    return np.asarray(np.linalg.norm(to - t[..., None] * along, axis=-1))
+
+
 def sorted_order(keys: Ints) -> Ints:
     """The order that sorts integers (k,), equal ones in their order: a stable argsort.
 

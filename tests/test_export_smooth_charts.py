@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.export import write
-from dsfab.export.smooth import ask, charts, check, plan, points
+from dsfab.export.smooth import charts, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import sheet_of
@@ -123,9 +123,8 @@ def test_an_outline_that_touches_itself_is_cut_apart_there():
 
 
 @pytest.mark.slow
-def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, monkeypatch):
+def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
-    monkeypatch.setattr(ask, "_said", lambda _, *asked: check.inspected(*asked[:3]))
     monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)
     flat = grid(16, 6, 2.0, 1.0)

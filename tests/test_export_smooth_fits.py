@@ -7,7 +7,7 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from dsfab.export.plate_text import Entities, listed
-from dsfab.export.smooth import fits, layout, patch_fits, points, touching
+from dsfab.export.smooth import fits, layout, patch_fits, touching
 from dsfab.export.smooth.ask import merged
 from dsfab.export.smooth.dense import prisms
 from dsfab.export.smooth.edges import by_chart, spread
@@ -16,6 +16,7 @@ from dsfab.export.smooth.solid import Model
 from dsfab.export.smooth.text import SmoothText
 from dsfab.surface.neighbours import faces_at
 from dsfab.surface.shapes.closed import sphere
+from dsfab.surface.topology import edge_table
 from tests.zoo import grid
 
 
@@ -142,7 +143,7 @@ def test_merged_points_are_numpys_unique_rows():
 def test_edges_of_faces_are_numpys_unique_rows():
     F = sphere(edge=0.4).F
     pairs = np.sort(F[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    assert points._edges(F, int(F.max()) + 1).tolist() == np.unique(pairs, axis=0).tolist()
+    assert edge_table(F).ends.tolist() == np.unique(pairs, axis=0).tolist()
 
 
 def test_faces_at_marked_vertices_have_a_marked_corner():

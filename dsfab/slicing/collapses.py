@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, from_segments
 from dsfab.slicing.mesh_edit import GAIN, Cut, independent
 from dsfab.slicing.sheet import VOID
 from dsfab.surface.neighbours import on_boundary
@@ -90,7 +90,7 @@ def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
     slides = along & (count[v] == 2)
     total = cut.line_ends
     u = np.where(slides, total[v] - w, v)  # the other neighbour on the line
-    off = np.where(slides, _distance(cut.V[v], cut.V[u], cut.V[w]), step)
+    off = np.where(slides, from_segments(cut.V[v], cut.V[u], cut.V[w]), step)
     off[off <= STRAIGHT * np.abs(cut.V).max()] = 0
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + off, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
@@ -133,10 +133,3 @@ def _linked(cut: Cut, moves: Moves, row: Ints, F: Ints) -> Bools:
     both = (there >= 0) & cut.lines[there] & cut.lines[cut.edge(x, moves.v[at])]
     closes = np.bincount(at[both], minlength=len(moves.v)) > 0
     return np.asarray((common == cut.edges.count[cut.edge(moves.v, moves.w)]) & ~closes)
-
-
-def _distance(P: Floats, A: Floats, B: Floats) -> Floats:
-    """(k,) distance of points from segments, metres."""
-    along = B - A
-    t = np.einsum("ki,ki->k", P - A, along) / np.maximum(np.einsum("ki,ki->k", along, along), np.finfo(float).tiny)
-    return np.asarray(np.linalg.norm(P - A - np.clip(t, 0, 1)[:, None] * along, axis=1))

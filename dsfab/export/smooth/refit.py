@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, from_segments
 from dsfab.export.smooth.edges import TIGHTER
 from dsfab.export.smooth.gate import GAP
 from dsfab.export.smooth.limits import Limits
@@ -35,11 +35,11 @@ def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
 
 def untangle(built: Built, k: int, level: dict[Key, int]) -> None:
     """Build a piece again until none of its curves crosses, gapes or strays, as long as closer fits are left."""
-    model = built.model
+    model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
         gaping = piece.ends[[edge.gap > GAP * model.thickness for edge in piece.edges]]
-        stray = astray(piece, _corners(built.gate.sheet, k), built.gate.limits)
+        stray = astray(piece, corners, built.gate.limits)
         bad = np.concatenate([crossings(piece), gaping, stray])
         if not len(bad) or not tighten(model, k, level, bad):
             return
@@ -55,7 +55,7 @@ def astray(piece: Piece, corners: Floats, limits: Limits) -> Floats:
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)
     near = cKDTree((start + end) / 2).query(corners, NEAR)[1]
-    away = _from_segments(corners[:, None], start[near], end[near]).min(axis=1)
+    away = from_segments(corners[:, None], start[near], end[near]).min(axis=1)
     far = away > limits.distance
     return np.asarray(corners[far][away[far] > limits.allowed(corners[far])])
 
@@ -65,10 +65,3 @@ def _corners(sheet: Sheet, k: int) -> Floats:
     runs = [run for region in sheet.regions if region.piece == k for loop in region.loops for run in loop]
     v = np.unique(np.concatenate([run.vertices for run in runs if run.beyond == WALL]))
     return np.concatenate([sheet.V[v] + sheet.D[v], sheet.V[v] - sheet.D[v]])
-
-
-def _from_segments(points: Floats, start: Floats, end: Floats) -> Floats:
-    """Distances of points (..., 3) from segments (..., 3)."""
-    along = end - start
-    share = np.sum((points - start) * along, axis=-1) / np.maximum(np.sum(along**2, axis=-1), 1e-300)
-    return np.asarray(np.linalg.norm(points - start - np.clip(share, 0, 1)[..., None] * along, axis=-1))
