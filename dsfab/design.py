@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 from dsfab.arrays import Floats
 from dsfab.diffusion import DiffusionTensors, Modes
+from dsfab.pattern import CornerPhase
 from dsfab.preset import Preset
-from dsfab.slicing import Sheet
+from dsfab.slicing import Chart, Sheet
 from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
+from dsfab.surface.corner_field import CornerField
 from dsfab.thickening import Solid
 
 
@@ -54,6 +56,25 @@ class DiffusionResult:
     minor: Modes
 
 
+@dataclass(frozen=True, eq=False)
+class EvenStripes:
+    """Where evenly spaced stripes run, whatever their width: the major and the minor ones.
+
+    phases  : with every line that may be drawn.
+    wanted  : for each level of halving, the finest first, (m,) the share of each face where its lines are drawn.
+    slope   : (n, 2) lines per metre of the phases.    density : (n, 2) the same of those that are drawn.
+    first   : the family whose finer lines are drawn before those of the other.
+    chart   : the surface divided where lines end, with both phases: for pictures and measures.
+    """
+
+    phases: tuple[CornerPhase, CornerPhase]
+    wanted: tuple[tuple[Floats, ...], tuple[Floats, ...]]
+    slope: Floats
+    density: Floats
+    first: int
+    chart: Chart
+
+
 class Candidate(NamedTuple):
     """Modes and phases of the major and of the minor stripes, tried for those that are `auto`.
 
@@ -96,16 +117,19 @@ class Choice:
 class PatternResult:
     """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cut`).
 
-    fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width.
-    half_widths : (n,) each: material is |frequency x + phase - k| < d, k integer, for the families; inf for the others.
+    fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width; evenly
+                  spaced ones at corners, a family in several: its coarse lines, then those between them.
+    half_widths : (n,) each: material is |z - k| < d, k integer, for the families; inf for the others. z is frequency x
+                  + phase on modes, and the phase of the lines that are drawn on even stripes.
     factor      : what the widths were multiplied with to reach pattern.width.solid_fraction; 1 without it.
     frequency   : of the major and of the minor stripes, as drawn: what `spacing` became, where it was asked.
     mode, phase : of both, as drawn: what `auto` became, where it was asked.
     choice      : what was tried for that; None where nothing is `auto`.
+    even        : where evenly spaced stripes run; None for stripes on modes.
     """
 
     names: tuple[str, ...]
-    fields: tuple[Floats, ...]
+    fields: tuple[Floats | CornerField, ...]
     levels: tuple[Floats, ...]
     half_widths: tuple[Floats, ...] = ()
     factor: float = 1.0
@@ -113,6 +137,7 @@ class PatternResult:
     mode: tuple[int, int] = (1, 1)
     phase: tuple[float, float] = (0.0, 0.0)
     choice: Choice | None = None
+    even: EvenStripes | None = None
 
 
 class Piece(NamedTuple):

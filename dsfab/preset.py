@@ -6,6 +6,7 @@ from TOML, overridden and written back is in `dsfab.preset_file`.
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 
@@ -131,6 +132,10 @@ class Family(Section):
                 raise ValueError("give either frequency or spacing, and leave the other out or set it to 0")
         return values
 
+    def distance(self, area: float) -> float:
+        """Metres between evenly spaced stripes on a surface of that area: a twelfth of its side if `spacing` is left out."""
+        return self.spacing or float(np.sqrt(area)) / STRIPES_ACROSS
+
     @property
     def number(self) -> int:
         """The mode; 1 where it is still to be chosen."""
@@ -183,9 +188,21 @@ class Width(Section):
         return Widths(self.rule, member, self.q, self.min_width, self.max_width, self.min_gap)
 
 
+Method = Literal["modes", "stripes"]
+
+STRIPES_ACROSS = 12
+"""Evenly spaced stripes across a square surface, where no spacing is given."""
+
+
 class Pattern(Section):
     """[pattern]: the two families, and what stays material besides them."""
 
+    method: Method = "modes"
+    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress."""
+    halve: bool = True
+    """stripes: leave out every second one where they crowd, ended on crossing members; false lets them crowd."""
+    symmetry: Literal["auto", "none"] = "auto"
+    """stripes: the mirrors and turns that surface, supports and loads have, or none of them."""
     major: Family = Family()
     minor: Family = Family()
     width: Width = Width()
@@ -197,7 +214,9 @@ class Pattern(Section):
     @property
     def auto(self) -> bool:
         """Whether a mode or a phase is to be chosen."""
-        return any(AUTO in (family.mode, family.phase) for family in (self.major, self.minor))
+        return self.method == "modes" and any(
+            AUTO in (family.mode, family.phase) for family in (self.major, self.minor)
+        )
 
 
 class Slicing(Section):

@@ -90,7 +90,7 @@ def test_members_on_a_plate_have_the_asked_width(angle, member):
     plate, f = jittered(grid(9, 6, 2.0, 1.0)), 5.3
     along = np.array([np.cos(angle), np.sin(angle), 0])
     family = Family.on(plate, "major", Stripes(f, 0.31), plate.V @ along)
-    sheet = sheet_of(plate, family.layer(Widths("constant", member=member)))
+    sheet = sheet_of(plate, family.layers(Widths("constant", member=member))[0])
     kept = sheet.kept().surface
     border = kept.V[kept.edges.ends[kept.edges.boundary]]
     outer = ((np.abs(border[:, :, :2]) < 1e-12) | (np.abs(border[:, :, :2] - [2, 1]) < 1e-12)).all(axis=1).any(axis=1)
@@ -109,7 +109,7 @@ def test_members_keep_their_width_where_the_mode_flattens():
     family = Family.on(plate, "major", Stripes(6.0, 0.5), np.cos(np.pi * plate.V[:, 0] / 2))
 
     def widths(rule):
-        kept = sheet_of(plate, family.layer(rule)).kept().surface
+        kept = sheet_of(plate, family.layers(rule)[0]).kept().surface
         s = np.sort(np.unique(np.round(kept.V[kept.V[:, 1] == 0, 0], 9)))
         groups = np.split(s, np.flatnonzero(np.diff(s) > 0.0051) + 1)
         return np.array([np.ptp(g) for g in groups if g[0] > 0.01 and g[-1] < 1.99])
@@ -131,7 +131,7 @@ def test_graded_share_is_proportional_to_the_stress():
         family = Family.on(plate, "major", Stripes(20.0, 0.1, 0.5), plate.V[:, 1], stress)
         widths = Widths("graded", q=q)
         factor = mean_duty_factor(plate, [family], widths)
-        sheet = sheet_of(plate, family.layer(widths, factor))
+        sheet = sheet_of(plate, family.layers(widths, factor)[0])
         assert sheet.surface.areas[sheet.material].sum() == pytest.approx(0.5 * 0.5 * 2, rel=1e-3)
         middle, areas = sheet.surface.centroids[:, 0], sheet.surface.areas * sheet.material
         slots = np.add.reduceat(areas[np.argsort(middle)], np.searchsorted(np.sort(middle), np.arange(0, 2, 0.05)))
@@ -202,9 +202,9 @@ def test_gaps_are_filled_where_they_are_narrower_than_asked():
     d = family.half_widths(widths)
     assert (d[s > 1.401] == 0.5).all()
     assert d[s < 1.399] == pytest.approx(s[s < 1.399] / 4)
-    void = sheet_of(plate, family.layer(widths)).kept(~sheet_of(plate, family.layer(widths)).material).surface
+    void = sheet_of(plate, family.layers(widths)[0]).kept(~sheet_of(plate, family.layers(widths)[0]).material).surface
     assert void.V[:, 0].max() < 1.43
-    assert sheet_of(plate, family.layer(Widths("graded"))).kept().surface.V[:, 0].max() == 2
+    assert sheet_of(plate, family.layers(Widths("graded"))[0]).kept().surface.V[:, 0].max() == 2
 
 
 @zoo
@@ -212,11 +212,11 @@ def test_plain_widths_without_bounds_are_the_thresholds(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size
     family = Family.on(surface, "major", Stripes(7.0, 0.2, 0.35), x)
-    layer = family.layer(Widths())
+    layer = family.layers(Widths())[0]
     assert np.array_equal(layer.field, x)
     assert np.array_equal(layer.levels, Stripes(7.0, 0.2, 0.35).levels(x))
     assert layer.half_width == pytest.approx(np.full(surface.n, 0.65 / 4))
-    bounded = sheet_of(surface, family.layer(Widths(min_width=1e-9 * surface.size)))
+    bounded = sheet_of(surface, family.layers(Widths(min_width=1e-9 * surface.size))[0])
     plain = sheet_of(surface, layer)
     areas = [s.surface.areas[s.material].sum() for s in (plain, bounded)]
     assert areas[0] == pytest.approx(areas[1], rel=1e-12)

@@ -49,9 +49,9 @@ def test_counted_material_is_near_what_is_cut(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size + 0.1 * np.sin(9 * surface.V[:, 1] / surface.size)
     stress = 1 + np.abs(surface.V[:, 2]) / surface.size
-    plain = Family.on(surface, "major", Stripes(5.0, 0.2, 0.3), x).layer(Widths())
+    plain = Family.on(surface, "major", Stripes(5.0, 0.2, 0.3), x).layers(Widths())[0]
     graded = Family.on(surface, "minor", Stripes(6.0, 0.1, 0.1), surface.V[:, 1] / surface.size, stress)
-    layers = [plain, graded.layer(Widths("graded"))]
+    layers = [plain, graded.layers(Widths("graded"))[0]]
     rim = Layer("rim", -x, np.array([0.0]), stress)
     for some in ([rim], layers[:1], layers[1:], [rim, *layers]):
         counted = material_points(surface, some, face_points(6)).mean(axis=1) @ surface.areas

@@ -9,7 +9,8 @@ from scipy.spatial import Delaunay
 from dsfab.errors import PatternError
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.cells import Cells
-from dsfab.slicing.cut import clean_split, filled
+from dsfab.slicing.clean import clean_split
+from dsfab.slicing.cut import filled
 from dsfab.slicing.triangulate import LARGEST, triangulate
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces

@@ -4,7 +4,8 @@ from dsfab.diffusion.frame import CLEAR, reference_axes
 from dsfab.diffusion.modes import Modes, diffusion_modes, family_modes
 from dsfab.diffusion.operators import diffusion_operator
 from dsfab.diffusion.symmetry import Symmetry, symmetry_group, symmetry_of
-from dsfab.diffusion.tensors import DiffusionTensors, Labelling, combined_stress, diffusion_tensors
+from dsfab.diffusion.symmetry_search import found_symmetry
+from dsfab.diffusion.tensors import DiffusionTensors, Labelling, combined_stress, diffusion_tensors, principal_stresses
 
 __all__ = [
     "CLEAR",
@@ -17,6 +18,8 @@ __all__ = [
     "diffusion_operator",
     "diffusion_tensors",
     "family_modes",
+    "found_symmetry",
+    "principal_stresses",
     "reference_axes",
     "symmetry_group",
     "symmetry_of",

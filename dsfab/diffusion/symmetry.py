@@ -34,6 +34,9 @@ SMOOTHING = 6
 INVARIANT = 0.5
 """Singular values of the averaging over a group are 0 or 1, up to the mesh: in between lies the border."""
 
+GLANCE = 100
+"""Points that are looked at before all of them are."""
+
 SNAP = 1e-6
 """Barycentric coordinates closer than this to a vertex are on it."""
 
@@ -94,9 +97,21 @@ def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Sym
 
     Raises PatternError for other words, and when the surface, its supports or one of the loads have another symmetry.
     """
-    R = symmetry_group(words)
+    return symmetry_under(surface, symmetry_group(words), loads, str(list(words)))
+
+
+def symmetry_under(surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str) -> Symmetry:
+    """The group of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
+
+    Raises PatternError where the surface, its supports or one of the loads do not have it; `words` name it there.
+    """
     centre = surface.areas @ surface.centroids / surface.area
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
+    few = surface.V[:: max(surface.n // GLANCE, 1)]
+    for g in R[1:]:  # most that have none are seen at a glance
+        off = _far_off(surface, (few - centre) @ g.T + centre)
+        if off > OFF * edge:
+            raise _refused(words, f"the surface is not: its image is up to {off:.3g} m off it")
     for g in R[1:]:
         off, T = _point_map(surface, (surface.V - centre) @ g.T + centre)
         if off > OFF * edge:
@@ -111,8 +126,8 @@ def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Sym
     return found
 
 
-def _refused(words: Sequence[str], what: str) -> PatternError:
-    return PatternError(f"diffusion.symmetry = {list(words)}, but {what}; correct it, or ask for less symmetry")
+def _refused(words: str, what: str) -> PatternError:
+    return PatternError(f"diffusion.symmetry = {words}, but {what}; correct it, or ask for less symmetry")
 
 
 def _generator(word: str) -> Floats:
@@ -135,7 +150,14 @@ def _generator(word: str) -> Floats:
 
 def symmetry_group(words: Sequence[str]) -> Floats:
     """(g, 3, 3) all products of what the words name, the identity first; raises PatternError for other words."""
-    generators = [_generator(word) for word in words]
+    try:
+        return generated([_generator(word) for word in words])
+    except OverflowError:
+        raise PatternError(f"symmetry = {list(words)} makes over {LARGEST} images; ask for fewer") from None
+
+
+def generated(generators: Sequence[Floats]) -> Floats:
+    """(g, 3, 3) all products of rotations and mirrors, the identity first; raises OverflowError for too many."""
     found = [np.eye(3)]
     for R in found:  # grows while it is walked
         for g in generators:
@@ -143,8 +165,14 @@ def symmetry_group(words: Sequence[str]) -> Floats:
             if not any(np.abs(new - old).max() < SNAP for old in found):
                 found.append(new)
         if len(found) > LARGEST:
-            raise PatternError(f"symmetry = {list(words)} makes over {LARGEST} images; ask for fewer")
+            raise OverflowError
     return np.stack(found)
+
+
+def _far_off(surface: Surface, points: Floats) -> float:
+    """The largest distance of points (p, 3) from the surface."""
+    squared = igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, surface.F)[0]
+    return float(np.sqrt(squared.max()))
 
 
 def _point_map(surface: Surface, points: Floats) -> tuple[float, csr_array]:
@@ -161,7 +189,7 @@ def _point_map(surface: Surface, points: Floats) -> tuple[float, csr_array]:
     return float(np.sqrt(squared.max())), T
 
 
-def _check_supports(surface: Surface, found: Symmetry, words: Sequence[str], load: LoadCase, centre: Floats) -> None:
+def _check_supports(surface: Surface, found: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
     """Held vertices fall on what is held, along the same directions."""
     kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
     for R in found.R[1:]:
@@ -191,7 +219,7 @@ def _distance(points: Floats, surface: Surface, marked: Bools) -> float:
     return float(np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, near)[0].max()))
 
 
-def _check_loads(surface: Surface, found: Symmetry, words: Sequence[str], force: Floats, centre: Floats) -> None:
+def _check_loads(surface: Surface, found: Symmetry, words: str, force: Floats, centre: Floats) -> None:
     """The force field is that of its images: smoothed over the mesh's own irregularity, and in its resultants."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre

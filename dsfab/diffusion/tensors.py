@@ -59,7 +59,7 @@ def diffusion_tensors(
                 area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude`
                 (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
     """
-    stress, direction = _principal(surface, sigma)
+    stress, direction = principal_stresses(surface, sigma)
     if labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
         stress[swap] = stress[swap, ::-1]
@@ -87,12 +87,12 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
     """
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
-        stress, direction = _principal(surface, sigma)
+        stress, direction = principal_stresses(surface, sigma)
         total += np.einsum("ma,mai,maj->mij", weight * np.abs(stress), direction, direction)
     return total
 
 
-def _principal(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:
+def principal_stresses(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:
     """(m, 2) principal stresses in each face's plane, the larger first, and directions (m, 2, 3): Mohr's circle."""
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True)

@@ -1,30 +1,53 @@
 """Stage 4, pattern: stripes of material, how wide they are, and what is kept besides them."""
 
+from dsfab.pattern.boundary import boundary_lines
+from dsfab.pattern.corners import CornerPhase, corner_phase
+from dsfab.pattern.cross_field import StressDirections, cross_field
+from dsfab.pattern.density import Halving, density, halving, log_density
+from dsfab.pattern.even_family import EvenFamily
 from dsfab.pattern.evening import evened
+from dsfab.pattern.frames import Frames
+from dsfab.pattern.images import Images
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices
-from dsfab.pattern.layers import Family, Layer, mean_duty_factor
+from dsfab.pattern.layers import Drawable, Family, Layer, mean_duty_factor, stripe_layers
+from dsfab.pattern.phase import Flow
 from dsfab.pattern.shares import counted_share, face_points, material_points
 from dsfab.pattern.stripes import Stripes, frequency_for
 from dsfab.pattern.wave import wave
 from dsfab.pattern.width import Rule, Widths, relative_stresses, slopes, solved_factor, vertex_means
 
 __all__ = [
+    "CornerPhase",
+    "Drawable",
+    "EvenFamily",
     "Family",
+    "Flow",
+    "Frames",
+    "Halving",
+    "Images",
     "Layer",
     "Rule",
+    "StressDirections",
     "Stripes",
     "Widths",
+    "boundary_lines",
+    "corner_phase",
     "counted_share",
+    "cross_field",
+    "density",
     "distance_to_boundary",
     "distance_to_vertices",
     "evened",
     "face_points",
     "frequency_for",
+    "halving",
+    "log_density",
     "material_points",
     "mean_duty_factor",
     "relative_stresses",
     "slopes",
     "solved_factor",
+    "stripe_layers",
     "vertex_means",
     "wave",
 ]

@@ -1,14 +1,16 @@
 """`Layer`: one field and its levels, ready to be cut; and `Family`: stripes on a mode, drawn as a layer."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.pattern.stripes import Stripes
 from dsfab.pattern.width import Widths, slopes, solved_factor
+from dsfab.surface.corner_field import CornerField
 from dsfab.surface.mesh import Surface
 
 DUTY_TOLERANCE = 1e-9
@@ -16,13 +18,13 @@ DUTY_TOLERANCE = 1e-9
 
 
 class Layer(NamedTuple):
-    """What slicing cuts: a field (n,) whose odd strips are material, or (n, 2), see `Stripes.band`.
+    """What slicing cuts: a field (n,) whose odd strips are material, or (n, 2), see `Stripes.band`; or that at corners.
 
     half_width : (n,) d in periods, for shaders.
     """
 
     name: str
-    field: Floats
+    field: Floats | CornerField
     levels: Floats
     half_width: Floats
 
@@ -54,19 +56,70 @@ class Family:
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
+    def stressed(self, stress: Floats) -> Self:
+        """The same under another stress (n,)."""
+        return replace(self, stress=stress)
+
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
         """(n,) d in periods."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
-    def layer(self, widths: Widths, factor: float = 1.0) -> Layer:
-        """The family as a layer; of one field where the width does not vary."""
+    adds = 0
+    """See `Drawable`."""
+
+    @property
+    def density(self) -> Floats:
+        """(n,) stripes per metre."""
+        return self.slope
+
+    def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:
+        """The family as one layer; of one field where the width does not vary."""
         d = self.half_widths(widths, factor)
         if widths.vary:
-            return Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)
-        return Layer(self.name, self.x, self.stripes.widened(factor).levels(self.x), d)
+            return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
+        return [Layer(self.name, self.x, self.stripes.widened(factor).levels(self.x), d)]
 
 
-def mean_duty_factor(surface: Surface, families: Sequence[Family], widths: Widths) -> float:
+class Drawable(Protocol):
+    """A family of stripes, on a mode or evenly spaced.
+
+    density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
+    adds    : families add stripes between those that are drawn everywhere in this order.
+    """
+
+    @property
+    def adds(self) -> int: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def stripes(self) -> Stripes: ...
+    @property
+    def density(self) -> Floats: ...
+    @property
+    def stress(self) -> Floats: ...
+
+    def stressed(self, stress: Floats) -> Self:
+        """The same under another stress (n,)."""
+        ...
+
+    def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
+        """(n,) d in periods."""
+        ...
+
+    def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:
+        """What slicing cuts: the stripes that are drawn everywhere, then those in the openings between them."""
+        ...
+
+
+def stripe_layers(families: Sequence[Drawable], widths: Widths, factor: float = 1.0) -> list[Layer]:
+    """The layers of all families: what each draws everywhere, then what they add, in the order of `adds`."""
+    drawn = [(family.adds, family.layers(widths, factor)) for family in families]
+    return [layers[0] for _, layers in drawn] + [
+        layer for _, layers in sorted(drawn, key=itemgetter(0)) for layer in layers[1:]
+    ]
+
+
+def mean_duty_factor(surface: Surface, families: Sequence[Drawable], widths: Widths) -> float:
     """The factor at which families of graded width keep the mean duty that their thresholds ask for.
 
     One factor for all: the family with the larger stress gets the larger share. Bounds in metres come on top.

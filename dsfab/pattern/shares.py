@@ -6,6 +6,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats
 from dsfab.pattern.layers import Layer
+from dsfab.surface.corner_field import CornerField
 from dsfab.surface.mesh import Surface
 
 SIDE = 3
@@ -30,10 +31,25 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
     """(m, p) whether any of the layers makes points of each face, in barycentric coordinates (p, 3), material."""
     kept = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
-        fields = layer.field.reshape(surface.n, -1).T
-        below = [np.searchsorted(layer.levels, x[surface.F] @ points.T) for x in fields]
+        below = [np.searchsorted(layer.levels, x @ points.T) for x in _corner_values(surface, layer.field)]
+        if isinstance(layer.field, CornerField):
+            kept |= (below[0] > below[1]) & _drawn(layer.field)[:, None]
+            continue
         kept |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
     return kept
+
+
+def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats]:
+    """The one or two fields of a layer at the corners of the faces, (m, 3) each."""
+    if isinstance(field, CornerField):
+        seen = field.corners(surface.F)
+        return [seen[..., k] for k in range(seen.shape[2])]
+    return [x[surface.F] for x in field.reshape(surface.n, -1).T]
+
+
+def _drawn(field: CornerField) -> Bools:
+    """(m,) faces where a field is drawn, to a face: the cut knows better."""
+    return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
 def counted_share(surface: Surface, kept: Sequence[Layer], side: int = SIDE) -> Callable[[Sequence[Layer]], float]:

@@ -6,6 +6,7 @@ from typing import TypeVar
 from dsfab.design import Design, Draft
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.directions import diffusion_step
+from dsfab.pipeline.even import even_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.patterns import pattern_step
@@ -23,7 +24,7 @@ ROWS = {
     "surface": ("surface",),
     "statics": ("membrane", "bending", "statics", "stress", "answers"),
     "diffusion": ("diffusion", "modes"),
-    "pattern": ("choice", "widths", "pattern"),
+    "pattern": ("stripes", "choice", "widths", "pattern"),
     "slicing": ("slicing",),
     "thickening": ("thickening",),
 }
@@ -81,10 +82,11 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
     if was:
         pattern = was.pattern
     else:
+        even = even_step(preset, surface, statics, log) if preset.pattern.method == "stripes" else None
         choice = choice_step(preset, surface, statics, diffusion, log) if preset.pattern.auto else None
         given = preset, surface, statics, diffusion, log, choice
-        grading = stressed_step(*given) if preset.pattern.width.rule == "stressed" else None
-        pattern = pattern_step(*given, grading)
+        grading = stressed_step(*given, even) if preset.pattern.width.rule == "stressed" else None
+        pattern = pattern_step(*given, grading, even)
     give_back()  # what the solvers held: whoever draws needs memory of another shape
     return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
 

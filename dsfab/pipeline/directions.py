@@ -21,7 +21,7 @@ CELLS_PER_ROOT_R = 3.2
 """Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
 
 
-def _followed(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
+def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
     """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
     sigma = {name: statics.cases[name].sigma for name in preset.followed}
     if not preset.combines:
@@ -45,7 +45,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
     with log.row("diffusion"):
         loads = [statics.cases[name].load for name in preset.followed]
         symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
-        sigma = _followed(preset, surface, statics)
+        sigma = followed_stress(preset, surface, statics)
         sigma = symmetry.stress(sigma) if symmetry else sigma
         tensors = diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
         operators = [diffusion_operator(surface, D) for D in (tensors.major, tensors.minor)]

@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Choice, DiffusionResult, PatternResult, StaticsResult
+from dsfab.design import Choice, DiffusionResult, EvenStripes, PatternResult, StaticsResult
 from dsfab.errors import PatternError
 from dsfab.pattern import (
+    Drawable,
+    EvenFamily,
     Family,
     Layer,
+    Stripes,
     Widths,
     counted_share,
     distance_to_boundary,
@@ -20,6 +23,7 @@ from dsfab.pattern import (
     mean_duty_factor,
     relative_stresses,
     solved_factor,
+    stripe_layers,
 )
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
@@ -44,19 +48,20 @@ def pattern_step(
     log: Log,
     choice: Choice | None = None,
     grading: Floats | None = None,
+    even: EvenStripes | None = None,
 ) -> PatternResult:
     """Kept regions come first: a cell that they make material is not cut again by the stripes.
 
-    choice  : of the modes and phases that are `auto`.    grading : (n, 2), see `striped_families`.
+    choice  : of the modes and phases that are `auto`.    grading, even : see `striped_families`.
     """
     settled = preset.settled(choice.mode, choice.phase) if choice else preset
     ask = settled.pattern
     with log.stage("pattern", "drawing stripes"):
         kept = kept_regions(settled, surface, statics.load)
         widths = ask.width.widths(np.sqrt(surface.area))
-        families = striped_families(settled, surface, diffusion, widths.radius, grading)
+        families = striped_families(settled, surface, diffusion, widths.radius, grading, even)
         for family, asked in zip(families, (ask.major, ask.minor), strict=True):
-            if asked.spacing:
+            if asked.spacing and not even:
                 told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
                 log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
 
@@ -80,6 +85,7 @@ def pattern_step(
         (ask.major.number, ask.minor.number),
         (major.phase, minor.phase),
         choice,
+        even,
     )
 
 
@@ -87,7 +93,7 @@ def drawn(
     preset: Preset,
     surface: Surface,
     kept: Sequence[Layer],
-    families: Sequence[Family],
+    families: Sequence[Drawable],
     share: Callable[[Sequence[Layer]], float],
     tolerance: float,
     guess: float = 0.0,
@@ -106,7 +112,7 @@ def drawn(
     factor = guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
 
     def layers(factor: float) -> list[Layer]:
-        return [*kept, *(family.layer(widths, factor) for family in families)]
+        return [*kept, *stripe_layers(families, widths, factor)]
 
     if wanted := width.solid_fraction:
         slope = 0.0
@@ -130,22 +136,30 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer
 
 
 def striped_families(
-    preset: Preset, surface: Surface, diffusion: DiffusionResult, radius: float, grading: Floats | None = None
-) -> list[Family]:
+    preset: Preset,
+    surface: Surface,
+    diffusion: DiffusionResult,
+    radius: float,
+    grading: Floats | None = None,
+    even: EvenStripes | None = None,
+) -> Sequence[Drawable]:
     """Both families of stripes; the major one runs along the primary stress, the minor one along the secondary.
 
     radius  : metres over which slopes are averaged, see `Widths.radius`.
     grading : (n, 2) relative half-widths for the rule `stressed`; without it they are those of `graded`.
+    even    : where evenly spaced stripes run; None for stripes on modes.
 
     Raises PatternError for a mode that was not computed.
     """
-    ask, families = preset.pattern, []
-    stress = [None, None]
+    ask, families = preset.pattern, list[Drawable]()
+    stress: list[Floats | None] = [None, None]
     if ask.width.rule in ("graded", "stressed"):
         sizes = relative_stresses(surface, diffusion.tensors.principal)
         if ask.width.rule == "stressed":
             sizes = sizes**ask.width.q if grading is None else grading
         stress = list(sizes.T)
+    if even is not None:
+        return _even_families(preset, surface, even, stress)
     pairs = (("major", ask.major, diffusion.major), ("minor", ask.minor, diffusion.minor))
     for (name, family, modes), along in zip(pairs, stress, strict=True):
         if family.number > len(modes.lam):
@@ -158,6 +172,19 @@ def striped_families(
             stripes = replace(stripes, frequency=frequency_for(surface, x, family.spacing))
         families.append(Family.on(surface, name, stripes, x, along, radius))
     return families
+
+
+def _even_families(
+    preset: Preset, surface: Surface, even: EvenStripes, stress: Sequence[Floats | None]
+) -> list[Drawable]:
+    """The major and the minor stripes."""
+    made: list[Drawable] = []
+    for k, (name, asked) in enumerate((("major", preset.pattern.major), ("minor", preset.pattern.minor))):
+        stripes, along = Stripes(1.0, 0.0, asked.threshold), stress[k]
+        along = np.ones(surface.n) if along is None else along
+        columns = even.slope[:, k], even.density[:, k], along
+        made.append(EvenFamily(name, stripes, even.phases[k], even.wanted[k], *columns, int(k != even.first)))
+    return made
 
 
 def _solved(preset: Preset, widths: Widths, factor: float) -> str:

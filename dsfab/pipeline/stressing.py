@@ -4,15 +4,16 @@ The judge is the cut mesh, as for modes that are `auto`: on the uncut one, where
 stiff, gaps of one element carry loads, and the widths follow forces that are not there.
 """
 
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsfab.arrays import Floats
-from dsfab.design import Choice, DiffusionResult, StaticsResult
+from dsfab.design import Choice, DiffusionResult, EvenStripes, StaticsResult
 from dsfab.errors import DsfabError
-from dsfab.pattern import Family, evened
+from dsfab.pattern import Drawable, evened
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import drawn, striped_families
 from dsfab.pipeline.trial import SHARE_TOLERANCE, Trial
@@ -39,6 +40,7 @@ def stressed_step(
     diffusion: DiffusionResult,
     log: Log,
     choice: Choice | None = None,
+    even: EvenStripes | None = None,
 ) -> Floats | None:
     """(n, 2) relative half-widths of both families: of pattern.width.steps tries, the best.
 
@@ -48,7 +50,7 @@ def stressed_step(
     settled = preset.settled(choice.mode, choice.phase) if choice else preset
     tried: list[Step] = []
     with log.row("widths"):
-        trial = Stressed(settled, surface, statics, diffusion)
+        trial = Stressed(settled, surface, statics, diffusion, even)
         grading = trial.start
         for number in range(settled.pattern.width.steps):
             if log.progress:
@@ -73,36 +75,44 @@ def stressed_step(
 class Stressed(Trial):
     """Tries widths with given modes and phases."""
 
-    def __init__(self, preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult) -> None:
-        super().__init__(preset, surface, statics, diffusion)
-        self.families = striped_families(preset, surface, diffusion, 0.0)
-        slopes = np.stack([family.slope for family in self.families])
+    def __init__(
+        self,
+        preset: Preset,
+        surface: Surface,
+        statics: StaticsResult,
+        diffusion: DiffusionResult,
+        even: EvenStripes | None = None,
+    ) -> None:
+        super().__init__(preset, surface, statics, diffusion, even)
+        self.families = striped_families(preset, surface, diffusion, 0.0, even=even)
+        slopes = np.stack([family.density for family in self.families])
         self.spacing = float(slopes.shape[0] * surface.area / (slopes @ surface.vertex_areas).sum())
         self.start = np.stack([family.stress for family in self.families], axis=1)
         self.factor = 0.0
 
     def step(self, grading: Floats) -> Step:
         """Cut and solve; raises DsfabError for a sheet that does not carry the loads."""
-        families = [replace(family, stress=g) for family, g in zip(self.families, grading.T, strict=True)]
+        families = [family.stressed(g) for family, g in zip(self.families, grading.T, strict=True)]
         layers, self.factor = drawn(
             self.preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, self.factor
         )
         found = self.carrying(layers)
+        names = np.array([layer.name for layer in layers])
         K = self.stiffness(found.sheet.surface, self.loads_on(found.sheet))
         energy = K.energies(K.factor(np.ones(found.sheet.surface.m))(K.force)) @ list(self.preset.followed.values())
-        work, material = (self._by_family(found.sheet, x) for x in (energy, found.sheet.surface.areas))
+        work, material = (self._by_family(found.sheet, names, x) for x in (energy, found.sheet.surface.areas))
         after = evened(self.surface, grading, work, material, self.spacing)
         return Step(float(energy.sum()) * found.kept, grading, self._within(families, after))
 
-    def _by_family(self, sheet: Sheet, x: Floats) -> Floats:
-        """(m, 2) sums of values x (m',) of cells over what each family has of each face."""
-        first, sums = len(self.kept), []
-        for family in range(first, first + 2):
-            cells = np.flatnonzero(sheet.family == family)
+    def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:
+        """(m, 2) sums of values x (m',) of cells over what each family, by the names of layers, has of each face."""
+        sums = []
+        for family in self.families:
+            cells = np.flatnonzero(names[sheet.family] == family.name)
             sums.append(np.bincount(sheet.parent[cells], x[cells], self.surface.m))
         return np.stack(sums, axis=1).astype(np.float64)
 
-    def _within(self, families: list[Family], grading: Floats) -> Floats:
+    def _within(self, families: Sequence[Drawable], grading: Floats) -> Floats:
         """What widths are multiplied with stays such that they reach from LEAST to MOST."""
         full = np.array([self.factor * family.stripes.half_width for family in families])
         full = np.where(full > 0, full, 1.0)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.design import Candidate, DiffusionResult, StaticsResult
+from dsfab.design import Candidate, DiffusionResult, EvenStripes, StaticsResult
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Layer, counted_share
 from dsfab.pipeline.handover import lost_load, sheet_load
@@ -37,8 +37,15 @@ class Carrying(NamedTuple):
 class Trial:
     """Tries modes and phases on one surface: what all candidates share is made once."""
 
-    def __init__(self, preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult) -> None:
-        self.preset, self.surface, self.diffusion = preset, surface, diffusion
+    def __init__(
+        self,
+        preset: Preset,
+        surface: Surface,
+        statics: StaticsResult,
+        diffusion: DiffusionResult,
+        even: EvenStripes | None = None,
+    ) -> None:
+        self.preset, self.surface, self.diffusion, self.even = preset, surface, diffusion, even
         self.loads = {name: statics.cases[name].load for name in preset.followed}
         self.held = statics.load.held
         self.kept = kept_regions(preset, surface, statics.load)
@@ -82,7 +89,7 @@ class Trial:
 
     def _layers(self, preset: Preset) -> list[Layer]:
         radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
-        families = striped_families(preset, self.surface, self.diffusion, radius)
+        families = striped_families(preset, self.surface, self.diffusion, radius, even=self.even)
         modes = preset.pattern.major.number, preset.pattern.minor.number
         guess = self.factors.get(modes, 0.0)
         layers, factor = drawn(preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)

@@ -1,7 +1,9 @@
 """Stage 5, slicing: from stripes to a sheet that is cut along their edges."""
 
+from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, material_area
+from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.sheet import Sheet
 
-__all__ = ["Pinched", "Sheet", "cut", "material_area", "resolve_pinches"]
+__all__ = ["Chart", "Halved", "Pinched", "Sheet", "chart_of", "cut", "halved", "material_area", "resolve_pinches"]

@@ -16,7 +16,9 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells
-from dsfab.slicing.cut import clean_split, extended_weights, filled
+from dsfab.slicing.clean import clean_split
+from dsfab.slicing.cut import filled
+from dsfab.slicing.polygon_mesh import extended_weights
 from dsfab.slicing.sheet import VOID, Sheet
 from dsfab.surface.topology import edge_table, pieces
 

@@ -22,26 +22,32 @@ def nearest(x: Floats, levels: Floats) -> Floats:
     return closest
 
 
-def snapped(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fraction: float, free: Bools) -> Floats:
-    """A copy of x with free values within `fraction` of their edges' largest range of a level moved onto it."""
+def snapped(
+    x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
+) -> Floats:
+    """A copy of x with free values within `fraction` of their edges' largest range of a level moved onto it.
+
+    sides : the values at both ends of each edge.    difference : the range of each edge.
+    """
     level = nearest(x, levels)
-    gap, difference = np.abs(x - level), np.abs(x[sides[0]] - x[sides[1]])
+    gap = np.abs(x - level)
     maybe = gap <= fraction * difference.max(initial=0.0) + _rounding(x)  # most are not, and need no closer look
     on = np.flatnonzero(maybe[sides[0]] | maybe[sides[1]])
-    reach = _reach(len(x), (sides[0][on], sides[1][on]), difference[on])
+    reach = ranges(len(x), (sides[0][on], sides[1][on]), difference[on])
     near = maybe & free & (gap <= fraction * reach + _rounding(x))
     moved: Floats = np.where(near, level, x)
     return moved
 
 
-def snapped_together(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fraction: float) -> Floats:
+def snapped_together(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
     """A copy of x (n, 2), two fields on the same levels: the value relatively nearer to a level moves onto it.
+
+    reach : (n, 2) the largest range of each over the edges at a vertex.
 
     The other moves by as much, so that a stripe keeps its width, but not across a level of its own. Fields at a
     constant distance move as a single field with the levels of both would.
     """
     level = np.stack([nearest(x[:, i], levels) for i in (0, 1)], axis=1)
-    reach = np.stack([_reach(len(x), sides, np.abs(x[sides[0], i] - x[sides[1], i])) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
@@ -58,16 +64,16 @@ def snapped_together(x: Floats, levels: Floats, sides: tuple[Ints, Ints], fracti
     return moved
 
 
-def settled(cells: Cells, x: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """(c,) polygons that are material, and (c,) void, wherever the levels of the fields x (n, 2) run."""
-    width, begins = (x[:, 0] - x[:, 1])[cells.corner], cells.start[:-1]
+def settled(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
+    """(c,) polygons that are material, and (c,) void, wherever the levels of two fields run; y (h, 2) at the slots."""
+    width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
-    within = (x[:, 0] >= levels[0]) & (x[:, 1] < levels[-1])
-    wide = (width >= gap - _rounding(x)) & within[cells.corner]
-    return np.logical_and.reduceat(wide, begins), np.maximum.reduceat(width, begins) <= _rounding(x)
+    within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
+    wide = (width >= gap - _rounding(y)) & within
+    return np.logical_and.reduceat(wide, begins), np.maximum.reduceat(width, begins) <= _rounding(y)
 
 
-def _reach(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
+def ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
     """(n,) the largest difference over the sides at each vertex."""
     reach = np.zeros(n)
     for end in sides:

@@ -22,6 +22,7 @@ class Split:
     source : (c',) the old polygon that each new one is a part of.
     strip  : (c',) how many levels lie below a new polygon; -1 for those that were not to be cut.
     low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
+    side, level  : (k,) the slot of a side that a new vertex lies on, of the polygons before, and the level there.
     """
 
     cells: Cells
@@ -30,6 +31,14 @@ class Split:
     low: Ints
     high: Ints
     t: Floats
+    side: Ints
+    level: Floats
+
+    @classmethod
+    def none(cls, cells: Cells, active: Bools) -> "Split":
+        """The polygons as they are, the active ones in strip 0."""
+        no, none = np.empty(0, dtype=np.int64), np.empty(0)
+        return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), no, no, none, no, none)
 
     def extended(self, old: Floats) -> Floats:
         """Values (n, ...) on the old vertices, followed by the interpolated ones on the new vertices."""
@@ -45,6 +54,40 @@ class Split:
 
 
 @dataclass(frozen=True, eq=False)
+class SideValues:
+    """A field at both ends of every side of polygons, (h,) each: as the polygon sees it that the side belongs to.
+
+    foreign : (h,) sides whose polygon cannot tell, and takes what the other one on the edge sees; None for none.
+    """
+
+    start: Floats
+    end: Floats
+    foreign: Bools | None = None
+
+    @classmethod
+    def of(cls, cells: Cells, x: Floats) -> "SideValues":
+        """Of a field x (n,) on the vertices."""
+        return cls.at(cells, x[cells.corner])
+
+    @classmethod
+    def at(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
+        """Of values y (h,) at the slots."""
+        if foreign is None or not foreign.any():
+            return cls(y, cells.ahead(y))
+        start, end = y.copy(), cells.ahead(y)
+        a, b = cells.corner, cells.ahead(cells.corner)
+        order, begins, edge = grouped(np.minimum(a, b) * (int(a.max()) + 1) + np.maximum(a, b))
+        mate = np.minimum.reduceat(np.where(foreign, len(a), np.arange(len(a)))[order], begins)[edge]
+        alone = foreign & (mate == len(a))
+        start[alone] = end[alone] = y[~foreign].min(initial=0.0)
+        some = np.flatnonzero(foreign & ~alone)
+        same = a[some] == a[mate[some]]
+        one, two = y[mate[some]], cells.ahead(y)[mate[some]]
+        start[some], end[some] = np.where(same, one, two), np.where(same, two, one)
+        return cls(start, end, foreign)
+
+
+@dataclass(frozen=True, eq=False)
 class _Sides:
     """Where levels cross the sides of polygons, (h,) each.
 
@@ -52,6 +95,7 @@ class _Sides:
     count : how many levels lie strictly between its ends; 0 where no active polygon has the side.
     first : the first new vertex on it, counted from the lower end, the same for all polygons with this side.
     up    : whether it runs from the lower to the higher end.    flat : whether it lies wholly on a level.
+    along : whether it meets its new vertices in their order.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
                      2   |   3   |  4                   strips 2, 3, 4
@@ -63,36 +107,55 @@ class _Sides:
     first: Ints
     up: Bools
     flat: Bools
+    along: Bools
 
     def at(self, slots: Ints) -> "_Sides":
         return _Sides(*(getattr(self, field.name)[slots] for field in fields(self)))
 
 
 class _Between(NamedTuple):
-    """New vertices (k,): at (1 - t) low + t high of two old ones."""
+    """New vertices (k,): at (1 - t) low + t high of two old ones, on a side and a level."""
 
     low: Ints
     high: Ints
     t: Floats
+    side: Ints
+    level: Floats
 
 
-def split_cells(cells: Cells, x: Floats, levels: Floats, active: Bools, above: Bools | None = None) -> Split:
-    """Cut the active polygons along every level of the field x (n,) on their vertices, each along straight chords.
+def split_cells(
+    cells: Cells,
+    n: int,
+    x: SideValues,
+    levels: Floats,
+    active: Bools,
+    above: Bools | None = None,
+    live: Bools | None = None,
+) -> Split:
+    """Cut the active polygons on n vertices along every level of a field on their sides, each along straight chords.
+
+    Where two polygons see a field differently, by its sign or by what carries levels to levels, they see the same
+    crossings of their common edge.
 
     levels : (l,) strictly ascending. Polygons that are not active get the new vertices of the sides that they share
              with active ones, and stay whole. A side that lies on a level goes with the side before it.
     above  : (l,) whether a polygon that lies on a level with all its corners gets the strip above it or the one below;
              when left out, the even one of the two, which is void.
+    live   : (h,) sides that get new vertices whether a polygon is active there or not.
     """
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
-    place = _places(x, levels)
-    corner = place[cells.corner]
-    least, most = (cells.reduced(np.minimum, corner) + 1) // 2, cells.reduced(np.maximum, corner) // 2
+    place = _places(x.start, levels)
+    ends = place, cells.ahead(place) if x.foreign is None else _places(x.end, levels)
+    least, most = (cells.reduced(np.minimum, place) + 1) // 2, cells.reduced(np.maximum, place) // 2
+    if x.foreign is not None:
+        least = np.minimum(least, (cells.reduced(np.minimum, ends[1]) + 1) // 2)
+        most = np.maximum(most, cells.reduced(np.maximum, ends[1]) // 2)
     strip = np.where(most < least, most + above[np.minimum(most, len(levels) - 1)], least)  # of those that stay whole
     strip[~active] = -1
     which = np.flatnonzero(most > least)
-    crossed = cells.some(which)
-    sides, new = _sides(crossed, x, levels, active[which], place)
+    slots = cells.slots(which)
+    crossed = Cells(np.concatenate([[0], np.cumsum(cells.sizes[which])]), cells.corner[slots])
+    sides, new = _sides(crossed, n, x, levels, active[which], slots, ends, live)
     cut = active[which] | (crossed.reduced(np.maximum, sides.count) > 0)
     if not cut.all():
         some = np.flatnonzero(cut)
@@ -108,24 +171,47 @@ def _places(x: Floats, levels: Floats) -> Ints:
     return np.asarray(2 * below + (levels[np.minimum(below, len(levels) - 1)] == x))
 
 
-def _sides(cells: Cells, x: Floats, levels: Floats, active: Bools, place: Ints) -> tuple[_Sides, _Between]:
-    """The crossings of all sides, and the new vertices: each edge once, so that its polygons share them."""
+def _sides(
+    cells: Cells,
+    n: int,
+    x: SideValues,
+    levels: Floats,
+    active: Bools,
+    slots: Ints,
+    places: tuple[Ints, Ints],
+    live: Bools | None,
+) -> tuple[_Sides, _Between]:
+    """The crossings of all sides, and the new vertices: each edge once, so that its polygons share them.
+
+    slots : (h,) of all polygons, those of the `cells`: x, `places` of its values and `live` belong to all.
+    """
     a, b = cells.corner, cells.ahead(cells.corner)
-    up, one, two = x[a] < x[b], place[a], place[b]
+    start, end, one, two = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
+    up = start < end
     low, high = (np.minimum(one, two) + 1) // 2, np.maximum(one, two) // 2
     crossed = np.flatnonzero(high > low)
     p, q = a[crossed], b[crossed]
-    order, begins, edge = grouped(np.minimum(p, q) * len(x) + np.maximum(p, q))
+    order, begins, edge = grouped(np.minimum(p, q) * n + np.maximum(p, q))
     some = crossed[order[begins]]
-    live = np.logical_or.reduceat(active[cells.owner[crossed]][order], begins) if len(some) else some > 0
-    levels_on = np.where(live, high[some] - low[some], 0)
+    wanted = active[cells.owner[crossed]]
+    if live is not None:
+        wanted = wanted | live[slots[crossed]]
+    if x.foreign is not None and len(some):  # the first that sees for itself
+        rank = np.where(x.foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
+        some = crossed[np.minimum.reduceat(rank[order], begins) % len(a)]
+    cut = np.logical_or.reduceat(wanted[order], begins) if len(some) else some > 0
+    levels_on = np.where(cut, high[some] - low[some], 0)
     begin = np.cumsum(levels_on) - levels_on
     new = np.repeat(np.arange(len(some)), levels_on)
     value = levels[low[some][new] + np.arange(len(new)) - begin[new]]
-    p, q = (np.where(up[some], ends[0][some], ends[1][some])[new] for ends in ((a, b), (b, a)))
-    count, first = np.zeros_like(a), np.zeros_like(a)
-    count[crossed], first[crossed] = levels_on[edge], len(x) + begin[edge]
-    return _Sides(low, count, first, up, high < low), _Between(p, q, (value - x[p]) / (x[q] - x[p]))
+    p, q, least, most = (
+        np.where(up[some], pair[0][some], pair[1][some])[new] for pair in ((a, b), (b, a), (start, end), (end, start))
+    )
+    count, first, along = np.zeros_like(a), np.zeros_like(a), up.copy()
+    count[crossed], first[crossed] = levels_on[edge], n + begin[edge]
+    along[crossed] = a[crossed] == np.where(up[some], a[some], b[some])[edge]
+    sides = _Sides(low, count, first, up, high < low, along)
+    return sides, _Between(p, q, (value - least) / (most - least), slots[some][new], value)
 
 
 def _subdivided(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
@@ -137,9 +223,8 @@ def _subdivided(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
     step = np.arange(offset[-1]) - offset[side]  # 0 at the old corner, then 1, 2, ... along the side
-    up = sides.up[side]
-    climbed = np.where(up, step, sides.count[side] - step)
-    corner = sides.first[side] + climbed - up
+    climbed = np.where(sides.up[side], step, sides.count[side] - step)
+    corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
     strip, divided = sides.low[side] + climbed, Cells(offset[cells.start], corner)
     return divided, _carried_over(divided, strip, sides.flat[side])

@@ -74,11 +74,17 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
     """
     face = edges.order // 3
     same = np.diff(edges.of.ravel()[edges.order]) == 0
-    links = coo_array((np.ones(same.sum(), dtype=np.int8), (face[:-1][same], face[1:][same])), shape=(len(F),) * 2)
-    count, label = connected_components(links, directed=False)
+    count, label = connected(len(F), face[:-1][same], face[1:][same])
     rank = np.empty(count, dtype=np.int64)
     rank[np.argsort(-np.bincount(label, minlength=count), kind="stable")] = np.arange(count)
-    return int(count), rank[label]
+    return count, rank[label]
+
+
+def connected(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
+    """Number of parts that links between things i and j (k,) make of `count` things, and the part of each."""
+    links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(count, count))
+    parts, label = connected_components(links, directed=False)
+    return int(parts), label.astype(np.int64)
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.design import DiffusionResult, PatternResult
 from dsfab.errors import PatternError
-from dsfab.pattern import Family, Layer
+from dsfab.pattern import Drawable, Layer
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import drawn, striped_families
@@ -81,7 +81,7 @@ def striped(brief: Brief, preset: Preset, diffusion: DiffusionResult) -> Structu
     return widened(brief, preset, striped_families(preset, brief.surface, diffusion, radius))
 
 
-def widened(brief: Brief, preset: Preset, families: Sequence[Family]) -> Structure:
+def widened(brief: Brief, preset: Preset, families: Sequence[Drawable]) -> Structure:
     """Families of stripes by the width rule of a preset, as wide as the area of the brief asks."""
     factor = 0.0
 

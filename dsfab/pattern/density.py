@@ -1,0 +1,103 @@
+"""How many stripes per metre: as even as stripes can be that run where they should.
+
+Stripes with the direction of their gradient g have a density e^u with curl(e^u g) = 0, or they must end somewhere:
+where rays fan out they part, where they meet they crowd. That fixes the derivative of u along the stripes alone [cf.
+the curl-free frame fields of Diamanti et al. 2015; least squares here].
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from dsfab.arrays import Floats
+from dsfab.pattern.frames import Frames, unit
+from dsfab.sparse import factorise
+from dsfab.surface.hats import assemble, hat_gradients
+from dsfab.surface.mesh import Surface
+
+SMOOTH = 0.02
+"""Weight of |grad u|^2: fills in where the direction is unclear."""
+EVEN = 0.3
+"""Weight of u^2, over the area of the surface: of all constants the one nearest to an even spacing."""
+RANGE = (-2.0, 1.5)
+"""Without halving u is clipped to this: it goes to infinity at singular points of the field."""
+COARSE_RANGE = (-1.0, 3.0)
+"""The same with halving, which takes up all but the last power of two."""
+MOST_HALVINGS = 3
+LIMITS = 20
+HALVED_FROM = 0.98
+"""Stripes are halved as often as the rest of the surface wants: less than that is not worth a ring of its own."""
+
+
+def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
+    """(n,) u, the logarithm of the relative density of stripes whose gradients point along g (n, 3), median 0.
+
+    On each face, with signs of g aligned at its corners, p . grad u = curl g / |mean g| along the stripe, p = n x g.
+    confidence : (m,) weight of that, 0 to 1.
+    """
+    surface = frames.surface
+    grad = hat_gradients(surface)
+    corners = g[surface.F]
+    sign = np.sign(np.einsum("mci,mi->mc", corners, corners[:, 0]))
+    sign[sign == 0] = 1
+    agree = np.einsum("mi,mi->m", corners[:, 1], corners[:, 2]) * sign[:, 1] * sign[:, 2] > 0
+    corners = corners * sign[:, :, None]
+    curl = np.einsum("mci,mi->m", np.cross(grad, corners), surface.normals)
+    mean = corners.mean(axis=1)
+    mean -= np.einsum("mi,mi->m", mean, surface.normals)[:, None] * surface.normals
+    length = np.linalg.norm(mean, axis=1)
+    along = np.cross(surface.normals, unit(mean))
+    weight = surface.areas * confidence * agree * np.clip(length, 0, 1) ** 4
+    rows = np.repeat(np.arange(surface.m), 3)
+    P = csr_array((np.einsum("mci,mi->mc", grad, along).ravel(), (rows, surface.F.ravel())), (surface.m, surface.n))
+    mass = np.maximum(surface.vertex_areas, np.finfo(float).eps * surface.area)
+    L = assemble(surface, np.einsum("mai,mbi,m->mab", grad, grad, surface.areas))
+    K = P.T @ diags_array(weight) @ P + SMOOTH * L + diags_array(EVEN / surface.area * mass)
+    u = factorise(csr_array(K), surface.V)(P.T @ (weight * curl / np.maximum(length, 1e-9)))
+    return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
+
+
+class Halving(NamedTuple):
+    """How often stripes are halved at most, and `wish` (n,): the whole number under it is how often, at each vertex.
+
+    limits : what the logarithm of the density of all lines is clipped to.
+    """
+
+    most: int
+    wish: Floats
+    limits: tuple[float, float]
+
+
+def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
+    """Where stripes are halved whose logarithm of the density is u (n,), so that what is left is as even as it can be.
+
+    Stripes are halved when they are some 1 to 2 times as dense as asked: of twenty such limits the one with the
+    smallest ratio of the spacings that 5 % of the surface exceed and fall below.
+    """
+    if not allowed:
+        return Halving(0, np.zeros_like(u), RANGE)
+
+    def ratio(wish: Floats) -> float:
+        v = np.clip(u, *COARSE_RANGE) - np.log(2) * np.clip(np.floor(wish), 0, MOST_HALVINGS)
+        return weighted_quantile(v, mass, 0.95) - weighted_quantile(v, mass, 0.05)
+
+    wishes = [u / np.log(2) + limit for limit in np.arange(LIMITS) / LIMITS]
+    best = min(wishes, key=lambda wish: round(ratio(wish), 6))
+    most = int(np.clip(np.floor(weighted_quantile(best, mass, HALVED_FROM)), 0, MOST_HALVINGS))
+    return Halving(most, np.clip(best, 0, most), COARSE_RANGE)
+
+
+def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
+    """(n,) periods per metre of the phase, such that what halving leaves is `spacing` metres apart on average."""
+    w = np.exp(np.clip(u, *halved.limits))
+    left = w / 2 ** np.floor(halved.wish)
+    mean = float(surface.vertex_areas @ left) / surface.area
+    return np.asarray(w / (spacing * mean))
+
+
+def weighted_quantile(x: Floats, weight: Floats, share: float) -> float:
+    """The value that `share` of the weights does not exceed."""
+    order = np.argsort(x, kind="stable")
+    upto = np.cumsum(weight[order])
+    return float(x[order][min(int(np.searchsorted(upto, share * upto[-1])), len(x) - 1)])

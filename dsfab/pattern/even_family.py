@@ -1,0 +1,66 @@
+"""`EvenFamily`: evenly spaced stripes on a phase of corners, drawn as layers: the coarse ones, then finer ones."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.pattern.corners import CornerPhase
+from dsfab.pattern.layers import Layer
+from dsfab.pattern.stripes import Stripes
+from dsfab.pattern.width import SOLID, Widths
+from dsfab.surface.corner_field import CornerField
+
+
+@dataclass(frozen=True, eq=False)
+class EvenFamily:
+    """Stripes whose middles are where a phase is a whole number; with halvings, some of these, see `wanted`.
+
+    phase   : at the corners, with every line that may be drawn.
+    wanted  : for each level of halving, the finest first, (m,) the share of each face where its lines are drawn. Lines
+              at multiples of 2^len(wanted) are drawn everywhere.
+    slope   : (n,) lines per metre of the phase.    density : (n,) the same of those that are drawn.
+    stress  : (n,) size of the stress along the stripes; any unit.    adds : see `Drawable`.
+    """
+
+    name: str
+    stripes: Stripes
+    phase: CornerPhase
+    wanted: tuple[Floats, ...]
+    slope: Floats
+    density: Floats
+    stress: Floats
+    adds: int = 0
+
+    def stressed(self, stress: Floats) -> Self:
+        """The same under another stress (n,)."""
+        return replace(self, stress=stress)
+
+    def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
+        """(n,) d in periods of the lines that are drawn."""
+        return widths.half_widths(self.stripes.half_width, self.density, self.stress, factor)
+
+    def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:
+        """The coarse stripes, which are drawn everywhere, then finer and finer ones."""
+        local = self.half_widths(widths, factor)
+        z, c = self.phase.value, len(self.wanted)
+        touching = local >= SOLID
+        d = np.where(touching, SOLID * 2**c, local * self.slope / self.density)
+        band = np.stack([z + d, z - d], axis=1)
+        drawn = [Layer(self.name, self._field(band, None), self._levels(2**c, 0, d), local)]
+        for level in range(c - 1, -1, -1):
+            field = self._field(band, self.wanted[level])
+            drawn.append(Layer(self.name, field, self._levels(2 ** (level + 1), 2**level, d), local))
+        return drawn
+
+    def _field(self, band: Floats, wanted: Floats | None) -> CornerField:
+        phase = self.phase
+        return CornerField(band, phase.sign, phase.shift, phase.singular, wanted)
+
+    def _levels(self, period: int, offset: int, d: Floats) -> Floats:
+        """offset + j period over all that faces see."""
+        phase = self.phase
+        seen = np.abs(phase.value).max() + np.abs(phase.shift[~phase.singular]).max(initial=0.0) + d.max()
+        count = np.ceil(seen / period) + 1
+        return np.asarray(offset + period * np.arange(-count, count + 1))

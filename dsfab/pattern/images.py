@@ -1,0 +1,65 @@
+"""`Images`: what makes stripes symmetric: directions, densities and phases averaged over the images of each point."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy.sparse import block_diag, csr_array, eye_array
+
+from dsfab.arrays import Floats
+from dsfab.pattern.frames import Frames, dots
+
+Projection = Callable[[Floats], Floats]
+"""Takes a field (2 n,), real parts then imaginary, to the nearest one that is symmetric."""
+
+
+@dataclass(frozen=True, eq=False)
+class Images:
+    """A group of rotations and mirrors of a surface, and where they take its vertices.
+
+    R    : (g, 3, 3) orthogonal, the first the identity.
+    maps : g sparse (n, n); maps[i] @ x reads a field x at the images of the vertices.
+    """
+
+    R: Floats
+    maps: tuple[csr_array, ...]
+
+    @classmethod
+    def none(cls, n: int) -> Self:
+        """Of a surface without symmetry: each of n vertices is its only image."""
+        return cls(np.eye(3)[None], (csr_array(eye_array(n)),))
+
+    def mean(self, x: Floats) -> Floats:
+        """A field (n, ...) averaged over the images of each point."""
+        return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
+
+    def directions(self, frames: Frames, along: Floats) -> Floats:
+        """(n, 3) unit tangents, up to sign, of the field that is nearest to such tangents and the same at all images.
+
+        A line is told by the products of its coordinates, v v^T, which signs leave alone; they are averaged.
+        """
+        if len(self.maps) == 1:
+            return along
+        n = len(along)
+        products = (along[:, :, None] * along[:, None, :]).reshape(n, 9)
+        total = np.zeros((n, 3, 3))
+        for R, T in zip(self.R, self.maps, strict=True):
+            total += R.T @ (T @ products).reshape(n, 3, 3) @ R
+        xx = np.einsum("ni,nij,nj->n", frames.t1, total, frames.t1)
+        yy = np.einsum("ni,nij,nj->n", frames.t2, total, frames.t2)
+        xy = np.einsum("ni,nij,nj->n", frames.t1, total, frames.t2)
+        return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
+
+    def projection(self, g: Floats) -> Projection:
+        """Of phases whose gradients point along g (n, 3): an image that sees g turned over has the conjugate."""
+        own = [self._phase_map(R, T, g) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
+        return lambda x: np.asarray(sum((T @ x for T in own), x) / len(self.maps))
+
+    @staticmethod
+    def _phase_map(R: Floats, T: csr_array, g: Floats) -> csr_array:
+        entries = T.tocoo()
+        row, column = entries.coords
+        sign = np.where(dots(g[row] @ R.T, g[column]) < 0, -1.0, 1.0)
+        turned = csr_array((entries.data * sign, (row, column)), shape=T.shape)
+        return csr_array(block_diag([T, turned], format="csr"))

@@ -1,0 +1,87 @@
+"""`PolygonMesh`: a surface divided into convex polygons, between one cut and the next."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.sparse import csr_array, eye_array, vstack
+
+from dsfab.arrays import Bools, Floats, Ints, grouped
+from dsfab.slicing.cells import Cells
+from dsfab.slicing.sheet import VOID
+from dsfab.slicing.split import Split
+from dsfab.surface import Surface
+from dsfab.surface.topology import connected
+
+
+@dataclass(frozen=True, eq=False)
+class PolygonMesh:
+    """Polygons on vertices X (n', 3), their parent faces and families (c,), and the weights of the vertices.
+
+    F : (m, 3) the faces of the uncut surface.
+    """
+
+    F: Ints
+    cells: Cells
+    X: Floats
+    weights: csr_array
+    parent: Ints
+    family: Ints
+
+    @classmethod
+    def of(cls, surface: Surface) -> Self:
+        """The faces of a surface, all void."""
+        n, m = surface.n, surface.m
+        cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
+        return cls(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
+
+    @property
+    def void(self) -> Bools:
+        """(c,) polygons that no field made material."""
+        return np.asarray(self.family == VOID)
+
+    @cached_property
+    def face(self) -> Ints:
+        """(h,) the parent face of each slot."""
+        return np.asarray(self.parent[self.cells.owner])
+
+    @cached_property
+    def support(self) -> Ints:
+        """(n',) for each vertex one of the uncut vertices that it lies between."""
+        return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
+
+    def after(self, split: Split) -> "PolygonMesh":
+        """The mesh that a split makes of this one."""
+        weights = extended_weights(self.weights, split)
+        source = split.source
+        return PolygonMesh(
+            self.F, split.cells, split.extended(self.X), weights, self.parent[source], self.family[source]
+        )
+
+    @cached_property
+    def neighbours(self) -> tuple[Ints, Ints, Ints]:
+        """(p,) slots of both sides of each inner edge, and the slot of the second polygon where the first one begins."""
+        a, b = self.cells.corner, self.cells.ahead(self.cells.corner)
+        order, _, edge = grouped(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
+        pair = np.flatnonzero(np.diff(edge[order]) == 0)
+        one, two = order[pair], order[pair + 1]
+        return one, two, np.where(a[one] == a[two], two, self.cells.following[two])
+
+    def parts(self, marked: Bools) -> Ints:
+        """(c,) the part of each marked polygon, -1 of the others: those that sides between marked ones connect."""
+        one, two, _ = self.neighbours
+        f, g = self.cells.owner[one], self.cells.owner[two]
+        both = marked[f] & marked[g]
+        label = connected(len(marked), f[both], g[both])[1]
+        label[~marked] = -1
+        return label
+
+    def corner(self, face: Ints, vertex: Ints) -> Ints:
+        """(k,) the place in `face` (k,) of uncut vertices (k,), which must be corners of it."""
+        return np.asarray((self.F[face] == vertex[:, None]).argmax(axis=1))
+
+
+def extended_weights(weights: csr_array, split: Split) -> csr_array:
+    """Rows for the new vertices of a split below those of the old ones: at most three entries, all of one face."""
+    return csr_array(vstack([weights, split.blend(weights.shape[0]) @ weights], format="csr"))

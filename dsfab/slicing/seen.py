@@ -1,0 +1,100 @@
+"""`Seen`: how the polygons of a cut see a `CornerField`, each vertex once, so that all of them are cut alike."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints, grouped
+from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.slicing.split import SideValues, Split
+from dsfab.surface.corner_field import CornerField
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A corner field on the vertices of a mesh of polygons.
+
+    values : (n', 1 or 2) at each vertex, as the face `lead` (n',) of its own sees them.
+    sign, shift, blank : (h,) how the polygon of each slot sees that.
+    """
+
+    mesh: PolygonMesh
+    field: CornerField
+    values: Floats
+    lead: Ints
+    sign: Floats
+    shift: Floats
+    blank: Bools
+
+    @classmethod
+    def of(cls, mesh: PolygonMesh, field: CornerField) -> Self:
+        """Each vertex as the first face around it sees it in which the field means something."""
+        corner, n = mesh.cells.corner, len(mesh.X)
+        lead = np.zeros(n, dtype=np.int64)
+        lead[corner[::-1]] = mesh.face[::-1]
+        telling = np.flatnonzero(~field.blank[mesh.face])[::-1]
+        lead[corner[telling]] = mesh.face[telling]
+        weights = mesh.weights.tocoo()
+        row, column = (at.astype(np.int64) for at in weights.coords)
+        seen = field.corners(mesh.F)[lead[row], mesh.corner(lead[row], column)]
+        values = np.stack([np.bincount(row, weights.data * seen[:, k], n) for k in range(field.x.shape[1])], axis=1)
+        return cls._on(mesh, field, values, lead)
+
+    @classmethod
+    def _on(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:
+        vertex = mesh.cells.corner
+        base = mesh.support[vertex]
+        here, there = mesh.corner(mesh.face, base), mesh.corner(lead[vertex], base)
+        first = lead[vertex], there
+        sign = field.sign[mesh.face, here] * field.sign[first]
+        shift = field.shift[mesh.face, here] - sign * field.shift[first]
+        return cls(mesh, field, values, lead, sign, shift, field.blank[mesh.face])
+
+    def entity(self, side: int) -> Ints:
+        """(h,) for each slot the place in values.ravel() of what it sees as the upper (0) or lower (1) field."""
+        if self.values.shape[1] == 1:
+            return self.mesh.cells.corner
+        return np.asarray(2 * self.mesh.cells.corner + np.where(self.sign > 0, side, 1 - side))
+
+    def slots(self, side: int) -> Floats:
+        """(h,) the upper (0) or lower (1) field at the slots."""
+        return np.asarray(self.sign * self.values.ravel()[self.entity(side)] + self.shift)
+
+    def with_values(self, values: Floats) -> "Seen":
+        """The same with other values."""
+        return Seen(self.mesh, self.field, values, self.lead, self.sign, self.shift, self.blank)
+
+    def sides(self, side: int, foreign: Bools | None = None) -> SideValues:
+        """The field at both ends of every side."""
+        return SideValues.at(self.mesh.cells, self.slots(side), self.blank if foreign is None else foreign)
+
+    def after(self, split: Split, side: int) -> "Seen":
+        """The same on the mesh that a split by one of the two fields makes; its new vertices are on levels exactly."""
+        mesh, following = self.mesh.after(split), self.mesh.cells.following
+        cut = self.slots(side)
+        up = cut[split.side] < cut[following[split.side]]
+        low = np.where(up, split.side, following[split.side])
+        high = np.where(up, following[split.side], split.side)
+        new = np.empty((len(split.t), self.values.shape[1]))
+        for k in range(new.shape[1]):
+            y = self.slots(k)
+            new[:, k] = split.level if k == side else (1 - split.t) * y[low] + split.t * y[high]
+        lead = np.concatenate([self.lead, self.mesh.face[split.side]])
+        return Seen._on(mesh, self.field, np.concatenate([self.values, new]), lead)
+
+    def turned_edges(self) -> tuple[Bools, Bools]:
+        """(h,) sides on whose edge the other polygon sees the field turned over: those of the first, of the second."""
+        cells = self.mesh.cells
+        a, b = cells.corner, cells.ahead(cells.corner)
+        order, begins, edge = grouped(np.minimum(a, b) * len(self.mesh.X) + np.maximum(a, b))
+        telling = np.where(self.blank, len(a), np.arange(len(a)))
+        first = np.minimum.reduceat(telling[order], begins)[edge]
+        some = np.flatnonzero(~self.blank & (first < np.arange(len(a))))
+        mate = first[some]
+        same = np.where(a[mate] == a[some], mate, cells.following[mate])
+        second = np.zeros(len(a), dtype=bool)
+        second[some] = self.sign[same] * self.sign[some] < 0
+        leading = np.zeros(len(a), dtype=bool)
+        leading[first[second]] = True
+        return leading, second
