@@ -133,7 +133,7 @@ class Family(Section):
         return values
 
     def distance(self, area: float) -> float:
-        """Metres between evenly spaced stripes on a surface of that area: a twelfth of its side if `spacing` is left out."""
+        """Metres between evenly spaced stripes on a surface of that area: a twelfth of its side where not given."""
         return self.spacing or float(np.sqrt(area)) / STRIPES_ACROSS
 
     @property

@@ -61,7 +61,7 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) slots of both sides of each inner edge, and the slot of the second polygon where the first one begins."""
+        """(p,) slots of both sides of each inner edge, and the slot of the second polygon where the first begins."""
         a, b = self.cells.corner, self.cells.ahead(self.cells.corner)
         order, _, edge = grouped(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
