@@ -8,7 +8,7 @@ from dsfab.arrays import Floats
 from dsfab.diffusion import DiffusionTensors, Modes
 from dsfab.pattern import CornerPhase
 from dsfab.preset import Preset
-from dsfab.slicing import Chart, Sheet
+from dsfab.slicing import Chart, Sheet, Tidy
 from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.corner_field import CornerField
@@ -126,6 +126,7 @@ class PatternResult:
     mode, phase : of both, as drawn: what `auto` became, where it was asked.
     choice      : what was tried for that; None where nothing is `auto`.
     even        : where evenly spaced stripes run; None for stripes on modes.
+    tidy        : what the cut takes off where stripes lead nowhere; None takes off nothing.
     """
 
     names: tuple[str, ...]
@@ -138,6 +139,7 @@ class PatternResult:
     phase: tuple[float, float] = (0.0, 0.0)
     choice: Choice | None = None
     even: EvenStripes | None = None
+    tidy: Tidy | None = None
 
 
 class Piece(NamedTuple):

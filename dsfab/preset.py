@@ -206,10 +206,18 @@ class Pattern(Section):
     major: Family = Family()
     minor: Family = Family()
     width: Width = Width()
+    tidy: bool | None = None
+    """Take off stripes that end in the air or turn back, as far as the member that they cross last. Left out: on for
+    stripes, off on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
     """Metres along the boundary that stay material; 0 keeps nothing."""
+
+    @property
+    def tidied(self) -> bool:
+        """Whether loose ends are taken off."""
+        return self.method == "stripes" if self.tidy is None else self.tidy
 
     @property
     def auto(self) -> bool:

@@ -27,7 +27,7 @@ from dsfab.preset import Preset
 from dsfab.slicing import chart_of, halved
 from dsfab.surface import Surface
 
-SMOOTHING = 0.5
+SMOOTHING = 1.5
 """Directions are smoothed over this share of the spacing, where the stress does not say which way."""
 PEAK = 4
 """A stripe runs through the most stressed places: stress to this power is where its phase begins."""

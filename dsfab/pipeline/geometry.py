@@ -26,7 +26,7 @@ def slicing_step(
 ) -> SlicingResult:
     ask = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
-        cells = cut(surface, pattern.fields, pattern.levels, ask.snap)
+        cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)

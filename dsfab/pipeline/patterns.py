@@ -26,6 +26,7 @@ from dsfab.pattern import (
     stripe_layers,
 )
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.slicing import material_area
 from dsfab.surface import LoadCase, Surface
@@ -67,7 +68,8 @@ def pattern_step(
 
         def share(layers: Sequence[Layer]) -> float:
             fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
-            return material_area(surface, fields, levels, SHARE_SNAP) / surface.area
+            tidy = tidy_of(settled, surface, statics.load, diffusion, layers)
+            return material_area(surface, fields, levels, SHARE_SNAP, tidy) / surface.area
 
         counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
         layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE, counted=counted)
@@ -86,6 +88,7 @@ def pattern_step(
         (major.phase, minor.phase),
         choice,
         even,
+        tidy_of(settled, surface, statics.load, diffusion, layers),
     )
 
 

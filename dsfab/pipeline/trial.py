@@ -15,6 +15,7 @@ from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Layer, counted_share
 from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.pipeline.patterns import SHARE_SNAP, drawn, kept_regions, striped_families
+from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.statics import FaceStiffness, solve_cases
@@ -47,7 +48,7 @@ class Trial:
     ) -> None:
         self.preset, self.surface, self.diffusion, self.even = preset, surface, diffusion, even
         self.loads = {name: statics.cases[name].load for name in preset.followed}
-        self.held = statics.load.held
+        self.load, self.held = statics.load, statics.load.held
         self.kept = kept_regions(preset, surface, statics.load)
         self.factors: dict[tuple[int, int], float] = {}
         self._share = counted_share(surface, self.kept)
@@ -65,7 +66,8 @@ class Trial:
     def carrying(self, layers: Sequence[Layer]) -> "Carrying":
         """Layers as a sheet; raises DsfabError when it does not carry the loads."""
         surface = self.surface
-        cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP)
+        tidy = tidy_of(self.preset, surface, self.load, self.diffusion, layers)
+        cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP, tidy)
         material = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet.kept()
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)

@@ -5,5 +5,17 @@ from dsfab.slicing.cut import cut, material_area
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.sheet import Sheet
+from dsfab.slicing.tidy import Tidy
 
-__all__ = ["Chart", "Halved", "Pinched", "Sheet", "chart_of", "cut", "halved", "material_area", "resolve_pinches"]
+__all__ = [
+    "Chart",
+    "Halved",
+    "Pinched",
+    "Sheet",
+    "Tidy",
+    "chart_of",
+    "cut",
+    "halved",
+    "material_area",
+    "resolve_pinches",
+]

@@ -12,6 +12,8 @@ from dsfab.slicing.snap import SNAP_FLOOR, nearest, ranges, settled, snapped, sn
 from dsfab.slicing.split import Split, split_cells
 from dsfab.surface.corner_field import CornerField
 
+NODE = 0.5
+"""A polygon without a phase is material where more than this share of its outline borders on stripes."""
 WANTED = 0.5
 """A field is drawn in an opening where it is wanted in more than this share of it."""
 
@@ -26,7 +28,7 @@ def corner_band(
     Where neighbours see the field turned over, what is the upper edge of a stripe to one is the lower edge to the
     other. There the edge of the mesh is divided by both before anything is cut, so that both find the same vertices.
     """
-    void = mesh.void & ~field.blank[mesh.parent]
+    void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _wanted_cells(mesh, field.wanted)
     if not len(levels) or not void.any():
@@ -39,17 +41,36 @@ def corner_band(
         cutting = cutting.with_turned_edges(side)
     cutting, above = cutting.along(0, above=False)
     cutting, below = cutting.along(1, above=True)
-    return cutting.seen.mesh, cutting.solid | (above[cutting.source] > below)
+    mesh, material = cutting.seen.mesh, cutting.solid | (above[cutting.source] > below)
+    return mesh, material | _nodes(mesh, field.blank, material)
+
+
+def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
+    """(c',) void polygons of blank faces that stripes enclose by more than half: there they meet in a node."""
+    inner = mesh.void & blank[mesh.parent]
+    if not inner.any():
+        return inner
+    one, two, _ = mesh.neighbours
+    owner, cells = mesh.cells.owner, mesh.cells
+    length = np.linalg.norm(mesh.X[cells.corner] - mesh.X[cells.ahead(cells.corner)], axis=1)
+    around = np.bincount(owner, length, len(inner))
+    shared = np.zeros(len(inner))
+    for a, b in ((one, two), (two, one)):
+        np.add.at(shared, owner[a], length[a] * material[owner[b]])
+    return np.asarray(inner & (shared > NODE * around))
 
 
 def _wanted_cells(mesh: PolygonMesh, wanted: Floats) -> Bools:
-    """(c,) polygons in the openings where a field is wanted."""
+    """(c,) polygons in the openings where a field is wanted, and on the members between them that are cut again."""
+    crossed = mesh.again & (wanted > WANTED)[mesh.parent]
+    if not mesh.void.any():
+        return crossed
     opening = mesh.parts(mesh.void)
     here = opening >= 0
     area = mesh.cells.areas(mesh.X)[0]
     total = np.bincount(opening[here], area[here])
     wishes = np.bincount(opening[here], (area * wanted[mesh.parent])[here])
-    return np.asarray(here & (wishes > WANTED * total)[opening])
+    return np.asarray(crossed | (here & (wishes > WANTED * total)[opening]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ number of them per face, without subdividing first. New vertices are made once p
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.snap import SNAP_FLOOR, TIP, ranges, settled, snapped_together
 from dsfab.slicing.split import Split
+from dsfab.slicing.tidy import Tidy, tidied
 from dsfab.slicing.triangulate import triangulate
 from dsfab.surface import Surface
 from dsfab.surface.corner_field import CornerField
@@ -28,7 +30,11 @@ LEVEL_GAP = 1e-6
 
 
 def cut(
-    surface: Surface, fields: Sequence[Floats | CornerField], levels: Sequence[ArrayLike], snap: float = 0.05
+    surface: Surface,
+    fields: Sequence[Floats | CornerField],
+    levels: Sequence[ArrayLike],
+    snap: float = 0.05,
+    tidy: Tidy | None = None,
 ) -> Sheet:
     """All cells of a surface cut along the given levels of several fields, material and void together.
 
@@ -42,26 +48,36 @@ def cut(
              first, which moves a line by at most this fraction of an edge and avoids slivers. 0 is for exact areas; a
              floor of `SNAP_FLOOR` always holds, and where a cell would still have no area its corners are moved too.
 
+    tidy   : what to take off where stripes lead nowhere; None leaves them.
+
     A cell that is material by an earlier field is not cut by later ones. A face that lies on a level wholly is void.
     Returns the cells in the order of their parent faces; the first n vertices are the uncut ones.
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells that have no
     area whatever is moved.
     """
-    done = _divided(surface, fields, levels, snap)
+    done = _divided(surface, fields, levels, snap, tidy)
     cut_surface, cell = filled(done.cells, done.X, done.parent)
     return Sheet(cut_surface, done.parent[cell], done.family[cell], done.weights)
 
 
 def material_area(
-    surface: Surface, fields: Sequence[Floats | CornerField], levels: Sequence[ArrayLike], snap: float = 0.05
+    surface: Surface,
+    fields: Sequence[Floats | CornerField],
+    levels: Sequence[ArrayLike],
+    snap: float = 0.05,
+    tidy: Tidy | None = None,
 ) -> float:
     """Area of the material of `cut` with the same arguments, square metres, without filling the cells."""
-    done = _divided(surface, fields, levels, snap)
+    done = _divided(surface, fields, levels, snap, tidy)
     return float(done.cells.areas(done.X)[0][~done.void].sum())
 
 
 def _divided(
-    surface: Surface, fields: Sequence[Floats | CornerField], levels: Sequence[ArrayLike], snap: float
+    surface: Surface,
+    fields: Sequence[Floats | CornerField],
+    levels: Sequence[ArrayLike],
+    snap: float,
+    tidy: Tidy | None,
 ) -> PolygonMesh:
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     steps = [_checked_levels(k, x, wanted) for k, ((_, x), wanted) in enumerate(zip(values, levels, strict=True))]
@@ -71,12 +87,16 @@ def _divided(
     for k, ((field, x), lines) in enumerate(zip(values, steps, strict=True)):
         if isinstance(field, CornerField):
             mesh, material = corner_band(mesh, field, lines, snap, _tip(snap), surface.size)
+            blank = field.blank
         else:
             splits, material = _plain(mesh, x, lines, snap, surface.size)
             for split in splits:
                 mesh = mesh.after(split)
-        mesh.family[material] = k
-    return mesh
+            blank = np.zeros(surface.m, dtype=bool)
+        mesh = mesh.with_material(k, material)
+        if tidy:
+            mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank))
+    return tidied(mesh, tidy) if tidy else mesh
 
 
 def _tip(snap: float) -> float:
@@ -87,8 +107,8 @@ def _plain(mesh: PolygonMesh, field: Floats, lines: Floats, snap: float, size: f
     """The splits of the void polygons by one plain field or two, and which of the resulting ones are material."""
     x = np.asarray(mesh.weights @ field)
     if x.ndim == 2:
-        return _band(mesh.cells, mesh.X, x, lines, mesh.void, snap, size)
-    split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void, snap, size)
+        return _band(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
+    split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
     return [split], (split.strip > 0) & (split.strip % 2 == 1)
 
 

@@ -1,6 +1,6 @@
 """`PolygonMesh`: a surface divided into convex polygons, between one cut and the next."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -19,7 +19,8 @@ from dsfab.surface.topology import connected
 class PolygonMesh:
     """Polygons on vertices X (n', 3), their parent faces and families (c,), and the weights of the vertices.
 
-    F : (m, 3) the faces of the uncut surface.
+    F     : (m, 3) the faces of the uncut surface.
+    again : (c,) material that later fields divide too.    also : (c,) the field that makes that material as well.
     """
 
     F: Ints
@@ -28,13 +29,22 @@ class PolygonMesh:
     weights: csr_array
     parent: Ints
     family: Ints
+    again: Bools
+    also: Ints
 
     @classmethod
     def of(cls, surface: Surface) -> Self:
         """The faces of a surface, all void."""
         n, m = surface.n, surface.m
         cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
-        return cls(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
+        never = np.zeros(m, dtype=bool)
+        return cls(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID), never, np.full(m, VOID))
+
+    def with_material(self, k: int, material: Bools) -> Self:
+        """What field k makes material (c,), where an earlier field did not already."""
+        new = material & self.void
+        family, also = np.where(new, k, self.family), np.where(material & ~new & self.again, k, self.also)
+        return replace(self, family=family, also=also)
 
     @property
     def void(self) -> Bools:
@@ -55,9 +65,8 @@ class PolygonMesh:
         """The mesh that a split makes of this one."""
         weights = extended_weights(self.weights, split)
         source = split.source
-        return PolygonMesh(
-            self.F, split.cells, split.extended(self.X), weights, self.parent[source], self.family[source]
-        )
+        of_cells = (x[source] for x in (self.parent, self.family, self.again, self.also))
+        return PolygonMesh(self.F, split.cells, split.extended(self.X), weights, *of_cells)
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:

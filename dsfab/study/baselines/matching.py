@@ -11,6 +11,7 @@ from dsfab.pattern import Drawable, Layer
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import drawn, striped_families
+from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.slicing import material_area
 from dsfab.study.baselines.brief import Brief, Structure
@@ -64,7 +65,8 @@ def sliced(brief: Brief, layers: Sequence[Layer]) -> Structure:
     names, fields, levels, widths = zip(*layers, strict=True)
     slicing = brief.preset.slicing.model_copy(update={"loose": "drop"})
     preset = brief.preset.model_copy(update={"slicing": slicing})
-    pattern = PatternResult(names, fields, levels, widths)
+    tidy = tidy_of(preset, brief.surface, brief.statics.load, brief.diffusion, layers)
+    pattern = PatternResult(names, fields, levels, widths, tidy=tidy)
     made = slicing_step(preset, brief.surface, brief.statics, pattern, Log(None))
     return Structure(made.cells, names, made.sheet, len(made.pieces), preset.statics.thickness)
 
@@ -72,7 +74,8 @@ def sliced(brief: Brief, layers: Sequence[Layer]) -> Structure:
 def area_share(brief: Brief, layers: Sequence[Layer]) -> float:
     """The share of the surface that layers make material."""
     fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
-    return material_area(brief.surface, fields, levels, brief.preset.slicing.snap) / brief.surface.area
+    tidy = tidy_of(brief.preset, brief.surface, brief.statics.load, brief.diffusion, layers)
+    return material_area(brief.surface, fields, levels, brief.preset.slicing.snap, tidy) / brief.surface.area
 
 
 def striped(brief: Brief, preset: Preset, diffusion: DiffusionResult) -> Structure:

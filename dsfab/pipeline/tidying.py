@@ -1,0 +1,42 @@
+"""What `cut` takes off where stripes lead nowhere: loose ends, and bands of modes that turn back."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats
+from dsfab.design import DiffusionResult
+from dsfab.pattern import Layer
+from dsfab.preset import Preset
+from dsfab.slicing import Tidy
+from dsfab.surface import LoadCase, Surface
+from dsfab.surface.corner_field import CornerField
+from dsfab.surface.hats import hat_gradients
+
+ASTRAY = float(np.cos(np.radians(45)))
+"""Stripes go astray where they run nearer to the other direction of the stress than to their own."""
+FAMILIES = ("major", "minor")
+
+
+def tidy_of(
+    preset: Preset, surface: Surface, load: LoadCase, diffusion: DiffusionResult, layers: Sequence[Layer]
+) -> Tidy | None:
+    """What to take off of layers that are cut together, or None where the preset does not ask for it."""
+    if not preset.pattern.tidied:
+        return None
+    names = [layer.name for layer in layers]
+    astray = tuple(_astray(surface, diffusion, layer) for layer in layers)
+    return Tidy(tuple(name in FAMILIES for name in names), astray, load.held | load.loaded)
+
+
+def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
+    """(m,) faces where stripes on a mode run across their direction; evenly spaced ones never do."""
+    if layer.name not in FAMILIES or isinstance(layer.field, CornerField):
+        return None
+    x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
+    gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
+    tensors = diffusion.tensors
+    D = tensors.major if layer.name == "major" else tensors.minor
+    along = np.cross(surface.normals, gradient)
+    own, other = (np.einsum("mi,mij,mj->m", v, D, v) for v in (along, gradient))
+    return np.asarray((own < other) & ~tensors.isotropic)
