@@ -1,0 +1,101 @@
+"""The measures of a good pattern, of a draft or a design: its phases on a chart, the stress, and the symmetry."""
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+from scipy.sparse import csr_array, eye_array
+
+from dsfab.arrays import Bools, Floats
+from dsfab.design import Design, DiffusionResult, Draft, PatternResult
+from dsfab.diffusion import Symmetry, found_symmetry, principal_stresses, symmetry_of
+from dsfab.errors import PatternError
+from dsfab.pattern import StressDirections
+from dsfab.pipeline.directions import followed_stress, load_axes
+from dsfab.slicing import Chart
+from dsfab.slicing.drawn import Drawn
+from dsfab.slicing.pattern_quality import PatternQuality, pattern_quality
+from dsfab.surface import Surface
+
+FAMILIES = ("major", "minor")
+LOOKS = 40_000
+"""About how many points and images of points are looked at to see whether material is symmetric."""
+
+
+def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQuality:
+    """The measures of what is drawn, before anything is cut.
+
+    symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
+    """
+    chart = made.pattern.even.chart if made.pattern.even else modes_chart(made.surface, made.diffusion, made.pattern)
+    drawn = drawn_pattern(made.surface, chart, made.pattern)
+    given = _followed(made)
+    try:
+        confidence = given.confidence(made.surface.areas)
+    except PatternError:  # nothing is stressed
+        confidence = np.zeros(made.surface.m)
+    parent = chart.parent
+    found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent])
+    group = used_symmetry(made) if symmetry else None
+    return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
+
+
+def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
+    """The surface as its own chart: phases on modes have one value at each vertex, z = frequency x + phase."""
+    modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
+    x = np.stack([family.mode(number) for family, number in modes], axis=1)
+    z = x * np.array(pattern.frequency) + np.array(pattern.phase)
+    return Chart(surface, np.arange(surface.m), csr_array(eye_array(surface.n)), z, np.ones((surface.n, 2)))
+
+
+def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Drawn:
+    """What is drawn, on a chart."""
+    d = np.stack([pattern.half_widths[pattern.names.index(name)] for name in FAMILIES], axis=1)
+    kept = np.full(surface.n, -1.0)
+    for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
+        if name not in FAMILIES and isinstance(x, np.ndarray):
+            kept = np.maximum(kept, x - levels[0])
+    return Drawn.of(chart, d, np.maximum(kept, -surface.size))
+
+
+def _followed(made: Draft | Design) -> StressDirections:
+    """What the members of both families were to run along."""
+    ask = made.preset
+    stress, direction = principal_stresses(made.surface, followed_stress(ask, made.surface, made.statics))
+    if made.pattern.even is None and ask.diffusion.labelling == "magnitude":
+        swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
+        stress[swap], direction[swap] = stress[swap, ::-1], direction[swap, ::-1]
+    return StressDirections(stress, direction)
+
+
+def used_symmetry(made: Draft | Design) -> Symmetry | None:
+    """The mirrors and turns that the pattern was made with; None without any."""
+    ask = made.preset
+    loads = [made.statics.cases[name].load for name in ask.followed]
+    if made.pattern.even is None:
+        return symmetry_of(made.surface, ask.diffusion.symmetry, *loads) if ask.diffusion.symmetry else None
+    if ask.pattern.symmetry == "none":
+        return None
+    return found_symmetry(made.surface, load_axes(made.surface, made.statics.load), loads)
+
+
+def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
+    """Share of the surface where material differs from its image, the largest over the group.
+
+    surface : uncut, about whose centroid the images are. Looked at are the centroids of the chart's faces, or of some.
+    """
+    sheet, centre = drawn.surface, surface.areas @ surface.centroids / surface.area
+    some = np.arange(0, sheet.m, 1 + sheet.m * (symmetry.order - 1) // LOOKS)
+    here = _material(drawn, sheet.centroids[some])
+    weight = sheet.areas[some] / sheet.areas[some].sum()
+    images = ((sheet.centroids[some] - centre) @ R.T + centre for R in symmetry.R[1:])
+    return max((float(weight @ (here != _material(drawn, image))) for image in images), default=0.0)
+
+
+def _material(drawn: Drawn, points: Floats) -> Bools:
+    """(p,) whether the nearest point of the sheet to points (p, 3) is material."""
+    V, F = drawn.surface.V, drawn.surface.F
+    _, face, near = igl.point_mesh_squared_distance(np.ascontiguousarray(points), V, F)
+    corner = F[face]
+    at = igl.barycentric_coordinates(near, *(np.ascontiguousarray(V[corner[:, i]]) for i in range(3)))
+    return drawn.inside(0, face, at) | drawn.inside(1, face, at) | drawn.is_kept(face, at)

@@ -1,0 +1,96 @@
+"""`Drawn`: two families of stripes on a chart, as plain arrays: what the measures of a pattern look at."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints, grouped, lock
+from dsfab.slicing.chart import Chart
+from dsfab.surface.hats import hat_gradients
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import EdgeTable, edge_table
+
+ON = 1e-6
+"""Phases this near to a whole number, in periods, are on the middle of a stripe."""
+POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
+"""(4, 3) where faces are looked at: the centroids of four triangles that a face divides into, nearly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """Stripes where |z - k| < d, k a whole number, and what is kept besides.
+
+    surface : n vertices, m faces; vertices at one place are one, where the surface is cut open.
+    z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
+    d       : (n, 2) half-widths, in periods.
+    known   : (m, 2) faces that have a phase; in the others no stripe is drawn.
+    kept    : (n,) positive in what is kept besides the stripes.
+    """
+
+    surface: Surface
+    z: Floats
+    d: Floats
+    known: Bools
+    kept: Floats
+
+    def __post_init__(self) -> None:
+        n, m = self.surface.n, self.surface.m
+        lock(self, "z", np.float64, (n, 2))
+        lock(self, "d", np.float64, (n, 2))
+        lock(self, "known", np.bool_, (m, 2))
+        lock(self, "kept", np.float64, (n,))
+
+    @classmethod
+    def of(cls, chart: Chart, d: Floats, kept: Floats) -> Self:
+        """On a chart; half-widths (n, 2) and what is kept (n,) are those of the uncut vertices."""
+        known = (chart.scale[chart.surface.F] > 0).all(axis=1)
+        whole = np.rint(chart.z)
+        z = np.where(np.abs(chart.z - whole) < ON, whole, chart.z)
+        return cls(chart.surface, z, np.clip(chart.carry(d), 0.0, 0.5), known, chart.carry(kept))
+
+    @cached_property
+    def place(self) -> Ints:
+        """(n,) the place of each vertex: the same number for all that are at one place."""
+        bits = (self.surface.V + 0.0).view(np.int64)  # -0 is 0
+        mixed = bits[:, 0] * 0x9E3779B97F4A7C1 ^ bits[:, 1] * 0x3C6EF372FE94F82B ^ bits[:, 2] * 0x5851F42D4C957F2D
+        return grouped(mixed & np.int64(2**62 - 1))[2]
+
+    @cached_property
+    def table(self) -> EdgeTable:
+        """The edges between places."""
+        return edge_table(self.place[self.surface.F])
+
+    @cached_property
+    def gradients(self) -> Floats:
+        """(m, 2, 3) of both phases on the faces, per metre."""
+        return np.einsum("mcx,mck->mkx", hat_gradients(self.surface), self.z[self.surface.F])
+
+    @cached_property
+    def slope(self) -> Floats:
+        """(m, 2) stripes per metre."""
+        return np.linalg.norm(self.gradients, axis=2)
+
+    def inside(self, k: int, face: Ints, at: Floats) -> Bools:
+        """(q,) whether points at barycentric coordinates (q, 3) of faces (q,) lie in stripes of family k."""
+        corner = self.surface.F[face]
+        z, d = (np.einsum("qc,qc->q", x[corner, k], at) for x in (self.z, self.d))
+        return np.asarray((np.abs(z - np.rint(z)) <= d + ON * (d > 0)) & self.known[face, k])
+
+    def is_kept(self, face: Ints, at: Floats) -> Bools:
+        """(q,) whether points lie in what is kept besides the stripes."""
+        return np.asarray(np.einsum("qc,qc->q", self.kept[self.surface.F[face]], at) > 0)
+
+    @cached_property
+    def void(self) -> Floats:
+        """(m,) share of each face that is not material, from four points."""
+        F = self.surface.F
+        z, d = (np.einsum("pc,mck->mpk", POINTS, x[F]) for x in (self.z, self.d))
+        solid = ((np.abs(z - np.rint(z)) < d) & self.known[:, None]).any(axis=2)
+        return np.asarray(1 - (solid | (self.kept[F] @ POINTS.T > 0)).mean(axis=1))
+
+    @cached_property
+    def free(self) -> Floats:
+        """(m,) share of each face outside of what is kept besides the stripes."""
+        return np.asarray((self.kept[self.surface.F] @ POINTS.T <= 0).mean(axis=1))
