@@ -8,17 +8,17 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design, DiffusionResult, Draft, PatternResult
-from dsfab.diffusion import Symmetry, found_symmetry, principal_stresses, symmetry_of
+from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
 from dsfab.errors import PatternError
 from dsfab.pattern import StressDirections
-from dsfab.pipeline.directions import followed_stress, load_axes
+from dsfab.pipeline.directions import followed_stress
 from dsfab.slicing import Chart
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import PatternQuality, pattern_quality
 from dsfab.surface import Surface
 
 FAMILIES = ("major", "minor")
-LOOKS = 40_000
+LOOKS = 24_000
 """About how many points and images of points are looked at to see whether material is symmetric."""
 
 
@@ -70,13 +70,11 @@ def _followed(made: Draft | Design) -> StressDirections:
 
 def used_symmetry(made: Draft | Design) -> Symmetry | None:
     """The mirrors and turns that the pattern was made with; None without any."""
-    ask = made.preset
-    loads = [made.statics.cases[name].load for name in ask.followed]
-    if made.pattern.even is None:
-        return symmetry_of(made.surface, ask.diffusion.symmetry, *loads) if ask.diffusion.symmetry else None
-    if ask.pattern.symmetry == "none":
-        return None
-    return found_symmetry(made.surface, load_axes(made.surface, made.statics.load), loads)
+    if made.pattern.even is not None:
+        return made.pattern.even.symmetry
+    words = made.preset.diffusion.symmetry
+    loads = [made.statics.cases[name].load for name in made.preset.followed]
+    return symmetry_of(made.surface, words, *loads) if words else None
 
 
 def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
@@ -85,11 +83,12 @@ def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
     surface : uncut, about whose centroid the images are. Looked at are the centroids of the chart's faces, or of some.
     """
     sheet, centre = drawn.surface, surface.areas @ surface.centroids / surface.area
-    some = np.arange(0, sheet.m, 1 + sheet.m * (symmetry.order - 1) // LOOKS)
+    some = np.arange(0, sheet.m, 1 + sheet.m * symmetry.order // LOOKS)
     here = _material(drawn, sheet.centroids[some])
     weight = sheet.areas[some] / sheet.areas[some].sum()
-    images = ((sheet.centroids[some] - centre) @ R.T + centre for R in symmetry.R[1:])
-    return max((float(weight @ (here != _material(drawn, image))) for image in images), default=0.0)
+    points = [(sheet.centroids[some] - centre) @ R.T + centre for R in symmetry.R]  # the first is the identity
+    material = _material(drawn, np.concatenate(points)).reshape(symmetry.order, -1)
+    return float(((material != material[0]) @ weight).max())
 
 
 def _material(drawn: Drawn, points: Floats) -> Bools:

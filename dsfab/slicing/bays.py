@@ -110,6 +110,6 @@ def _angles(middles: Middles, face: Ints, at: Floats) -> Floats:
     """(c,) degrees, 0 to 90, between both families at points of faces (c,) that are not kept besides the stripes."""
     drawn = middles.drawn
     face = face[~drawn.is_kept(face, at)]
-    g, size = drawn.gradients[face], np.maximum(drawn.slope[face], np.finfo(float).tiny)
-    cosine = np.abs(np.einsum("cx,cx->c", g[:, 0], g[:, 1])) / (size[:, 0] * size[:, 1])
-    return np.asarray(np.degrees(np.arccos(np.clip(cosine, 0, 1))))
+    one, two = (g[face] for g in drawn.gradients)
+    cosine = np.abs(np.einsum("cx,cx->c", one, two)) / (drawn.slope[0][face] * drawn.slope[1][face])
+    return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1))))

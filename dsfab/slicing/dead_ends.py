@@ -4,25 +4,27 @@ A member should begin and end at a member of the other family, at what is kept b
 around a support) or at the boundary of the surface. Two things are counted as dead ends:
 
 loose ends : the middle of a member stops elsewhere: where the phase is not defined, or skips a line;
-turns      : it turns back, as level lines do around an extremum and beside a saddle. There it leaves the direction
-             of the stress, passes square to it and comes back. So a turn is a stretch of a middle that is off that
-             direction by over 30 degrees all along and by over 60 somewhere outside of members of the other family
-             and of what is kept: a turn on a crossing member is a joint as good as another. A closed loop has two.
-             Where the stress says nothing (its confidence is low in the mean) nothing is counted.
+turns      : it comes along the stress and goes back along it, as level lines do around an extremum and beside a saddle.
+
+                  |     |     A node is a turn where the ways that leave it point to the same side of the stress (here
+    |             |     |     upright). Pieces that are over 30 degrees off the stress hang together with their nodes:
+    o no turn      \\   /      a stretch of them is one turn if it has an odd number of such nodes.
+    |               `-o-'
+
+A turn in a member of the other family or in what is kept is a joint as good as another, and is not counted. Nor is
+anything where the stress does not say which way: its confidence is low. A closed loop has two turns.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.slicing.middles import Middles
 from dsfab.surface.topology import connected
 
 OFF = 30.0
 """Degrees by which a member may be off the stress."""
-SQUARE = 60.0
-"""Degrees beyond which it runs across rather than along."""
 CLEAR = 0.25
 """Confidence of the stress under which it says nothing: principal stresses differ by less than a tenth of their RMS."""
 
@@ -34,21 +36,39 @@ class DeadEnds(NamedTuple):
     turns: Floats
 
 
-def dead_ends(middles: Middles, deviation: Floats, confidence: Floats) -> DeadEnds:
-    """The dead ends of a family; deviation (m,) from the stress, degrees, and its confidence (m,) on the faces."""
-    loose = (middles.degree == 1) & ~middles.edge & ~middles.at_nodes(middles.met)
-    return DeadEnds(middles.place[loose], _turns(middles, deviation, confidence))
+def dead_ends(middles: Middles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
+    """The dead ends of a family.
+
+    along      : (m, 3) unit direction on the faces that members should run along; either sign.
+    deviation  : (m,) degrees by which they do not.    confidence : (m,) how clear that direction is, 0 to 1.
+    """
+    met = middles.at_nodes(middles.met)
+    loose = (middles.degree == 1) & ~middles.edge & ~met
+    clear = confidence[middles.face] > CLEAR
+    back = _turned(middles, along[middles.face], clear)
+    off = clear & (deviation[middles.face] > OFF)
+    count, label = connected(len(back), middles.node[off, 0], middles.node[off, 1])
+    odd = np.bincount(label[back], minlength=count) % 2 == 1
+    counted = np.flatnonzero(back & ~met & odd[label])
+    first = counted[np.unique(label[counted], return_index=True)[1]]
+    return DeadEnds(middles.place[loose], middles.place[first])
 
 
-def _turns(middles: Middles, deviation: Floats, confidence: Floats) -> Floats:
-    drawn = middles.drawn
-    off = np.flatnonzero(deviation[middles.face] > OFF)
-    face, node, length = middles.face[off], middles.node[off], middles.length[off]
-    count, label = connected(len(middles.edge), node[:, 0], node[:, 1])
-    stretch, middle = label[node[:, 0]], middles.at[off].mean(axis=1)
-    met = drawn.inside(1 - middles.k, face, middle) | drawn.is_kept(face, middle)
-    square = np.bincount(stretch, (deviation[face] > SQUARE) & ~met, count) > 0
-    total = np.maximum(np.bincount(stretch, length, count), np.finfo(float).tiny)
-    clear = np.bincount(stretch, length * confidence[face], count) / total > CLEAR
-    sums = np.stack([np.bincount(stretch, length * x, count) for x in middles.points[off].mean(axis=1).T], axis=1)
-    return np.asarray((sums / total[:, None])[square & clear])
+def _turned(middles: Middles, along: Floats, clear: Bools) -> Bools:
+    """(j,) nodes of two pieces that leave to the same side of the stress, which is clear in both."""
+    node, piece, way = _ends(middles)
+    order = sorted_order(node)
+    pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
+    one, two = order[pair], order[pair + 1]
+    e, f = along[piece[one]], along[piece[two]]
+    same = np.einsum("px,px->p", e, f) * np.einsum("px,px->p", e, way[one]) * np.einsum("px,px->p", f, way[two]) > 0
+    found = np.zeros(len(middles.edge), dtype=bool)
+    found[node[one]] = same & clear[piece[one]] & clear[piece[two]]
+    return found
+
+
+def _ends(middles: Middles) -> tuple[Ints, Ints, Floats]:
+    """(2 s,) nodes at which pieces end, the pieces, and (2 s, 3) the way along them from there; each piece once."""
+    some = np.flatnonzero(~middles.copy)
+    step = middles.points[some, 1] - middles.points[some, 0]
+    return middles.node[some].T.ravel(), np.tile(some, 2), np.concatenate([step, -step])

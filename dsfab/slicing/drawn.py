@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, grouped, lock
+from dsfab.arrays import Bools, Floats, Ints, grouped, lengths, lock
 from dsfab.slicing.chart import Chart
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
@@ -62,15 +62,26 @@ class Drawn:
         """The edges between places."""
         return edge_table(self.place[self.surface.F])
 
-    @cached_property
-    def gradients(self) -> Floats:
-        """(m, 2, 3) of both phases on the faces, per metre."""
-        return np.einsum("mcx,mck->mkx", hat_gradients(self.surface), self.z[self.surface.F])
+    def corners(self, x: Floats) -> Floats:
+        """(3, m) values (n,) at the corners of the faces."""
+        return np.asarray(x[self._corner])
 
     @cached_property
-    def slope(self) -> Floats:
-        """(m, 2) stripes per metre."""
-        return np.linalg.norm(self.gradients, axis=2)
+    def _corner(self) -> Ints:
+        return np.ascontiguousarray(self.surface.F.T)
+
+    @cached_property
+    def gradients(self) -> tuple[Floats, Floats]:
+        """(m, 3) each, of both phases on the faces, per metre."""
+        hats = np.ascontiguousarray(hat_gradients(self.surface).transpose(1, 0, 2))
+        one, two = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
+        return np.asarray(one), np.asarray(two)
+
+    @cached_property
+    def slope(self) -> tuple[Floats, Floats]:
+        """(m,) each, stripes per metre; never 0."""
+        one, two = (np.maximum(lengths(g), np.finfo(float).tiny) for g in self.gradients)
+        return one, two
 
     def inside(self, k: int, face: Ints, at: Floats) -> Bools:
         """(q,) whether points at barycentric coordinates (q, 3) of faces (q,) lie in stripes of family k."""
@@ -85,12 +96,17 @@ class Drawn:
     @cached_property
     def void(self) -> Floats:
         """(m,) share of each face that is not material, from four points."""
-        F = self.surface.F
-        z, d = (np.einsum("pc,mck->mpk", POINTS, x[F]) for x in (self.z, self.d))
-        solid = ((np.abs(z - np.rint(z)) < d) & self.known[:, None]).any(axis=2)
-        return np.asarray(1 - (solid | (self.kept[F] @ POINTS.T > 0)).mean(axis=1))
+        solid = self._kept_points.copy()
+        for k in (0, 1):
+            z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
+            solid |= (np.abs(z - np.rint(z)) < d) & self.known[:, k]
+        return np.asarray(1 - solid.mean(axis=0))
 
     @cached_property
     def free(self) -> Floats:
         """(m,) share of each face outside of what is kept besides the stripes."""
-        return np.asarray((self.kept[self.surface.F] @ POINTS.T <= 0).mean(axis=1))
+        return np.asarray(1 - self._kept_points.mean(axis=0))
+
+    @cached_property
+    def _kept_points(self) -> Bools:
+        return np.asarray(POINTS @ self.corners(self.kept) > 0)

@@ -105,13 +105,13 @@ def middles(drawn: Drawn, k: int) -> Middles:
 
 
 def _pieces(drawn: Drawn, k: int) -> _Pieces:
-    F = drawn.surface.F
-    z, d = drawn.z[F, k], drawn.d[F, k].max(axis=1)
-    low, high = np.ceil(z.min(axis=1)).astype(np.int64), np.floor(z.max(axis=1)).astype(np.int64)
-    count = np.where(drawn.known[:, k] & (d > 0) & (np.ptp(z, axis=1) > ON), np.maximum(high - low + 1, 0), 0)
-    face = np.repeat(np.arange(len(F)), count)
+    z, d = drawn.corners(drawn.z[:, k]), drawn.corners(drawn.d[:, k]).max(axis=0)
+    least, most = z.min(axis=0), z.max(axis=0)
+    low, high = np.ceil(least).astype(np.int64), np.floor(most).astype(np.int64)
+    count = np.where(drawn.known[:, k] & (d > 0) & (most - least > ON), np.maximum(high - low + 1, 0), 0)
+    face = np.repeat(np.arange(len(count)), count)
     line = low[face] + np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count)
-    side = np.sign(z[face] - line[:, None])
+    side = np.sign(z[:, face] - line).T
     meets = np.concatenate([side == 0, side * np.roll(side, -1, axis=1) < 0], axis=1)
     two = meets.sum(axis=1) == 2
     slot = np.nonzero(meets[two])[1].reshape(-1, 2)

@@ -103,20 +103,19 @@ def pattern_quality(
     stress     : (m, 2) principal stresses of which the major and minor members run along the first and the second.
     direction  : (m, 2, 3) their unit directions.    confidence : (m,) how clear these are, 0 to 1.
     """
-    found = [_family(drawn, k, stress[:, k], direction[:, 1 - k], confidence) for k in (0, 1)]
+    found = [_family(drawn, k, stress[:, k], direction, confidence) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in found])
     (major, _), (minor, _) = found
     return PatternQuality(major, minor, float(angles.min(initial=90.0)), symmetry_error)
 
 
-def _family(drawn: Drawn, k: int, stress: Floats, across: Floats, confidence: Floats) -> tuple[FamilyQuality, Bays]:
-    """Of family k, whose phase should grow along `across` (m, 3)."""
-    F, area, known = drawn.surface.F, drawn.surface.areas, drawn.known[:, k]
-    slope = np.maximum(drawn.slope[:, k], np.finfo(float).tiny)
+def _family(drawn: Drawn, k: int, stress: Floats, direction: Floats, confidence: Floats) -> tuple[FamilyQuality, Bays]:
+    """Of family k: its members should run along direction k, and its phase grow along the other one."""
+    area, known, slope = drawn.surface.areas, drawn.known[:, k], drawn.slope[k]
     spacing = 1 / slope
-    opening = (1 - 2 * drawn.d[F, k].mean(axis=1)) * spacing
-    cosine = np.abs(np.einsum("mx,mx->m", drawn.gradients[:, k], across)) / slope
-    deviation = np.degrees(np.arccos(np.clip(cosine, 0, 1)))
+    opening = (1 - 2 * drawn.corners(drawn.d[:, k]).mean(axis=0)) * spacing
+    cosine = np.abs(np.einsum("mx,mx->m", drawn.gradients[k], direction[:, 1 - k])) / slope
+    deviation = np.degrees(np.arccos(np.minimum(cosine, 1)))
     weight = area * np.abs(stress) * confidence * drawn.free * known
     total = max(float(weight.sum()), np.finfo(float).tiny)
     lines = middles(drawn, k)
@@ -126,7 +125,7 @@ def _family(drawn: Drawn, k: int, stress: Floats, across: Floats, confidence: Fl
         _quantiles(opening, area * drawn.void * known),
         float(weight @ deviation) / total,
         float(weight @ (deviation > OFF)) / total,
-        dead_ends(lines, deviation, confidence),
+        dead_ends(lines, direction[:, k], deviation, confidence),
         cut.slits,
         cut.slit_share,
     )
