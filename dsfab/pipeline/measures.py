@@ -20,6 +20,8 @@ from dsfab.surface import Surface
 FAMILIES = ("major", "minor")
 LOOKS = 24_000
 """About how many points and images of points are looked at to see whether material is symmetric."""
+R2 = np.array([0.7548776662466927, 0.5698402909980532])
+"""Steps of a sequence of points that fills a square evenly: the powers of 1 / 1.3247..., the root of x^3 = x + 1."""
 
 
 def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQuality:
@@ -27,7 +29,7 @@ def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQual
 
     symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
     """
-    chart = made.pattern.even.chart if made.pattern.even else modes_chart(made.surface, made.diffusion, made.pattern)
+    chart = pattern_chart(made)
     drawn = drawn_pattern(made.surface, chart, made.pattern)
     given = _followed(made)
     try:
@@ -38,6 +40,17 @@ def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQual
     found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent])
     group = used_symmetry(made) if symmetry else None
     return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
+
+
+def pattern_chart(made: Draft | Design) -> Chart:
+    """The chart of either kind of stripes."""
+    even = made.pattern.even
+    return even.chart if even is not None else modes_chart(made.surface, made.diffusion, made.pattern)
+
+
+def drawn_on_chart(made: Draft | Design) -> Drawn:
+    """What is drawn, on that chart."""
+    return drawn_pattern(made.surface, pattern_chart(made), made.pattern)
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
@@ -80,13 +93,17 @@ def used_symmetry(made: Draft | Design) -> Symmetry | None:
 def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
     """Share of the surface where material differs from its image, the largest over the group.
 
-    surface : uncut, about whose centroid the images are. Looked at are the centroids of the chart's faces, or of some.
+    surface : uncut, about whose centroid the images are. Looked at is one point in each of the chart's faces, or of
+    some: spread over the faces so that no row of them lies along the edge of a member [Roberts 2018, R2].
     """
     sheet, centre = drawn.surface, surface.areas @ surface.centroids / surface.area
     some = np.arange(0, sheet.m, 1 + sheet.m * symmetry.order // LOOKS)
-    here = _material(drawn, sheet.centroids[some])
     weight = sheet.areas[some] / sheet.areas[some].sum()
-    points = [(sheet.centroids[some] - centre) @ R.T + centre for R in symmetry.R]  # the first is the identity
+    uv = some[:, None] * R2 % 1
+    uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
+    at = np.column_stack([1 - uv.sum(axis=1), uv])
+    looked = np.einsum("pc,pcx->px", at, sheet.V[sheet.F[some]]) - centre
+    points = [looked @ R.T + centre for R in symmetry.R]  # the first is the identity
     material = _material(drawn, np.concatenate(points)).reshape(symmetry.order, -1)
     return float(((material != material[0]) @ weight).max())
 

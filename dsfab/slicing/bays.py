@@ -91,9 +91,7 @@ def bays(middles: Middles) -> Bays:
     return Bays(middles, piece, at, share * middles.length[piece], bay, count, _angles(middles, face[crossed], where))
 
 
-def _joined(
-    middles: Middles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
-) -> tuple[int, Ints]:
+def _joined(middles: Middles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools) -> tuple[int, Ints]:
     """Parts that hang together at nodes which are no `barrier` (j,): how many bays that makes, and the bay of each."""
     parts, links = len(piece), []
     for last, side in ((number == 0, end), (number == inner[piece], 1 - end)):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, sorted_order
+from dsfab.arrays import Bools, Floats, sorted_order
 from dsfab.slicing.middles import Middles
 from dsfab.surface.topology import connected
 
@@ -56,19 +56,17 @@ def dead_ends(middles: Middles, along: Floats, deviation: Floats, confidence: Fl
 
 def _turned(middles: Middles, along: Floats, clear: Bools) -> Bools:
     """(j,) nodes of two pieces that leave to the same side of the stress, which is clear in both."""
-    node, piece, way = _ends(middles)
+    some = np.flatnonzero(~middles.copy)  # each piece along an edge once
+    step = middles.points[some, 1] - middles.points[some, 0]
+    ahead = np.where(
+        np.einsum("px,px->p", step, along[some]) < 0, -1, 1
+    )  # square to the stress is one way or the other
+    node, piece = middles.node[some].T.ravel(), np.tile(some, 2)
+    side = np.concatenate([ahead, -ahead])
     order = sorted_order(node)
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     one, two = order[pair], order[pair + 1]
-    e, f = along[piece[one]], along[piece[two]]
-    same = np.einsum("px,px->p", e, f) * np.einsum("px,px->p", e, way[one]) * np.einsum("px,px->p", f, way[two]) > 0
+    alike = np.where(np.einsum("px,px->p", along[piece[one]], along[piece[two]]) < 0, -1, 1)
     found = np.zeros(len(middles.edge), dtype=bool)
-    found[node[one]] = same & clear[piece[one]] & clear[piece[two]]
+    found[node[one]] = (side[one] * side[two] * alike > 0) & clear[piece[one]] & clear[piece[two]]
     return found
-
-
-def _ends(middles: Middles) -> tuple[Ints, Ints, Floats]:
-    """(2 s,) nodes at which pieces end, the pieces, and (2 s, 3) the way along them from there; each piece once."""
-    some = np.flatnonzero(~middles.copy)
-    step = middles.points[some, 1] - middles.points[some, 0]
-    return middles.node[some].T.ravel(), np.tile(some, 2), np.concatenate([step, -step])

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, grouped, lengths, lock
+from dsfab.arrays import Bools, Floats, Ints, lengths, lock
 from dsfab.slicing.chart import Chart
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
@@ -14,6 +14,8 @@ from dsfab.surface.topology import EdgeTable, edge_table
 
 ON = 1e-6
 """Phases this near to a whole number, in periods, are on the middle of a stripe."""
+FLAT = 1e-9
+"""Faces on which a phase grows by less than this over the size of the surface, in periods, have no spacing."""
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 """(4, 3) where faces are looked at: the centroids of four triangles that a face divides into, nearly."""
 
@@ -45,7 +47,7 @@ class Drawn:
     @classmethod
     def of(cls, chart: Chart, d: Floats, kept: Floats) -> Self:
         """On a chart; half-widths (n, 2) and what is kept (n,) are those of the uncut vertices."""
-        known = (chart.scale[chart.surface.F] > 0).all(axis=1)
+        known = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - whole) < ON, whole, chart.z)
         return cls(chart.surface, z, np.clip(chart.carry(d), 0.0, 0.5), known, chart.carry(kept))
@@ -53,9 +55,11 @@ class Drawn:
     @cached_property
     def place(self) -> Ints:
         """(n,) the place of each vertex: the same number for all that are at one place."""
-        bits = (self.surface.V + 0.0).view(np.int64)  # -0 is 0
-        mixed = bits[:, 0] * 0x9E3779B97F4A7C1 ^ bits[:, 1] * 0x3C6EF372FE94F82B ^ bits[:, 2] * 0x5851F42D4C957F2D
-        return grouped(mixed & np.int64(2**62 - 1))[2]
+        order = np.lexsort(self.surface.V.T)
+        apart = (np.diff(self.surface.V[order], axis=0) != 0).any(axis=1)
+        place = np.empty(self.surface.n, dtype=np.int64)
+        place[order] = np.concatenate([[0], np.cumsum(apart)])
+        return place
 
     @cached_property
     def table(self) -> EdgeTable:
@@ -65,6 +69,10 @@ class Drawn:
     def corners(self, x: Floats) -> Floats:
         """(3, m) values (n,) at the corners of the faces."""
         return np.asarray(x[self._corner])
+
+    def steep(self, k: int) -> Bools:
+        """(m,) faces on which the phase of family k grows."""
+        return self.known[:, k] & (self.slope[k] * self.surface.size > FLAT)
 
     @cached_property
     def _corner(self) -> Ints:
@@ -101,6 +109,12 @@ class Drawn:
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
             solid |= (np.abs(z - np.rint(z)) < d) & self.known[:, k]
         return np.asarray(1 - solid.mean(axis=0))
+
+    def member(self, k: int) -> tuple[Floats, Floats]:
+        """(m,) widths of the members of family k on the faces, metres, and the area that they take there, m2."""
+        z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
+        share = ((np.abs(z - np.rint(z)) < d) & self.known[:, k]).mean(axis=0)
+        return 2 * d.mean(axis=0) / self.slope[k], self.surface.areas * share
 
     @cached_property
     def free(self) -> Floats:

@@ -111,7 +111,7 @@ def pattern_quality(
 
 def _family(drawn: Drawn, k: int, stress: Floats, direction: Floats, confidence: Floats) -> tuple[FamilyQuality, Bays]:
     """Of family k: its members should run along direction k, and its phase grow along the other one."""
-    area, known, slope = drawn.surface.areas, drawn.known[:, k], drawn.slope[k]
+    area, known, slope = drawn.surface.areas, drawn.steep(k), drawn.slope[k]
     spacing = 1 / slope
     opening = (1 - 2 * drawn.corners(drawn.d[:, k]).mean(axis=0)) * spacing
     cosine = np.abs(np.einsum("mx,mx->m", drawn.gradients[k], direction[:, 1 - k])) / slope
