@@ -9,14 +9,18 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
 from dsfab.app.build import build
+from dsfab.app.compliance.document import Numbers
+from dsfab.app.compliance.tables import pattern_table
+from dsfab.app.editor.figures import figures
 from dsfab.app.listing import inspect
 from dsfab.app.pattern_told import quality_facts, quality_lines
 from dsfab.diffusion.symmetry import symmetry_under
-from dsfab.pipeline import draft
+from dsfab.pipeline import draft, run
 from dsfab.pipeline.measures import measured_pattern, symmetry_error
 from dsfab.slicing import Chart
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import pattern_quality
+from dsfab.study import compare
 from dsfab.study.sweeps import METRICS
 from dsfab.surface import Surface
 
@@ -258,3 +262,16 @@ def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsy
     assert list(facts["minor"]["clear_opening_m"]) == ["5%", "50%", "95%"]
     assert inspect(folder) == 0
     assert capsys.readouterr().out.split("\n")[:3] == lines
+
+
+def test_reports_and_the_editor_have_them_too(modes):
+    compared = compare(run(load_preset("dome", {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
+    assert compared.pattern is not None
+    table = pattern_table(compared.pattern, Numbers())
+    assert [len(row) for row in table.rows] == [3] * 7
+    assert table.rows[3] == ("Dead ends", "0", str(compared.pattern.dead_ends))
+    assert table.note.startswith("Members cross at ")
+    told = figures(modes)["pattern"]
+    found = measured_pattern(modes)
+    assert told["dead_ends"] == found.dead_ends > 0
+    assert told["openings"] == [found.minor.opening[0], found.minor.opening[2]]
