@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from dsfab.arrays import Floats
-from dsfab.diffusion import DiffusionTensors, Modes
+from dsfab.diffusion import DiffusionTensors, Modes, Symmetry
 from dsfab.pattern import CornerPhase
 from dsfab.preset import Preset
 from dsfab.slicing import Chart, Sheet, Tidy
@@ -65,6 +65,7 @@ class EvenStripes:
     slope   : (n, 2) lines per metre of the phases.    density : (n, 2) the same of those that are drawn.
     first   : the family whose finer lines are drawn before those of the other.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
+    symmetry : the mirrors and turns that they have; None without any.
     """
 
     phases: tuple[CornerPhase, CornerPhase]
@@ -73,6 +74,7 @@ class EvenStripes:
     density: Floats
     first: int
     chart: Chart
+    symmetry: Symmetry | None = None
 
 
 class Candidate(NamedTuple):

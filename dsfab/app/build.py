@@ -16,6 +16,7 @@ from dsfab.app.balance import case_facts, case_lines, equilibrium_facts
 from dsfab.app.choice import choice_facts, choice_lines
 from dsfab.app.fabrication import fabrication_facts, fabrication_lines
 from dsfab.app.folder import whole_or_nothing
+from dsfab.app.pattern_told import quality_facts, quality_lines
 from dsfab.app.report import Reporter, length, mass, out, size
 from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
 from dsfab.errors import ExportError
@@ -77,6 +78,7 @@ def build(
     """
     from dsfab.app.workshop import write_workshop_picture
     from dsfab.pipeline import run
+    from dsfab.pipeline.measures import measured_pattern
     from dsfab.study.fabrication import fabrication
 
     if format_ is not None:
@@ -97,14 +99,15 @@ def build(
             reporter("fabrication", "measuring members, gaps and walls")
             measured = fabrication(design)
             made = fabrication_facts(measured)
+            even = quality_facts(measured_pattern(design))
             if marked and drawn:
                 write_workshop_picture(partial / "fabrication.png", design, measured, (1600, 1200))
-            refused = write_all(design, partial, reporter, picture and drawn, made)
+            refused = write_all(design, partial, reporter, picture and drawn, {"fabrication": made, "pattern": even})
         reporter.done()
     finally:
         reporter.stop()
     if not quiet:
-        _summary(design, folder, made)
+        _summary(design, folder, [*quality_lines(even), *fabrication_lines(made)])
     if refused:
         raise ExportError(refused)
     return 0
@@ -141,7 +144,7 @@ def _can_draw(reporter: Reporter) -> bool:
 
 
 def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool, made: dict[str, Any]) -> str:
-    """Write every file of a design, and what was measured on it; returns why a format was refused, or ''."""
+    """Write every file of a design, and what was `made` of measuring it; returns why a format was refused, or ''."""
     import time
 
     from dsfab.export import write
@@ -176,7 +179,7 @@ def write_all(design: "Design", folder: Path, reporter: Reporter, picture: bool,
     (folder / "preset.toml").write_text(preset_toml(design.settled), encoding="utf-8")
     names = [path.name for path in files]
     (folder / "design.json").write_text(
-        json.dumps(facts(design, seconds, names, refused, told) | {"fabrication": made}, indent=2) + "\n",
+        json.dumps(facts(design, seconds, names, refused, told) | made, indent=2) + "\n",
         encoding="utf-8",
     )
     return "; ".join(refused)
@@ -264,7 +267,7 @@ def versions() -> dict[str, str]:
     return {"dsfab": __version__, "python": platform.python_version(), "solver": solver_name(), **found}
 
 
-def _summary(design: "Design", folder: Path, made: dict[str, Any]) -> None:
+def _summary(design: "Design", folder: Path, measured: Sequence[str]) -> None:
     solid = design.solid
     pieces = design.solid.pieces
     if design.preset.description:
@@ -274,7 +277,7 @@ def _summary(design: "Design", folder: Path, made: dict[str, Any]) -> None:
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
-    told = (*choice_lines(design.pattern.choice), *case_lines(design), *answer_lines(design), *fabrication_lines(made))
+    told = (*choice_lines(design.pattern.choice), *case_lines(design), *answer_lines(design), *measured)
     for line in told:
         out(line)
     for note in design.notes:

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from dsfab.app.build import read_preset
 from dsfab.app.fabrication import fabrication_facts, fabrication_lines
+from dsfab.app.pattern_told import quality_facts, quality_lines
 from dsfab.app.report import Reporter, length, out
 from dsfab.errors import PresetError
 
@@ -37,7 +38,8 @@ def inspect(
 ) -> int:
     """Say what a mesh file is: size, pieces, boundary, whether it is manifold or why not, and its likely unit.
 
-    Of a preset, or of a folder that `dsfab build` made: members, gaps and walls, against the limits of [fabrication].
+    Of a preset, or of a folder that `dsfab build` made: how even its pattern is and how it ends; and members, gaps and
+    walls, against the limits of [fabrication].
 
     Parameters
     ----------
@@ -51,7 +53,7 @@ def inspect(
         built = _built(file) if file.is_dir() else None
         if built is None or output is not None:
             built = _made(str(file if built is None else file / "preset.toml"), output)
-        for line in fabrication_lines(built):
+        for line in (*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)):
             out(line)
         return 0
     if output is not None:
@@ -68,7 +70,8 @@ def inspect(
 def _built(folder: Path) -> dict[str, Any]:
     """What `dsfab build` measured; raises PresetError for folders that it did not make."""
     try:
-        found: dict[str, Any] = json.loads((folder / "design.json").read_text(encoding="utf-8"))["fabrication"]
+        facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
+        found: dict[str, Any] = {**facts["fabrication"], **{key: facts[key] for key in ("pattern",) if key in facts}}
     except (OSError, ValueError, KeyError, TypeError):
         raise PresetError(f"{folder} has no design.json with a part on fabrication; build it again") from None
     return found
@@ -78,6 +81,7 @@ def _made(preset: str, picture: Path | None) -> dict[str, Any]:
     """The same of a preset, which is run for it, and drawn if there is a file for that."""
     from dsfab.app.workshop import write_workshop_picture
     from dsfab.pipeline import run
+    from dsfab.pipeline.measures import measured_pattern
     from dsfab.study.fabrication import fabrication
 
     reporter = Reporter()
@@ -90,7 +94,7 @@ def _made(preset: str, picture: Path | None) -> dict[str, Any]:
         reporter.done()
     finally:
         reporter.stop()
-    return fabrication_facts(made)
+    return {**fabrication_facts(made), "pattern": quality_facts(measured_pattern(design))}
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:

@@ -1,6 +1,6 @@
 """Evenly spaced stripes of a preset: directions, densities, phases, and where lines that crowd are left out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -68,7 +68,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
         _lines(frames, g, given, spacing, ask.halve, images)
         for g, spacing in zip((across, along), spacings, strict=True)  # gradients: stripes run square to them
     )
-    return _divided(surface, major, minor)
+    return replace(_divided(surface, major, minor), symmetry=symmetry)
 
 
 def _lines(frames: Frames, g: Floats, given: StressDirections, spacing: float, halve: bool, images: Images) -> _Lines:

@@ -14,7 +14,9 @@ import numpy as np
 
 from dsfab.design import Design, Draft
 from dsfab.errors import DsfabError
+from dsfab.pipeline.measures import measured_pattern
 from dsfab.slicing.features import features, kept_cells
+from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.study.baselines import DEFAULT, Baseline, Brief, Structure, Variant, chosen
 from dsfab.study.baselines.matching import striped
 from dsfab.study.competitors import Competitor, Spread
@@ -30,7 +32,8 @@ class Comparison:
     """The design against its competitors; the smaller the compliance, the stiffer.
 
     The loads are those that the pattern follows: one case or combination, or several, whose compliances are then added
-    with the weights of [diffusion] (1 each when left out). `brief` is what all of them share.
+    with the weights of [diffusion] (1 each when left out). `brief` is what all of them share;
+    `pattern` the measures of what the design draws, where it is judged as it is drawn.
     """
 
     name: str
@@ -38,6 +41,7 @@ class Comparison:
     full: Competitor
     design: Competitor
     rivals: tuple[Competitor, ...]
+    pattern: PatternQuality | None = None
 
     @property
     def competitors(self) -> tuple[Competitor, ...]:
@@ -91,7 +95,8 @@ def compare(
     brief = Brief.of(made, slicing.sheet.surface.area)
     own = Structure(slicing.cells, made.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
     entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse)
-    return _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
+    compared = _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
+    return replace(compared, pattern=measured_pattern(made))
 
 
 def compare_at(

@@ -51,7 +51,10 @@ def checks(found: Findings, number: Numbers) -> Section:
 
 def subject(found: Findings, number: Numbers) -> Section:
     """What was checked."""
-    return Section("The structure", [tables.structure_table(found, number)])
+    blocks: list[Block] = [tables.structure_table(found, number)]
+    if found.compared.pattern is not None:
+        blocks.append(tables.pattern_table(found.compared.pattern, number))
+    return Section("The structure", blocks)
 
 
 def loads(found: Findings, drawn: Pictures, number: Numbers) -> Section:

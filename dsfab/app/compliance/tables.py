@@ -19,6 +19,7 @@ from dsfab.app.compliance.words import (
     within,
 )
 from dsfab.app.report import mass
+from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality
 from dsfab.statics import resultant
 from dsfab.study.competitors import Competitor
 from dsfab.surface import Surface
@@ -74,6 +75,28 @@ def structure_table(found: Findings, number: Numbers) -> Table:
     if sheet:
         rows.append(("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"))
     return Table(number.table("Structure and material."), ("Property", "Value"), rows, 2, "", (2, 5))
+
+
+def pattern_table(found: PatternQuality, number: Numbers) -> Table:
+    """How even both families of members are, how they end, and how they follow the stress."""
+    (_, major), (_, minor) = found.families
+    rows = [
+        ("Distance of members, median", *(length(one.spacing[1]) for one in (major, minor))),
+        ("Clear opening, on nine tenths of the area", _between(major), _between(minor)),
+        ("Widest over narrowest distance (P95/P5)", *(f"{one.evenness:.2f}" for one in (major, minor))),
+        ("Dead ends", str(major.dead), str(minor.dead)),
+        ("Openings narrower than the members beside them", str(major.slits), str(minor.slits)),
+        ("Off the stress, mean", *(f"{one.deviation:.1f}°" for one in (major, minor))),
+        ("Off the stress by over 30°", *(percent(one.off) for one in (major, minor))),
+    ]
+    told = f"Members cross at {found.crossing_angle:.0f}° or more."
+    if found.symmetry_error is not None:
+        told += f" {percent(found.symmetry_error)} of the surface differs from its image under the design's symmetry."
+    return Table(number.table("The pattern."), ("Measure", "Major members", "Minor members"), rows, 3, told, (3, 2, 2))
+
+
+def _between(one: FamilyQuality) -> str:
+    return f"{length(one.opening[0])} to {length(one.opening[2])}" if one.opening[2] > 0 else "none"
 
 
 def _kept(design: Competitor, sheet: Surface | None) -> str:

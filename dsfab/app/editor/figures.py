@@ -6,6 +6,7 @@ from dsfab.app.editor.job import Telling
 from dsfab.design import Draft
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.measures import measured_pattern
 from dsfab.slicing.features import features, kept_cells
 
 
@@ -33,6 +34,15 @@ def figures(made: Draft, progress: Telling | None = None) -> dict[str, Any]:
         "limits": limits.tolist(),
         "widths": share.tolist(),
         "min_member": preset.fabrication.min_member,
+        "pattern": _pattern(made),
         "compliance": made.statics.equilibrium.compliance,
         "notes": [note.text for note in log.notes],
     }
+
+
+def _pattern(made: Draft) -> dict[str, Any]:
+    """Dead ends, slits, and the clear openings, metres, that nine tenths of the area of both families lie between."""
+    found = measured_pattern(made, symmetry=False)
+    open_ = [family.opening for _, family in found.families if family.opening[2] > 0]
+    between = [min(one[0] for one in open_), max(one[2] for one in open_)] if open_ else None
+    return {"dead_ends": found.dead_ends, "slits": found.slits, "openings": between}

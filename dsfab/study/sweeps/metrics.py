@@ -2,12 +2,17 @@
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Design
+from dsfab.design import Design, Draft, PatternResult
+from dsfab.diffusion import found_symmetry
 from dsfab.errors import StaticsError
+from dsfab.pipeline.directions import load_axes
+from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
+from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.statics import VERDICT, Equilibrium, FaceStiffness, buckling
 from dsfab.study.sweeps.making import Making, carried, loads_on, verdict
 from dsfab.surface.hats import hat_gradients
@@ -44,6 +49,8 @@ def _min_width(made: Design | Making) -> float:
     """Across the stripes, 2 d / |grad z| on every face where a family is material; the lesser of both families."""
     draft = made.draft if isinstance(made, Making) else made
     pattern = draft.pattern
+    if pattern.even is not None:
+        return _even_min_width(draft)
     families = (("major", draft.diffusion.major), ("minor", draft.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
     for (name, modes), number, frequency in zip(families, pattern.mode, pattern.frequency, strict=True):
@@ -54,6 +61,13 @@ def _min_width(made: Design | Making) -> float:
         slope = _slopes(made, z)[faces]
         width.append(2 * d[made.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
         area.append(made.sheet.surface.areas[cells])
+    return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
+
+
+def _even_min_width(draft: Design | Draft) -> float:
+    """The same of evenly spaced stripes, whose phases are on a chart; before anything is cut."""
+    drawn = drawn_on_chart(draft)
+    width, area = zip(*(drawn.member(k) for k in (0, 1)), strict=True)
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
 
@@ -70,6 +84,27 @@ def _lower_share(values: Floats, weights: Floats, share: float) -> float:
     order = np.argsort(values)
     place = np.searchsorted(np.cumsum(weights[order]), share * weights.sum())
     return float(values[order][place])
+
+
+_QUALITIES: WeakKeyDictionary[PatternResult, PatternQuality] = WeakKeyDictionary()
+
+
+def _quality(made: Design | Making) -> PatternQuality:
+    """The measures of a pattern, once for all metrics."""
+    draft = made.draft if isinstance(made, Making) else made
+    if draft.pattern not in _QUALITIES:
+        _QUALITIES[draft.pattern] = measured_pattern(draft, symmetry=False)
+    return _QUALITIES[draft.pattern]
+
+
+def _symmetry_error(made: Design | Making) -> float:
+    """Of the symmetry that the pattern was made with; without one of that which is found; 0 where there is none."""
+    draft = made.draft if isinstance(made, Making) else made
+    group = used_symmetry(draft)
+    if group is None:
+        loads = [draft.statics.cases[name].load for name in draft.preset.followed]
+        group = found_symmetry(draft.surface, load_axes(draft.surface, draft.statics.load), loads)
+    return symmetry_error(draft.surface, drawn_on_chart(draft), group) if group else 0.0
 
 
 def _answers(made: Design | Making) -> Mapping[str, Equilibrium]:
@@ -131,6 +166,12 @@ METRICS: dict[str, Named] = {
     "loose": _loose,
     "pinches": lambda made: float(made.slicing.pinches),
     "min_width": _min_width,
+    "evenness": lambda made: _quality(made).evenness,
+    "dead_ends": lambda made: float(_quality(made).dead_ends),
+    "slits": lambda made: float(_quality(made).slits),
+    "deviation": lambda made: _quality(made).deviation,
+    "crossing_angle": lambda made: _quality(made).crossing_angle,
+    "symmetry_error": _symmetry_error,
     "compliance": lambda made: _compliance(made, _answers(made)),
     "compliance_quick": lambda made: _compliance(made, carried(made, "constant")),
     "displacement": lambda made: max(answer.largest_displacement for answer in _answers(made).values()),
@@ -169,6 +210,12 @@ ABOUT: Mapping[str, About] = {
     "loose": About("", "less", "slicing", "share of the cut material that reaches no support"),
     "pinches": About("", "less", "slicing", "point contacts that were joined or split"),
     "min_width": About("m", "more", "slicing", "width across the stripes; a tenth of their area may be narrower"),
+    "evenness": About("", "less", "pattern", "widest over narrowest spacing of members, P95/P5; the worse family"),
+    "dead_ends": About("", "less", "pattern", "ends of members that meet nothing, and members that turn back"),
+    "slits": About("", "less", "pattern", "openings narrower than the members beside them"),
+    "deviation": About("degrees", "less", "pattern", "members off the stress, weighed by its size; the worse family"),
+    "crossing_angle": About("degrees", "more", "pattern", "smallest angle between two members that cross"),
+    "symmetry_error": About("", "less", "pattern", "share of the surface where material differs from its image"),
     "compliance": About(
         "J", "less", "slicing", f"one solve {_CUT}, quadratic and mid-edge elements: within 3 % at four elements across"
     ),

@@ -11,7 +11,7 @@ export function estimated(share, facts) {
   for (const id of ['f-mass', 'f-pieces']) by(id).classList.add('old');
 }
 
-/** From the slice: { area, share, mass, pieces, loose, narrowest, limits, widths, min_member }. */
+/** From the slice: { area, share, mass, pieces, loose, narrowest, limits, widths, min_member, pattern }. */
 export function measured(told) {
   by('f-share').textContent = `${(100 * told.share).toFixed(1)} %`;
   by('f-area').textContent = metres2(told.area);
@@ -19,9 +19,16 @@ export function measured(told) {
   by('f-pieces').textContent = told.loose ? `${told.pieces} (${told.loose} loose)` : String(told.pieces);
   for (const id of ['f-mass', 'f-pieces']) by(id).classList.remove('old');
   const narrow = told.narrowest === null ? '' : `, narrowest ${metres(told.narrowest)}`;
-  by('f-widths').textContent = `widths of members${narrow}`;
+  by('f-widths').textContent = `widths of members${narrow}; ${ends(told.pattern)}`;
   last = told;
   histogram();
+}
+
+/** How members end and what is between them. */
+function ends({ dead_ends, slits, openings }) {
+  const count = (number, what) => `${number || 'no'} ${what}${number === 1 ? '' : 's'}`;
+  const open = openings ? `, openings ${metres(openings[0])} to ${metres(openings[1])}` : '';
+  return `${count(dead_ends, 'dead end')}, ${count(slits, 'slit')}${open}`;
 }
 
 let last = null;

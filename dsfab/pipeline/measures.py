@@ -1,0 +1,117 @@
+"""The measures of a good pattern, of a draft or a design: its phases on a chart, the stress, and the symmetry."""
+
+from dataclasses import replace
+
+import igl
+import numpy as np
+from scipy.sparse import csr_array, eye_array
+
+from dsfab.arrays import Bools, Floats
+from dsfab.design import Design, DiffusionResult, Draft, PatternResult
+from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
+from dsfab.errors import PatternError
+from dsfab.pattern import StressDirections
+from dsfab.pipeline.directions import followed_stress
+from dsfab.slicing import Chart
+from dsfab.slicing.drawn import Drawn
+from dsfab.slicing.pattern_quality import PatternQuality, pattern_quality
+from dsfab.surface import Surface
+
+FAMILIES = ("major", "minor")
+LOOKS = 24_000
+"""About how many points and images of points are looked at to see whether material is symmetric."""
+R2 = np.array([0.7548776662466927, 0.5698402909980532])
+"""Steps of a sequence of points that fills a square evenly: the powers of 1 / 1.3247..., the root of x^3 = x + 1."""
+
+
+def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQuality:
+    """The measures of what is drawn, before anything is cut.
+
+    symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
+    """
+    chart = pattern_chart(made)
+    drawn = drawn_pattern(made.surface, chart, made.pattern)
+    given = _followed(made)
+    try:
+        confidence = given.confidence(made.surface.areas)
+    except PatternError:  # nothing is stressed
+        confidence = np.zeros(made.surface.m)
+    parent = chart.parent
+    found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent])
+    group = used_symmetry(made) if symmetry else None
+    return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
+
+
+def pattern_chart(made: Draft | Design) -> Chart:
+    """The chart of either kind of stripes."""
+    even = made.pattern.even
+    return even.chart if even is not None else modes_chart(made.surface, made.diffusion, made.pattern)
+
+
+def drawn_on_chart(made: Draft | Design) -> Drawn:
+    """What is drawn, on that chart."""
+    return drawn_pattern(made.surface, pattern_chart(made), made.pattern)
+
+
+def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
+    """The surface as its own chart: phases on modes have one value at each vertex, z = frequency x + phase."""
+    modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
+    x = np.stack([family.mode(number) for family, number in modes], axis=1)
+    z = x * np.array(pattern.frequency) + np.array(pattern.phase)
+    return Chart(surface, np.arange(surface.m), csr_array(eye_array(surface.n)), z, np.ones((surface.n, 2)))
+
+
+def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Drawn:
+    """What is drawn, on a chart."""
+    d = np.stack([pattern.half_widths[pattern.names.index(name)] for name in FAMILIES], axis=1)
+    kept = np.full(surface.n, -1.0)
+    for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
+        if name not in FAMILIES and isinstance(x, np.ndarray):
+            kept = np.maximum(kept, x - levels[0])
+    return Drawn.of(chart, d, np.maximum(kept, -surface.size))
+
+
+def _followed(made: Draft | Design) -> StressDirections:
+    """What the members of both families were to run along."""
+    ask = made.preset
+    stress, direction = principal_stresses(made.surface, followed_stress(ask, made.surface, made.statics))
+    if made.pattern.even is None and ask.diffusion.labelling == "magnitude":
+        swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
+        stress[swap], direction[swap] = stress[swap, ::-1], direction[swap, ::-1]
+    return StressDirections(stress, direction)
+
+
+def used_symmetry(made: Draft | Design) -> Symmetry | None:
+    """The mirrors and turns that the pattern was made with; None without any."""
+    if made.pattern.even is not None:
+        return made.pattern.even.symmetry
+    words = made.preset.diffusion.symmetry
+    loads = [made.statics.cases[name].load for name in made.preset.followed]
+    return symmetry_of(made.surface, words, *loads) if words else None
+
+
+def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
+    """Share of the surface where material differs from its image, the largest over the group.
+
+    surface : uncut, about whose centroid the images are. Looked at is one point in each of the chart's faces, or of
+    some: spread over the faces so that no row of them lies along the edge of a member [Roberts 2018, R2].
+    """
+    sheet, centre = drawn.surface, surface.areas @ surface.centroids / surface.area
+    some = np.arange(0, sheet.m, 1 + sheet.m * symmetry.order // LOOKS)
+    weight = sheet.areas[some] / sheet.areas[some].sum()
+    uv = some[:, None] * R2 % 1
+    uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
+    at = np.column_stack([1 - uv.sum(axis=1), uv])
+    looked = np.einsum("pc,pcx->px", at, sheet.V[sheet.F[some]]) - centre
+    points = [looked @ R.T + centre for R in symmetry.R]  # the first is the identity
+    material = _material(drawn, np.concatenate(points)).reshape(symmetry.order, -1)
+    return float(((material != material[0]) @ weight).max())
+
+
+def _material(drawn: Drawn, points: Floats) -> Bools:
+    """(p,) whether the nearest point of the sheet to points (p, 3) is material."""
+    V, F = drawn.surface.V, drawn.surface.F
+    _, face, near = igl.point_mesh_squared_distance(np.ascontiguousarray(points), V, F)
+    corner = F[face]
+    at = igl.barycentric_coordinates(near, *(np.ascontiguousarray(V[corner[:, i]]) for i in range(3)))
+    return drawn.inside(0, face, at) | drawn.inside(1, face, at) | drawn.is_kept(face, at)
