@@ -116,6 +116,10 @@ def test_a_plate_in_its_own_plane_is_its_own_mirror_image():
         pull[np.abs(plate.V[:, 0] - x) < 1e-9, 0] = sign
     free = np.zeros(plate.n, bool)
     assert len(group(plate, LoadCase(np.repeat(free[:, None], 3, axis=1), pull, free))) == 8
+    square = grid(12, 12, 2.0, 2.0)
+    free = np.zeros(square.n, bool)
+    pull = square.V - [1, 1, 0]
+    assert len(group(square, LoadCase(np.repeat(free[:, None], 3, axis=1), pull, free))) == 16
 
 
 def test_what_has_no_symmetry_has_none():
