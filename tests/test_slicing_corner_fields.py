@@ -286,6 +286,9 @@ def test_blank_faces_are_void_and_stay_whole():
     plate = grid(6, 6, 3.0, 3.0)
     blank = np.linalg.norm(plate.centroids - [1.5, 1.5, 0], axis=1) < 0.6
     field = replace(regauged(plate, 3.3 * plate.V[:, 0] + 0.3, np.full(plate.n, 0.3), 0), blank=blank)
+    noise = np.random.default_rng(1).integers(-9, 10, (plate.m, 3))
+    field = replace(field, shift=np.where(blank[:, None], noise + 0.4, field.shift))
+    assert 0.5 < material(cut(plate, [field], [LEVELS], 0)) / (plate.area - plate.areas[blank].sum()) < 0.7
     sheet = cut(plate, [field], [LEVELS], 0)
     check_whole(plate, sheet)
     assert not sheet.material[blank[sheet.parent]].any()

@@ -128,7 +128,7 @@ def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Flo
     x = surface.V - glance.centre
     x = x - np.outer(x @ axis, axis)
     if all(glance.holds(_turn(axis, parts)) for parts in ROUND):
-        direction = _best_mirror(x, surface.V - glance.centre, surface)
+        direction = _best_mirror(x, surface.V - glance.centre, axis, surface)
         yield from (_mirror(direction), _mirror(np.cross(axis, direction)))
     else:
         yield from (_turn(axis, p) for p in TURNS)
@@ -158,7 +158,7 @@ def _far_directions(x: Floats, size: float, count: int = 1) -> Floats:
     return np.asarray(x[far] / distance[far, None])
 
 
-def _best_mirror(x: Floats, V: Floats, surface: Surface) -> Floats:
+def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface) -> Floats:
     """(3,) the normal of the mirror, through one of the farthest points or across it, that suits the mesh best.
 
     The surface is round, its mesh is not: however it is numbered, of all mirrors the same is taken.
@@ -166,10 +166,15 @@ def _best_mirror(x: Floats, V: Floats, surface: Surface) -> Floats:
     distance = np.linalg.norm(x, axis=1)
     count = min(AROUND, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR * surface.size]
-    near = cKDTree(outer)
-    normals = _far_directions(x, surface.size)
-    off = [float(np.sum(np.square(near.query(outer @ _mirror(one).T)[0]))) for one in normals[:AROUND]]
-    return np.asarray(normals[int(np.argmin(np.round(np.array(off) / surface.mean_edge**2, 6)))])
+    near, edge = cKDTree(outer), surface.mean_edge
+
+    def fit(normal: Floats) -> tuple[float, float]:
+        """How far images are from vertices; of those that fit alike that is best with the most vertices on it."""
+        off = float(np.sum(np.square(near.query(outer @ _mirror(normal).T)[0]))) / edge**2
+        on = sum(float(np.sum(1 / (1 + np.square(outer @ n / edge)))) for n in (normal, np.cross(axis, normal)))
+        return round(off, 6), -round(on, 6)
+
+    return np.asarray(min(_far_directions(x, surface.size)[:AROUND], key=fit))
 
 
 def _planes(axis: Floats, far: Floats) -> Iterator[Floats]:
