@@ -100,25 +100,37 @@ def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Sym
     return symmetry_under(surface, symmetry_group(words), loads, str(list(words)))
 
 
-def symmetry_under(surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str) -> Symmetry:
+def face_tree(surface: Surface) -> igl.AABB:
+    """The faces of a surface, sorted so that the nearest one to a point is found quickly."""
+    tree = igl.AABB()
+    tree.init(surface.V, surface.F)
+    return tree
+
+
+def symmetry_under(
+    surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
+) -> Symmetry:
     """The group of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
+
+    tree : `face_tree` of the surface, where it is at hand.
 
     Raises PatternError where the surface, its supports or one of the loads do not have it; `words` name it there.
     """
     centre = surface.areas @ surface.centroids / surface.area
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // GLANCE, 1)]
+    tree = tree or face_tree(surface)
     for g in R[1:]:  # most that have none are seen at a glance
-        off = _far_off(surface, (few - centre) @ g.T + centre)
+        off = far_off(surface, tree, (few - centre) @ g.T + centre)
         if off > OFF * edge:
             raise _refused(words, f"the surface is not: its image is up to {off:.3g} m off it")
     for g in R[1:]:
-        off, T = _point_map(surface, (surface.V - centre) @ g.T + centre)
+        off, T = _point_map(surface, tree, (surface.V - centre) @ g.T + centre)
         if off > OFF * edge:
             raise _refused(words, f"the surface is not: its image is up to {off:.3g} m off it")
         maps.append(T)
         image = np.ascontiguousarray((surface.centroids - centre) @ g.T + centre)
-        faces.append(igl.point_mesh_squared_distance(image, surface.V, surface.F)[1])
+        faces.append(tree.squared_distance(surface.V, surface.F, image)[1])
     found = Symmetry(R, tuple(maps), np.stack(faces))
     for load in loads:
         _check_supports(surface, found, words, load, centre)
@@ -169,15 +181,15 @@ def generated(generators: Sequence[Floats]) -> Floats:
     return np.stack(found)
 
 
-def _far_off(surface: Surface, points: Floats) -> float:
+def far_off(surface: Surface, tree: igl.AABB, points: Floats) -> float:
     """The largest distance of points (p, 3) from the surface."""
-    squared = igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, surface.F)[0]
+    squared = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))[0]
     return float(np.sqrt(squared.max()))
 
 
-def _point_map(surface: Surface, points: Floats) -> tuple[float, csr_array]:
+def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
     """The largest distance of points (p, 3) from the surface, and (p, n) the interpolation at the nearest ones."""
-    squared, face, near = igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, surface.F)
+    squared, face, near = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     a, b, c = (np.ascontiguousarray(surface.V[corner[:, i]]) for i in range(3))
     weight = np.clip(igl.barycentric_coordinates(near, a, b, c), 0, 1)
@@ -235,10 +247,10 @@ def _check_loads(surface: Surface, found: Symmetry, words: str, force: Floats, c
 
 def _smoothed(surface: Surface, force: Floats) -> Floats:
     """Forces (n, 3) handed to neighbours a few times; their sum stays."""
-    ends = surface.edges.ends
-    neighbours = np.maximum(np.bincount(ends.ravel(), minlength=surface.n), 1)[:, None]
+    ends, n = surface.edges.ends, surface.n
+    share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
+    i, j = np.concatenate([ends, ends[:, ::-1]]).T
+    half = csr_array((share[j], (i, j)), shape=(n, n))
     for _ in range(SMOOTHING):
-        share, force = force / (2 * neighbours), force / 2
-        for a, b in ((0, 1), (1, 0)):
-            np.add.at(force, ends[:, a], share[ends[:, b]])
-    return force
+        force = force / 2 + half @ force
+    return np.asarray(force)

@@ -6,12 +6,27 @@ them stripes could only be as many as a multiple of their number.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
 
+import igl
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
 from dsfab.diffusion.frame import CLEAR
-from dsfab.diffusion.symmetry import Symmetry, generated, symmetry_under
+from dsfab.diffusion.symmetry import (
+    GLANCE,
+    OFF,
+    OFF_LOAD,
+    OFF_SUPPORT,
+    Symmetry,
+    face_tree,
+    far_off,
+    generated,
+    symmetry_under,
+)
 from dsfab.errors import PatternError
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
@@ -20,42 +35,104 @@ TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
 """Turns about an axis that are looked for, as parts of a whole one."""
 ROUND = (7, 5)
 """What is the same after these parts of a turn is taken to be round."""
-PLANES = 12
+PLANES = 24
 """Mirrors through an axis that are tried: through the farthest points from it, and between two of them."""
 FAR = 1e-3
 """Points are as far as the farthest, to this share of the surface's size."""
+AROUND = 200
+"""Of a round surface that mirror is taken that maps vertices best on vertices: so many of the outermost, at least."""
+LENIENT = 1.5
+"""At a glance differences may be this much larger than in the end."""
 
 
 def found_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
     """The largest group that was found; None where there is no mirror and no turn.
 
     axes : (3, 3) orthonormal rows that turn with the surface, its supports and its loads.
+
+    All candidates are looked at in a few points; what is left is looked at everywhere together, and one by one only
+    where that finds a fault.
     """
-    generators = [R for R in _candidates(surface, axes, loads) if _holds(surface, R, loads)]
-    return symmetry_under(surface, generated(generators), loads, "found") if generators else None
+    glance = _Glance(surface, tuple(loads))
+    generators = [R for R in _candidates(surface, axes, glance) if glance.holds(R)]
+    if not generators:
+        return None
+    with suppress(PatternError, OverflowError):
+        return glance.full(generated(generators))
+    sound: list[Floats] = []
+    for R in generators:
+        with suppress(PatternError, OverflowError):
+            glance.full(generated([*sound, R]))
+            sound.append(R)
+    return glance.full(generated(sound)) if sound else None
 
 
-def _holds(surface: Surface, R: Floats, loads: Sequence[LoadCase]) -> bool:
-    try:
-        symmetry_under(surface, np.stack([np.eye(3), R]), loads, "found")
-    except PatternError:
-        return False
-    return True
+@dataclass(frozen=True, eq=False)
+class _Glance:
+    """What tells quickly that a surface, its supports or its loads are not symmetric."""
+
+    surface: Surface
+    loads: tuple[LoadCase, ...]
+
+    @cached_property
+    def centre(self) -> Floats:
+        """(3,) the centroid, metres."""
+        return np.asarray(self.surface.areas @ self.surface.centroids / self.surface.area)
+
+    @cached_property
+    def _tree(self) -> igl.AABB:
+        return face_tree(self.surface)
+
+    @cached_property
+    def _few(self) -> Floats:
+        return self.surface.V[:: max(self.surface.n // GLANCE, 1)] - self.centre
+
+    @cached_property
+    def _held(self) -> list[tuple[Floats, cKDTree]]:
+        """Of every load case a few of the held points, and all of them; about the centroid."""
+        held = [self.surface.V[load.held] - self.centre for load in self.loads]
+        return [(x[:: max(len(x) // GLANCE, 1)], cKDTree(x)) for x in held if len(x)]
+
+    @cached_property
+    def _moments(self) -> list[tuple[Floats, Floats, float]]:
+        """Of every load case the resultant, the first moments (3, 3) and the sum of the forces, N and N m."""
+        arm = self.surface.V - self.centre
+        forces = [load.force for load in self.loads]
+        return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
+
+    def holds(self, R: Floats) -> bool:
+        """Whether nothing speaks against R."""
+        edge = self.surface.mean_edge
+        for force, moment, total in self._moments:
+            limit = LENIENT * OFF_LOAD[1] * total
+            arm = self.surface.size / 2
+            if np.linalg.norm(R @ force - force) > limit or np.abs(R @ moment @ R.T - moment).max() > limit * arm:
+                return False
+        if far_off(self.surface, self._tree, self._few @ R.T + self.centre) > LENIENT * OFF * edge:
+            return False
+        reach = LENIENT * OFF_SUPPORT * edge
+        return all(float(np.max(held.query(few @ R.T)[0])) < reach for few, held in self._held)
+
+    def full(self, group: Floats) -> Symmetry:
+        """The group, looked at everywhere; raises PatternError where it is none."""
+        return symmetry_under(self.surface, group, self.loads, "found", self._tree)
 
 
-def _candidates(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Iterator[Floats]:
+def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Floats]:
     """What a group may be generated by."""
     axis = _round_axis(surface, axes)
     if axis is None:
         yield from (_mirror(direction) for direction in axes)
         yield from (_turn(direction, 2) for direction in axes)
         return
-    far = _far_directions(surface, axis)
-    if all(_holds(surface, _turn(axis, parts), loads) for parts in ROUND):
-        yield from (_mirror(far[0]), _mirror(np.cross(axis, far[0])))
+    x = surface.V - glance.centre
+    x = x - np.outer(x @ axis, axis)
+    if all(glance.holds(_turn(axis, parts)) for parts in ROUND):
+        direction = _best_mirror(x, surface.V - glance.centre, axis, surface)
+        yield from (_mirror(direction), _mirror(np.cross(axis, direction)))
     else:
-        yield from (_turn(axis, p) for p in TURNS if _holds(surface, _turn(axis, p), loads))
-        yield from (_mirror(plane) for plane in _planes(axis, far))
+        yield from (_turn(axis, p) for p in TURNS)
+        yield from (_mirror(plane) for plane in _planes(axis, _far_directions(x, surface.size)))
     yield _mirror(axis)
 
 
@@ -70,18 +147,39 @@ def _round_axis(surface: Surface, axes: Floats) -> Floats | None:
     return None
 
 
-def _far_directions(surface: Surface, axis: Floats) -> Floats:
-    """(k, 3) unit directions from the axis to the points that are farthest from it."""
-    x = surface.V - surface.areas @ surface.centroids / surface.area
-    x = x - np.outer(x @ axis, axis)
+def _far_directions(x: Floats, size: float, count: int = 1) -> Floats:
+    """(k, 3) unit directions from the axis to the points that are farthest from it, of x (n, 3) across the axis.
+
+    count : how many points there are to be, at least; those that are as far as the last are taken too.
+    """
     distance = np.linalg.norm(x, axis=1)
-    far = np.flatnonzero(distance > distance.max() - FAR * surface.size)[:PLANES]
+    least = np.partition(distance, -count)[-count]
+    far = np.flatnonzero(distance > least - FAR * size)
     return np.asarray(x[far] / distance[far, None])
+
+
+def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface) -> Floats:
+    """(3,) the normal of the mirror, through one of the farthest points or across it, that suits the mesh best.
+
+    The surface is round, its mesh is not: however it is numbered, of all mirrors the same is taken.
+    """
+    distance = np.linalg.norm(x, axis=1)
+    count = min(AROUND, len(x))
+    outer = V[distance > np.partition(distance, -count)[-count] - FAR * surface.size]
+    near, edge = cKDTree(outer), surface.mean_edge
+
+    def fit(normal: Floats) -> tuple[float, float]:
+        """How far images are from vertices; of those that fit alike that is best with the most vertices on it."""
+        off = float(np.sum(np.square(near.query(outer @ _mirror(normal).T)[0]))) / edge**2
+        on = sum(float(np.sum(1 / (1 + np.square(outer @ n / edge)))) for n in (normal, np.cross(axis, normal)))
+        return round(off, 6), -round(on, 6)
+
+    return np.asarray(min(_far_directions(x, surface.size)[:AROUND], key=fit))
 
 
 def _planes(axis: Floats, far: Floats) -> Iterator[Floats]:
     """Normals of mirrors through the axis."""
-    for direction in far:
+    for direction in far[:PLANES]:
         for through in (far[0] + direction, np.cross(axis, far[0] + direction)):
             if (length := np.linalg.norm(through)) > CLEAR:
                 yield np.cross(axis, through / length)

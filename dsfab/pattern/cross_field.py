@@ -19,6 +19,10 @@ UNCLEAR = 0.3
 FLOOR = 1e-6
 """Weight of the stress where it says nothing: keeps the field unique on a surface without stress."""
 
+VAGUE = 1e-6
+"""A direction under this share of the clearest one is rounding, as at the pole of a symmetric mesh: any other will do,
+but it must turn with the surface."""
+
 
 @dataclass(frozen=True, eq=False)
 class StressDirections:
@@ -58,8 +62,21 @@ def cross_field(frames: Frames, given: StressDirections, length: float) -> Float
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
     K = length**2 * frames.laplacian(2 * frames.turning) + diags_array(np.tile(weight, 2))
     x = factorise(K.tocsr(), surface.V, np.tile(np.arange(surface.n), 2))(right)
-    angle = np.arctan2(x[surface.n :], x[: surface.n]) / 2
+    real, imaginary = np.split(x, 2)
+    size = np.hypot(real, imaginary)
+    angle = np.where(size > VAGUE * size.max(), np.arctan2(imaginary, real) / 2, _along_an_edge(frames))
     return frames.direction(angle)
+
+
+def _along_an_edge(frames: Frames) -> Floats:
+    """(n,) at each vertex the angle of its edge to the neighbour of the smallest number; 0 where there is none."""
+    ends = np.concatenate([frames.ends, frames.ends[:, ::-1]])
+    ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
+    at, begins = np.unique(ends[:, 0], return_index=True)
+    step = frames.surface.V[ends[begins, 1]] - frames.surface.V[at]
+    angle = np.zeros(frames.surface.n)
+    angle[at] = np.angle(_complex(frames, at, step))
+    return angle
 
 
 def _complex(frames: Frames, vertex: Ints, e: Floats) -> Floats:

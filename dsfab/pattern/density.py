@@ -39,9 +39,9 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     surface = frames.surface
     grad = hat_gradients(surface)
     corners = g[surface.F]
-    sign = np.sign(np.einsum("mci,mi->mc", corners, corners[:, 0]))
-    sign[sign == 0] = 1
-    agree = np.einsum("mi,mi->m", corners[:, 1], corners[:, 2]) * sign[:, 1] * sign[:, 2] > 0
+    a, b, c = surface.F.T
+    sign = np.stack([np.ones(surface.m), frames.sides(g, a, b), frames.sides(g, a, c)], axis=1)
+    agree = frames.sides(g, b, c) * sign[:, 1] * sign[:, 2] > 0
     corners = corners * sign[:, :, None]
     curl = np.einsum("mci,mi->m", np.cross(grad, corners), surface.normals)
     mean = corners.mean(axis=1)

@@ -18,6 +18,9 @@ from dsfab.surface.mesh import Surface
 LEAST_WEIGHT = 0.05
 """Cotangent weights are at least this share of their median: negative ones of obtuse triangles would turn phases."""
 
+TIE = 1e-7
+"""Directions are taken to be turned by this angle, radians, when it is asked whether they point the same way."""
+
 
 @dataclass(frozen=True, eq=False)
 class Frames:
@@ -56,6 +59,15 @@ class Frames:
         x = self.t1[j]
         y = x * cosine + np.cross(across, x) + across * (dots(across, x)[:, None] / (1 + np.maximum(cosine, -0.99)))
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
+
+    def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
+        """(k,) 1 where tangents g (n, 3) at vertices i and j (k,) point the same way, -1 where one is turned over.
+
+        Which of two that are square to each other is turned over is decided by the surface's sense of turning: by
+        rounding it would be another one when the surface is turned.
+        """
+        square = np.cross(self.normal[j], g[j])
+        return np.where(dots(g[i], g[j]) + TIE * dots(g[i], square) < 0, -1.0, 1.0)
 
     def direction(self, angle: Floats) -> Floats:
         """(n, 3) unit vectors at angles (n,) in the frames."""

@@ -43,7 +43,7 @@ class Flow:
     def sign(self) -> Floats:
         """(e,) 1 where g points the same way at both ends of an edge, -1 where it is turned over."""
         i, j = self.frames.ends.T
-        return np.where(dots(self.g[i], self.g[j]) < 0, -1.0, 1.0)
+        return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:

@@ -1,0 +1,221 @@
+"""Mirrors and turns that are found by themselves: of plane figures, then what turns and what breaks them."""
+
+from time import process_time
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dsfab.diffusion import found_symmetry
+from dsfab.pipeline.directions import load_axes
+from dsfab.surface import LoadCase, Surface
+from dsfab.surface.refine import refined
+from dsfab.surface.shapes import dome
+from tests.zoo import grid, jittered
+
+TURN = Rotation.from_euler("xyz", [31, -57, 123], degrees=True).as_matrix()
+
+
+def pressed(surface: Surface, hold: np.ndarray | None = None) -> LoadCase:
+    """Held along its rim, or where told, under loads across the plane z = 0."""
+    held = np.zeros(surface.n, bool)
+    held[surface.edges.ends[surface.edges.boundary]] = True
+    held = held if hold is None else hold
+    force = np.outer(surface.vertex_areas, [0.0, 0.0, -1.0])
+    return LoadCase(np.repeat(held[:, None], 3, axis=1), force, np.zeros(surface.n, bool))
+
+
+def fan(corners: np.ndarray, times: int = 3) -> Surface:
+    """A plane figure, seen from the origin, in triangles."""
+    k = len(corners)
+    V = np.concatenate([np.zeros((1, 2)), corners])
+    F = np.stack([np.zeros(k, int), 1 + np.arange(k), 1 + (np.arange(k) + 1) % k], axis=1)
+    surface = Surface(np.c_[V, np.zeros(k + 1)], F)
+    for _ in range(times):
+        surface = halved_edges(surface)
+    return surface
+
+
+def halved_edges(surface: Surface) -> Surface:
+    """Every triangle in four."""
+    V, edges, F = surface.V, surface.edges, surface.F
+    mid = surface.n + edges.of
+    four = [np.c_[F[:, i], mid[:, i], mid[:, (i + 2) % 3]] for i in range(3)]
+    return Surface(np.concatenate([V, V[edges.ends].mean(axis=1)]), np.concatenate([*four, mid]))
+
+
+def polygon(k: int) -> np.ndarray:
+    angle = 2 * np.pi * np.arange(k) / k + 0.3
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def pinwheel(arms: int = 4) -> Surface:
+    """Corners that turn into each other and have no mirror."""
+    angle = 2 * np.pi * np.arange(3 * arms) / (3 * arms)
+    radius = np.tile([1.0, 2.2, 1.3], arms)
+    return fan(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+def l_shape() -> Surface:
+    square = grid(12, 12, 2.0, 2.0)
+    return Surface(square.V, square.F[(square.centroids[:, :2].min(axis=1) < 1)])
+
+
+def used(surface: Surface) -> Surface:
+    at = np.unique(surface.F)
+    return Surface(surface.V[at], np.searchsorted(at, surface.F))
+
+
+def irregular() -> Surface:
+    return fan(np.array([[2.0, 0.1], [0.8, 1.5], [-0.7, 1.1], [-1.6, -0.4], [0.4, -1.2]]))
+
+
+def canopy() -> Surface:
+    flat = fan(polygon(6), 4)
+    return Surface(np.c_[flat.V[:, :2], 0.4 * (1 - (flat.V[:, :2] ** 2).sum(axis=1))], flat.F)
+
+
+FIGURES = {
+    "rectangle": (lambda: jittered(grid(12, 8, 3.0, 2.0), 0.1), 4, 2),
+    "square": (lambda: jittered(grid(12, 12, 2.0, 2.0), 0.1), 8, 4),
+    "hexagon": (canopy, 12, 6),
+    "triangle": (lambda: fan(polygon(3), 4), 6, 3),
+    "pinwheel": (pinwheel, 4, 0),
+    "three-armed pinwheel": (lambda: pinwheel(3), 3, 0),
+    "L": (lambda: used(l_shape()), 2, 1),
+}
+"""Surface, elements of its group, and mirrors among them."""
+
+
+def group(surface: Surface, *loads: LoadCase) -> np.ndarray:
+    loads = loads or (pressed(surface),)
+    found = found_symmetry(surface, load_axes(surface, loads[0]), loads)
+    return np.eye(3)[None] if found is None else found.R
+
+
+def same_group(one: np.ndarray, two: np.ndarray) -> bool:
+    return len(one) == len(two) and all(np.abs(two - R).max(axis=(1, 2)).min() < 1e-6 for R in one)
+
+
+@pytest.mark.parametrize("name", list(FIGURES))
+def test_plane_figures_have_the_groups_of_the_textbook(name):
+    build, order, mirrors = FIGURES[name]
+    R = group(build())
+    assert len(R) == order
+    assert (np.linalg.det(R) < 0).sum() == mirrors
+    assert np.abs(R[:, :, 2] - [0, 0, 1]).max() < 1e-6  # loads across the plane: none turns it over
+    products = np.einsum("aij,bjk->abik", R, R).reshape(-1, 3, 3)
+    assert all(np.abs(R - p).max(axis=(1, 2)).min() < 1e-6 for p in products)
+
+
+def test_a_plate_in_its_own_plane_is_its_own_mirror_image():
+    """With loads in the plane, z = 0 is a mirror as well: of each element there are two. It changes nothing there."""
+    plate = grid(12, 8, 3.0, 2.0)
+    pull = np.zeros((plate.n, 3))
+    for x, sign in ((0.0, -1.0), (3.0, 1.0)):
+        pull[np.abs(plate.V[:, 0] - x) < 1e-9, 0] = sign
+    free = np.zeros(plate.n, bool)
+    assert len(group(plate, LoadCase(np.repeat(free[:, None], 3, axis=1), pull, free))) == 8
+    square = grid(12, 12, 2.0, 2.0)
+    free = np.zeros(square.n, bool)
+    pull = square.V - [1, 1, 0]
+    assert len(group(square, LoadCase(np.repeat(free[:, None], 3, axis=1), pull, free))) == 16
+
+
+def test_what_has_no_symmetry_has_none():
+    surface = irregular()
+    assert found_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)]) is None
+
+
+def test_of_a_round_surface_two_mirrors_are_taken():
+    surface = dome(12.0, 4.0, 0.0, 0.6)
+    R = group(surface)
+    assert len(R) == 4
+    assert (np.linalg.det(R) < 0).sum() == 2
+
+
+def test_maps_are_those_of_the_group():
+    surface = FIGURES["square"][0]()
+    found = found_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)])
+    centre = surface.areas @ surface.centroids / surface.area
+    for R, T in zip(found.R, found.maps, strict=True):
+        assert np.abs(T @ surface.V - ((surface.V - centre) @ R.T + centre)).max() < 0.01 * surface.mean_edge
+
+
+# --- what breaks it
+
+
+def test_supports_break_it():
+    surface = grid(12, 8, 3.0, 2.0)
+    assert len(group(surface, pressed(surface, surface.V[:, 0] < 1e-9))) == 2
+    corner = (surface.V[:, 0] < 1e-9) & (surface.V[:, 1] < 0.6)
+    assert len(group(surface, pressed(surface, corner))) == 1
+
+
+def test_loads_break_it():
+    surface = grid(12, 12, 2.0, 2.0)
+    whole = pressed(surface)
+    for at, order in (((1.5, 1.0), 2), ((1.5, 1.5), 2), ((1.5, 1.2), 1), ((1.0, 1.0), 8)):
+        near = np.linalg.norm(surface.V[:, :2] - at, axis=1) < 0.2
+        load = LoadCase(whole.fixed, np.outer(near, [0, 0, -1.0]), near)
+        assert len(group(surface, load)) == order
+    assert len(group(surface, whole, LoadCase(whole.fixed, whole.force + [1e-2, 0, 0], whole.loaded))) == 2
+
+
+def test_loads_of_equal_moments_that_lie_elsewhere_break_it():
+    """Two forces on a diagonal have the resultant and the first moments of two on the other: seen at the full look."""
+    surface = grid(12, 12, 2.0, 2.0)
+    near = (np.linalg.norm(surface.V[:, :2] - 0.5, axis=1) < 0.2) | (
+        np.linalg.norm(surface.V[:, :2] - 1.5, axis=1) < 0.2
+    )
+    R = group(surface, LoadCase(pressed(surface).fixed, np.outer(near, [0, 0, -1.0]), near))
+    assert len(R) == 4
+    assert (np.linalg.det(R) < 0).sum() == 2
+
+
+def test_a_bite_that_few_points_see_breaks_it():
+    surface = grid(24, 16, 3.0, 2.0)
+    bitten = used(Surface(surface.V, surface.F[np.linalg.norm(surface.centroids[:, :2] - [0.5, 0.5], axis=1) > 0.25]))
+    assert len(group(bitten, pressed(bitten, np.abs(bitten.V[:, 0] - 1.5) > 1.5 - 1e-9))) == 1
+
+
+# --- invariance
+
+
+@pytest.mark.parametrize("name", list(FIGURES))
+def test_turned_scaled_and_renumbered_figures_have_the_turned_group(name):
+    surface = FIGURES[name][0]()
+    load, rng = pressed(surface), np.random.default_rng(1)
+    shuffle = rng.permutation(surface.n)
+    F = np.argsort(shuffle)[surface.F[rng.permutation(surface.m)]]
+    turned = Surface(40 * surface.V[shuffle] @ TURN.T + [3, -2, 1], F)
+    there = LoadCase(load.fixed[shuffle], load.force[shuffle] @ TURN.T, load.loaded[shuffle])
+    assert same_group(group(turned, there), TURN @ group(surface) @ TURN.T)
+
+
+def irregular_dome() -> Surface:
+    """A cap of a sphere of radius 6.5 m in triangles without any symmetry, on an even rim."""
+    flat = dome(12.0, 4.0, 0.0, 0.6)
+    flat = jittered(Surface(flat.V * [1, 1, 0], flat.F), 0.15)
+    return Surface(flat.V + np.outer(np.sqrt(6.5**2 - (flat.V**2).sum(axis=1)) - 2.5, [0, 0, 1]), flat.F)
+
+
+def test_the_mirrors_of_a_dome_do_not_depend_on_numbers():
+    """It is round, so any two would do: of all of them those that suit the mesh best."""
+    surface = irregular_dome()
+    R = group(surface)
+    assert len(R) == 4
+    for seed in range(4):
+        shuffle = np.random.default_rng(seed).permutation(surface.n)
+        assert same_group(group(Surface(surface.V[shuffle], np.argsort(shuffle)[surface.F])), R)
+
+
+def test_a_search_is_quick():
+    """A fifth of a second at 10 thousand points; here with room for slow machines."""
+    surface = refined(grid(20, 20, 2.0, 2.0), 0.02, False)
+    assert surface.n > 8_000
+    load, begin = pressed(surface), process_time()
+    axes = load_axes(surface, load)
+    begin = process_time()
+    assert found_symmetry(surface, axes, [load]).order == 8
+    assert process_time() - begin < 1.5

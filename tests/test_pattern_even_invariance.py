@@ -1,0 +1,176 @@
+"""Evenly spaced stripes turn, grow and are renumbered with the surface; and on a symmetric mesh they are symmetric."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dsfab import load_preset
+from dsfab.design import CaseResult, EvenStripes, StaticsResult
+from dsfab.pipeline.even import even_stripes
+from dsfab.pipeline.log import Log
+from dsfab.pipeline.patterns import pattern_step
+from dsfab.preset_file import overridden
+from dsfab.slicing import cut
+from dsfab.statics import Material, solve_statics, stress
+from dsfab.surface import LoadCase, Surface, read_surface
+from tests.meshes import mesh_file
+from tests.zoo import grid, jittered, sphere
+
+TURN = Rotation.from_euler("xyz", [31, -57, 123], degrees=True).as_matrix()
+QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A surface with a load, and stripes so far apart, metres."""
+
+    surface: Surface
+    load: LoadCase
+    spacing: tuple[float, float]
+    size: float = 1.0
+
+    @property
+    def preset(self):
+        asked = {
+            "pattern.method": "stripes",
+            "pattern.keep": 0.0,
+            "pattern.width.rule": "plain",
+            "pattern.width.solid_fraction": 0.0,
+        }
+        for name, spacing in zip(("major", "minor"), self.spacing, strict=True):
+            asked |= {f"pattern.{name}.spacing": spacing, f"pattern.{name}.frequency": 0.0, f"pattern.{name}.mode": 1}
+            asked |= {f"pattern.{name}.phase": 0.0, f"pattern.{name}.threshold": 0.5}
+        return overridden(load_preset("dome"), asked)
+
+    @cached_property
+    def statics(self) -> StaticsResult:
+        material = Material(210e9, 0.3)
+        answer = solve_statics(self.surface, material, self.load, 0.01 * np.sqrt(self.surface.area))
+        sigma = stress(self.surface, material, answer.u)
+        cases = {name: CaseResult(self.load, answer, sigma, None) for name in self.preset.followed}
+        return StaticsResult(self.load, answer, sigma, None, cases)
+
+    @cached_property
+    def even(self) -> EvenStripes:
+        return even_stripes(self.preset, self.surface, self.statics)
+
+    @cached_property
+    def sheet(self):
+        pattern = pattern_step(self.preset, self.surface, self.statics, None, Log(None), even=self.even)
+        return cut(self.surface, pattern.fields, pattern.levels, 0)
+
+    @cached_property
+    def material(self) -> np.ndarray:
+        """(m,) share of each face that is material."""
+        sheet = self.sheet
+        return np.bincount(sheet.parent, sheet.surface.areas * sheet.material, self.surface.m) / self.surface.areas
+
+
+def supported(surface: Surface, held: np.ndarray) -> LoadCase:
+    """Under its own weight."""
+    force = np.outer(surface.vertex_areas, [0.0, 0.0, -1e4])
+    return LoadCase(np.repeat(held[:, None], 3, axis=1), force, np.zeros(surface.n, bool))
+
+
+def on_rim(surface: Surface) -> np.ndarray:
+    held = np.zeros(surface.n, bool)
+    held[surface.edges.ends[surface.edges.boundary]] = True
+    return held
+
+
+def dome() -> Case:
+    """A cap on a plane rim of a square with rounded sides, irregular mesh, loads without symmetry."""
+    flat = jittered(grid(20, 20, 2.0, 2.0), 0.2)
+    x, y = flat.V[:, 0] - 1, flat.V[:, 1] - 1
+    surface = Surface(np.c_[5 * x, 5 * y, 2.2 * (2 - x**2 - 0.8 * y**2 + 0.1 * x * y)], flat.F)
+    load = supported(surface, on_rim(surface))
+    near = np.linalg.norm(surface.V[:, :2] - [1.5, -1.0], axis=1) < 1.0
+    return Case(surface, LoadCase(load.fixed, load.force * (1 + 2 * near[:, None]), load.loaded), (1.3, 0.9))
+
+
+def hypar() -> Case:
+    """Two diagonal mirrors, to the mesh."""
+    flat = jittered(grid(20, 20, 2.0, 2.0), 0.2)
+    x, y = flat.V[:, 0] - 1, flat.V[:, 1] - 1
+    surface = Surface(np.c_[4 * x, 4 * y, 1.5 * (x**2 - y**2)], flat.F)
+    return Case(surface, supported(surface, on_rim(surface)), (1.0, 0.8))
+
+
+def globe() -> Case:
+    """Round: standing on a cap, pressed by its weight."""
+    surface = sphere(4)
+    return Case(surface, supported(surface, surface.V[:, 2] < -0.9), (0.45, 0.3))
+
+
+def canopy() -> Case:
+    surface = read_surface(mesh_file("canopy_quad.obj"), "m")
+    low = surface.V[:, 2] < surface.V[:, 2].min() + 0.05 * np.ptp(surface.V[:, 2])
+    return Case(surface, supported(surface, low), (0.06 * surface.size, 0.05 * surface.size))
+
+
+CASES = {"dome": dome, "hypar": hypar, "globe": globe, "canopy": canopy}
+every = pytest.mark.parametrize("name", list(CASES))
+_made: dict[str, Case] = {}
+
+
+def case(name: str) -> Case:
+    return _made.setdefault(name, CASES[name]())
+
+
+def difference(one: Case, two: Case, faces: np.ndarray | None = None) -> float:
+    """Share of the area by which the material differs, face by face."""
+    there = two.material if faces is None else two.material[faces]
+    return float(one.surface.areas @ np.abs(one.material - there) / one.surface.area)
+
+
+@every
+@pytest.mark.parametrize("turn", [QUARTER, TURN])
+def test_turning_the_design_turns_its_stripes(name, turn):
+    given = case(name)
+    surface = Surface(given.surface.V @ turn.T + [3, -2, 1], given.surface.F)
+    load = LoadCase(given.load.fixed, given.load.force @ turn.T, given.load.loaded)
+    assert difference(given, Case(surface, load, given.spacing)) < 0.002
+
+
+@every
+@pytest.mark.parametrize("scale", [0.01, 40.0])
+def test_stripes_grow_with_the_design(name, scale):
+    given = case(name)
+    load = LoadCase(given.load.fixed, given.load.force * scale**2, given.load.loaded)
+    spacing = given.spacing[0] * scale, given.spacing[1] * scale
+    assert difference(given, Case(Surface(scale * given.surface.V, given.surface.F), load, spacing)) < 0.002
+
+
+@every
+def test_numbering_changes_no_stripe(name):
+    given, rng = case(name), np.random.default_rng(3)
+    shuffle, faces = rng.permutation(given.surface.n), rng.permutation(given.surface.m)
+    F = np.roll(np.argsort(shuffle)[given.surface.F[faces]], 1, axis=1)
+    load = LoadCase(given.load.fixed[shuffle], given.load.force[shuffle], given.load.loaded[shuffle])
+    mixed = Case(Surface(given.surface.V[shuffle], F), load, given.spacing)
+    limit = 0.01 if name == "globe" else 0.002  # at its poles the directions of both mirrors are as good
+    assert difference(given, mixed, np.argsort(faces)) < limit
+
+
+@every
+def test_the_same_bytes_again(name):
+    one, two = case(name).even, CASES[name]().even
+    for a, b in zip(one.phases, two.phases, strict=True):
+        assert np.array_equal(a.value, b.value)
+        assert np.array_equal(a.shift, b.shift)
+    assert np.array_equal(one.chart.z, two.chart.z)
+    assert np.array_equal(one.slope, two.slope)
+
+
+@every
+def test_there_are_stripes_of_the_asked_spacing(name):
+    """What the tests above compare is not nothing."""
+    given = case(name)
+    share = given.surface.areas @ given.material / given.surface.area
+    assert 0.35 < share < 0.55
+    for k, spacing in enumerate(given.spacing):
+        mean = given.surface.vertex_areas @ given.even.density[:, k] / given.surface.area
+        assert mean == pytest.approx(1 / spacing, rel=0.25)
