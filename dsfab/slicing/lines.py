@@ -32,7 +32,7 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""z (n,) on the uncut surface, whose integers are the middles of stripes; or that at corners; or None for no stripes."""
+"""z (n,) on the uncut surface, integers at the middles of stripes; or that at corners; or None for no stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[Line]:
@@ -73,13 +73,14 @@ class _Stripes:
         """(k,) of the stripes that cells (k,) are part of."""
         corners = sheet.surface.F[cell]
         if not isinstance(phase, CornerLines):
-            return np.rint(sheet.carry(phase)[corners].mean(axis=1)).astype(np.int64)
+            return np.asarray(np.rint(sheet.carry(phase)[corners].mean(axis=1)), dtype=np.int64)
         z = phase.field.corners(self.F).mean(axis=2)
         entries = self.weights[corners.ravel()].tocoo()
         row, column = (index.astype(np.int64) for index in entries.coords)
         parent = sheet.parent[cell][row // 3]
         seen = entries.data * z[parent, places(self.F[parent], column)]
-        return np.rint(nearest(np.bincount(row // 3, seen, len(cell)) / 3, phase.levels)).astype(np.int64)
+        z = np.bincount(row // 3, seen, len(cell)) / 3
+        return np.asarray(np.rint(nearest(z, phase.levels)), dtype=np.int64)
 
     def changes(self, at: Ints, loop: Ints) -> Bools:
         """(k,) whether edges `at` (k,) around a loop of vertices belong to another stripe than the one before.

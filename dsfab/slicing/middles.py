@@ -47,9 +47,9 @@ class Chords:
     def on(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
         """Those of a family in faces where it has a phase, and a half-width (n,) over 0 at every corner.
 
-                 |                  A face has a chord for every whole number between two of its corners, from side to
-            ---o-+-o---  k          side or from a corner; and one along a side both of whose ends are on k.
-                 |
+             |                  A face has a chord for every whole number between two of its corners, from side to
+        ---o-+-o---  k          side or from a corner; and one along a side both of whose ends are on k.
+             |
         """
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
@@ -116,7 +116,7 @@ def middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints
     number[chords.of[::-1]] = chords.number[::-1]
     link, point = _pieces(chords, spans)
     found = []
-    for nodes, passed in chains(*link.T, len(point)):
+    for nodes, passed in chains(link[:, 0], link[:, 1], len(point)):
         points = point[nodes]
         lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
         if drawn[passed].any() and lengths.any():

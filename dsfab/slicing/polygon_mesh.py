@@ -84,7 +84,7 @@ class PolygonMesh:
 
 def places(F: Ints, vertex: Ints) -> Ints:
     """(k,) the places in faces (k, 3) of their corners `vertex` (k,)."""
-    return np.asarray((F == vertex[:, None]).argmax(axis=1))
+    return np.asarray((vertex[:, None] == F).argmax(axis=1))
 
 
 def extended_weights(weights: csr_array, split: Split) -> csr_array:

@@ -44,15 +44,17 @@ def _min_width(made: Design | Making) -> float:
     """Across the stripes, 2 d / |grad z| on every face where a family is material; the lesser of both families."""
     draft = made.draft if isinstance(made, Making) else made
     pattern = draft.pattern
-    families = (("major", draft.diffusion.major), ("minor", draft.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
-    for (name, modes), number, frequency in zip(families, pattern.mode, pattern.frequency, strict=True):
-        index = pattern.names.index(name)
-        cells = made.sheet.family == index
+    for k, name in enumerate(("major", "minor")):
+        cells = np.isin(made.sheet.family, [i for i, other in enumerate(pattern.names) if other == name])
         faces = made.sheet.parent[cells]
-        z, d = frequency * modes.mode(number), pattern.half_widths[index]
-        slope = _slopes(made, z)[faces]
-        width.append(2 * d[made.surface.F].mean(axis=1)[faces] / np.maximum(slope, 1e-12))
+        d = pattern.half_widths[pattern.names.index(name)]
+        if pattern.even:
+            slope = pattern.even.density[:, k][made.surface.F].mean(axis=1)
+        else:
+            modes = getattr(draft.diffusion, name)
+            slope = _slopes(made, pattern.frequency[k] * modes.mode(pattern.mode[k]))
+        width.append((2 * d[made.surface.F].mean(axis=1) / np.maximum(slope, 1e-12))[faces])
         area.append(made.sheet.surface.areas[cells])
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
