@@ -214,6 +214,19 @@ class Pattern(Section):
     rim: Annotated[float, Ge(0)] = 0.0
     """Metres along the boundary that stay material; 0 keeps nothing."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_frequency(cls, values: Any) -> Any:
+        """Evenly spaced stripes have no frequency: where 0 is written for it, that is as if it were left out."""
+        if not (isinstance(values, dict) and values.get("method") == "stripes"):
+            return values
+        families = {name: values[name] for name in ("major", "minor") if isinstance(values.get(name), dict)}
+        plain = {
+            name: {key: value for key, value in family.items() if key != "frequency" or value != 0}
+            for name, family in families.items()
+        }
+        return {**values, **plain}
+
     @property
     def tidied(self) -> bool:
         """Whether loose ends are taken off."""

@@ -43,8 +43,7 @@ def load_preset(
     values.setdefault("name", path.stem)
     if mesh is not None:
         _replace_surface(values, Path(mesh).absolute())
-    for key, value in (overrides or {}).items():
-        _override(values, key, deepcopy(value))  # a later key may reach into this value
+    _override_all(values, overrides or {})
     surface = values.get("surface")
     if isinstance(surface, dict) and isinstance(surface.get("file"), str):
         surface["file"] = str(path.absolute().parent / surface["file"])
@@ -67,8 +66,7 @@ def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
     """`preset` with other values at dotted keys; raises PresetError as `load_preset` does."""
     touched = {key.partition(".")[0] for key in changes}  # the other sections were checked when they were read
     values = preset.model_dump(mode="json", exclude_none=True, include=touched)
-    for key, value in changes.items():
-        _override(values, key, deepcopy(value))  # a later key may reach into this value
+    _override_all(values, changes)
     kept = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
     return preset_from({**kept, **values}, f"preset {preset.name}")
 
@@ -123,6 +121,16 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old = values.get("surface", {})
     kept = {key: old[key] for key in (*Given.model_fields, "unit") if key in old}
     values["surface"] = {**kept, "file": str(mesh)}
+
+
+def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
+    """Set dotted keys. One of two keys that exclude each other, set without the other one, takes the other's place."""
+    for key, value in changes.items():
+        _override(values, key, deepcopy(value))  # a later key may reach into this value
+    for family in ("pattern.major", "pattern.minor"):
+        for key, other in (("frequency", "spacing"), ("spacing", "frequency")):
+            if changes.get(f"{family}.{key}") and f"{family}.{other}" not in changes:
+                _child(values["pattern"], family.partition(".")[2], family).pop(other, None)
 
 
 def _override(values: dict[str, Any], key: str, value: Any) -> None:

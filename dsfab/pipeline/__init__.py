@@ -3,10 +3,10 @@
 from types import MappingProxyType
 from typing import TypeVar
 
-from dsfab.design import Design, Draft
+from dsfab.design import Design, Draft, EvenStripes, StaticsResult
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.directions import diffusion_step
-from dsfab.pipeline.even import even_step
+from dsfab.pipeline.even import even_step, same_stripes
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.patterns import pattern_step
@@ -14,6 +14,7 @@ from dsfab.pipeline.stressing import stressed_step
 from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
 from dsfab.sparse import give_back
+from dsfab.surface import Surface
 
 __all__ = ["PARTS", "ROWS", "TIMED", "Progress", "draft", "revise", "run"]
 
@@ -82,13 +83,23 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
     if was:
         pattern = was.pattern
     else:
-        even = even_step(preset, surface, statics, log) if preset.pattern.method == "stripes" else None
+        even = _even(preset, surface, statics, log, old, start) if preset.pattern.method == "stripes" else None
         choice = choice_step(preset, surface, statics, diffusion, log) if preset.pattern.auto else None
         given = preset, surface, statics, diffusion, log, choice
         grading = stressed_step(*given, even) if preset.pattern.width.rule == "stressed" else None
         pattern = pattern_step(*given, grading, even)
     give_back()  # what the solvers held: whoever draws needs memory of another shape
     return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
+
+
+def _even(
+    preset: Preset, surface: Surface, statics: StaticsResult, log: Log, old: Draft | Design | None, start: str
+) -> EvenStripes:
+    """Evenly spaced stripes; those of `old` where at most their widths and what is kept besides them have changed."""
+    if old and old.pattern.even and start == "pattern" and same_stripes(old.preset.pattern, preset.pattern):
+        log.seconds["stripes"] = old.seconds["stripes"]
+        return old.pattern.even
+    return even_step(preset, surface, statics, log)
 
 
 def _make(preset: Preset, log: Log, old: Draft | Design | None, start: str) -> Design:

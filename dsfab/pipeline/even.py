@@ -7,6 +7,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.design import EvenStripes, StaticsResult
 from dsfab.diffusion import Symmetry, found_symmetry, principal_stresses
+from dsfab.errors import PatternError
 from dsfab.pattern import (
     CornerPhase,
     Flow,
@@ -23,7 +24,7 @@ from dsfab.pattern import (
 )
 from dsfab.pipeline.directions import followed_stress, load_axes
 from dsfab.pipeline.log import Log
-from dsfab.preset import Preset
+from dsfab.preset import STRIPES_ACROSS, Pattern, Preset, Width
 from dsfab.slicing import chart_of, halved
 from dsfab.surface import Surface
 
@@ -34,15 +35,24 @@ PEAK = 4
 SLOPES = (0.6, 1.6)
 """The phase grows by this much of what was asked; beyond that it is at a singular face that says nothing."""
 
+FINEST = 0.5
+"""Stripes are at least this share of a mean edge apart: members that are much thinner than triangles are ragged."""
+LEAST_GROWN = 0.5
+"""Of what was asked a phase grows at least by this much: or the surface is too small to have two stripes around it."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Lines:
-    """One family: its phase, how often it may be halved, (m,) how often it should be, (n,) its periods per metre."""
+    """One family: its phase, how often it may be halved, (m,) how often it should be, (n,) its periods per metre.
+
+    grown : how much the phase grows in all, over how much it was asked to.
+    """
 
     phase: CornerPhase
     most: int
     wish: Floats
     slope: Floats
+    grown: float
 
 
 def even_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> EvenStripes:
@@ -53,10 +63,32 @@ def even_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log
         return even_stripes(preset, surface, statics)
 
 
+def same_stripes(old: Pattern, new: Pattern) -> bool:
+    """Whether two [pattern] ask for the same middles of stripes: all is alike but widths, and what is kept besides.
+
+    What stripes on modes alone are drawn by makes no difference either. A key that is not named here does.
+    """
+
+    def middles(ask: Pattern) -> Pattern:
+        both = {
+            name: getattr(ask, name).model_copy(update={"threshold": 0.0, "frequency": 0.0, "mode": 1, "phase": 0.0})
+            for name in ("major", "minor")
+        }
+        return ask.model_copy(update={"width": Width(), "keep": 0.0, "rim": 0.0, "tidy": None, **both})
+
+    return middles(old) == middles(new)
+
+
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
-    """Both families of stripes as `[pattern]` asks; raises PatternError where nothing is stressed."""
+    """Both families of stripes as `[pattern]` asks.
+
+    Raises PatternError where nothing is stressed, and for spacings that the mesh is too coarse or the surface too small
+    for.
+    """
     ask = preset.pattern
     spacings = [family.distance(surface.area) for family in (ask.major, ask.minor)]
+    for name, spacing in zip(("major", "minor"), spacings, strict=True):
+        _refuse_impossible(name, spacing, surface)
     symmetry = _symmetry(preset, surface, statics)
     sigma = followed_stress(preset, surface, statics)
     given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
@@ -68,6 +100,9 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
         _lines(frames, g, given, spacing, ask.halve, images)
         for g, spacing in zip((across, along), spacings, strict=True)  # gradients: stripes run square to them
     )
+    for name, lines, spacing in (("major", major, spacings[0]), ("minor", minor, spacings[1])):
+        if lines.grown < LEAST_GROWN:
+            raise _too_far(name, spacing, surface)
     return replace(_divided(surface, major, minor), symmetry=symmetry)
 
 
@@ -81,7 +116,36 @@ def _lines(frames: Frames, g: Floats, given: StressDirections, spacing: float, h
     coarse = Flow(frames, g, finest / 2**halved_.most)  # counts then close around every loop, after halving too
     start, lock = (size / size.max()) ** PEAK, boundary_lines(surface, g)
     phase = corner_phase(coarse, coarse.solve(start, lock, images.projection(g))).times(2**halved_.most)
-    return _Lines(phase, halved_.most, halved_.wish[surface.F].mean(axis=1), _slope(surface, phase, finest))
+    whole = surface.areas * ~phase.singular
+    size = np.linalg.norm(phase.gradients(surface), axis=1)
+    grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
+    return _Lines(phase, halved_.most, halved_.wish[surface.F].mean(axis=1), _slope(surface, phase, finest), grown)
+
+
+def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
+    """Raise PatternError for metres between stripes that no phase needs to be solved for."""
+    if spacing < FINEST * surface.mean_edge:
+        raise PatternError(
+            f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose edges are "
+            f"{surface.mean_edge:.3g} m long on average: ask for {_digits(FINEST * surface.mean_edge)} m or more, or "
+            "make the mesh finer (surface.edge or surface.refine)"
+        )
+    if spacing > surface.size:
+        raise _too_far(name, spacing, surface)
+
+
+def _too_far(name: str, spacing: float, surface: Surface) -> PatternError:
+    return PatternError(
+        f"pattern.{name}.spacing = {spacing:.4g} m is too far for this surface, which is {surface.size:.3g} m from "
+        f"corner to corner: not even one stripe and the next fit on it; {np.sqrt(surface.area) / STRIPES_ACROSS:.2g} m "
+        "is the default"
+    )
+
+
+def _digits(length: float) -> str:
+    """Rounded up to two digits."""
+    unit = 10.0 ** (np.floor(np.log10(length)) - 1)
+    return f"{np.ceil(length / unit) * unit:.2g}"
 
 
 def _divided(surface: Surface, major: _Lines, minor: _Lines) -> EvenStripes:

@@ -88,7 +88,12 @@ class PolygonMesh:
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
         """(k,) the place in `face` (k,) of uncut vertices (k,), which must be corners of it."""
-        return np.asarray((self.F[face] == vertex[:, None]).argmax(axis=1))
+        return places(self.F[face], vertex)
+
+
+def places(F: Ints, vertex: Ints) -> Ints:
+    """(k,) the places in faces (k, 3) of their corners `vertex` (k,)."""
+    return np.asarray((vertex[:, None] == F).argmax(axis=1))
 
 
 def extended_weights(weights: csr_array, split: Split) -> csr_array:

@@ -5,7 +5,7 @@ A zip of NumPy arrays (`numpy.load` opens it), SI units; whole numbers are of 32
     about            JSON: version of this layout, of dsfab, the sections of the preset, numbers of pattern and solid
     V, F             the uncut surface
     sheet_...        V, F of the kept sheet; parent and family of its cells; the rows of its weights on the surface
-    field_k, levels_k, half_width_k   of the k-th name of the pattern
+    field_k, levels_k, half_width_k   of the k-th name of the pattern; evenly spaced: see `dsfab.study.archive_even`
     solid_V, solid_F the solid
     value_k          what a VTU file shows, in single precision: it takes most of the room
 """
@@ -25,6 +25,7 @@ from dsfab.arrays import Floats
 from dsfab.design import Design, PatternResult
 from dsfab.preset import STAGES, Preset
 from dsfab.slicing import Sheet
+from dsfab.study.archive_even import even_arrays, even_of, field_arrays, field_of
 from dsfab.study.fields import design_fields
 from dsfab.surface import Surface
 from dsfab.thickening import Repairs, Solid
@@ -75,8 +76,12 @@ def keep(design: Design, folder: Path) -> Path:
     weights = {"data": sheet.weights.data, "indices": sheet.weights.indices, "indptr": sheet.weights.indptr}
     whole = {"V": sheet.surface.V, "F": sheet.surface.F, "parent": sheet.parent, "family": sheet.family, **weights}
     arrays |= {f"sheet_{key}": array for key, array in whole.items()} | {"solid_V": solid.V, "solid_F": solid.F}
-    for key, group in (("field", pattern.fields), ("levels", pattern.levels), ("half_width", pattern.half_widths)):
+    for key, group in (("levels", pattern.levels), ("half_width", pattern.half_widths)):
         arrays |= {f"{key}_{k}": array for k, array in enumerate(group)}
+    for k, field in enumerate(pattern.fields):
+        arrays |= field_arrays(f"field_{k}", field)
+    if pattern.even:
+        arrays |= even_arrays(pattern.even)
     arrays |= {f"value_{k}": array.astype(np.float32) for k, array in enumerate(values.values())}
     path = folder / NAME
     short: dict[str, Any] = {key: _short(array) for key, array in arrays.items()}
@@ -107,10 +112,11 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Kept:
     rows = archive["sheet_data"], archive["sheet_indices"], archive["sheet_indptr"]
     weights = csr_array(rows, shape=(sheet.n, surface.n))
     names, said = about["names"], about["solid"]
-    fields, levels, half_widths = (
+    levels, half_widths = (
         tuple(archive[f"{key}_{k}"] for k in range(len(names)) if f"{key}_{k}" in archive)
-        for key in ("field", "levels", "half_width")
+        for key in ("levels", "half_width")
     )
+    fields = tuple(field_of(f"field_{k}", archive) for k in range(len(names)))
     pattern = PatternResult(
         tuple(names),
         fields,
@@ -120,6 +126,7 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Kept:
         tuple(about["frequency"]),
         tuple(about["mode"]),
         tuple(about["phase"]),
+        even=even_of(surface, archive),
     )
     repairs = Repairs(rung=said["rung"])
     return Kept(

@@ -112,7 +112,7 @@ def compare_at(
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
     brief = Brief.of(made, share * made.surface.area)
-    variant = Variant("", lambda: striped(brief, brief.preset, brief.diffusion))
+    variant = Variant("", lambda: striped(brief, brief.preset, brief.diffusion, brief.even))
     return _compared(brief, _entered(brief, "design", [variant], judge), rivals, (judge, judge), told)
 
 

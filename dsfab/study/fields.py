@@ -3,8 +3,10 @@
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Design
+from dsfab.design import Design, EvenStripes
 from dsfab.pattern.wave import wave
+from dsfab.slicing.lines import STRIPES, CornerLines
+from dsfab.slicing.sheet import ON_SIMPLEX
 from dsfab.study.lines import stripe_phase
 
 
@@ -14,6 +16,9 @@ def design_fields(design: Design) -> dict[str, Floats]:
     Vertices: displacement of every load case, forces, what is held, modes, and for each family the phase z (middles of
     members at its integers), the half-width d and the wave of z. Faces: stress in xyz, its principal values and the
     isotropic faces as the tensors of the diffusion see them (gamma times the stress).
+
+    The phase of evenly spaced stripes is no field of the vertices: instead of it there are the distance from the
+    nearest middle and the density of the lines that are drawn; d and the wave count in these lines as well.
     """
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
@@ -35,7 +40,27 @@ def design_fields(design: Design) -> dict[str, Floats]:
         z = stripe_phase(design, k)
         if z is None:
             fields[f"{name} distance [m]"] = -np.asarray(pattern.fields[k])
+            continue
+        if isinstance(z, CornerLines):
+            assert pattern.even is not None
+            fields |= _even_fields(pattern.even, STRIPES.index(name))
         else:
             fields |= {f"{name} phase [1]": z, f"{name} wave [1]": wave(z)}
-            fields[f"{name} half-width [1]"] = np.asarray(pattern.half_widths[k])
+        fields[f"{name} half-width [1]"] = np.asarray(pattern.half_widths[k])
     return fields
+
+
+def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
+    """What has one value at each vertex: of lines that one of the openings there draws, the nearest counts."""
+    name, chart, density = STRIPES[family], even.chart, even.density[:, family]
+    weights = chart.weights.tocoo()
+    row, vertex = (index.astype(np.int64) for index in weights.coords)
+    here = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
+    z = chart.z[row[here], family]
+    off = np.full(len(density), 0.5)  # where the lines have no phase: as between two
+    np.minimum.at(off, vertex[here], np.abs(z - np.rint(z)))
+    return {
+        f"{name} middle [m]": off / density,
+        f"{name} density [1/m]": np.asarray(density),
+        f"{name} wave [1]": wave(off),
+    }

@@ -49,19 +49,20 @@ def fixed(design: Design, progress: Progress | None = None) -> Fixed:
             return Fixed(design, made, _differences(original, design.preset))
         for check in made.failed:
             _refuse_hopeless(check)
-        changes = _changes(design, made) | (_coarser(design.preset, made) if turn >= ATTEMPTS // 2 else {})
+        changes = _changes(design, made) | (_coarser(design, made) if turn >= ATTEMPTS // 2 else {})
         try:
             design = revise(design, overridden(design.preset, changes), progress)
         except PatternError:  # wider stripes and the wanted share of material contradict each other
-            design = revise(design, overridden(design.preset, _coarser(design.preset, made)), progress)
+            design = revise(design, overridden(design.preset, _coarser(design, made)), progress)
         made = fabrication(design)
     if made.failed:
         left = "; ".join(
             f"{check.name} {_mm(check.limit[0])}: {_mm(check.value[0])}, {check.what}" for check in made.failed
         )
+        fewer = "raise pattern.*.spacing" if design.pattern.even else "lower pattern.*.frequency, or choose other modes"
         raise PatternError(
-            f"{ATTEMPTS} changes of widths and frequencies did not meet the limits of fabrication ({left}); lower the "
-            "limits, lower pattern.*.frequency, or choose other modes"
+            f"{ATTEMPTS} changes of widths and distances did not meet the limits of fabrication ({left}); lower the "
+            f"limits, or {fewer}"
         )
     return Fixed(design, made, _differences(original, design.preset))
 
@@ -94,13 +95,14 @@ def _changes(design: Design, made: Fabrication) -> dict[str, Any]:
     return changes
 
 
-def _coarser(preset: Preset, made: Fabrication) -> dict[str, Any]:
+def _coarser(design: Design, made: Fabrication) -> dict[str, Any]:
     """Fewer stripes, by as much as a member that failed is too narrow, within limits."""
     short = min((c.value[0] / c.limit[0] for c in made.failed if c.name == "min_member"), default=COARSER)
     by, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()
-    for name, family in (("major", preset.pattern.major), ("minor", preset.pattern.minor)):
-        if family.spacing:
-            changes[f"pattern.{name}.spacing"] = _rounded(family.spacing / by)
+    pattern = design.preset.pattern
+    for name, family in (("major", pattern.major), ("minor", pattern.minor)):
+        if family.spacing or design.pattern.even:
+            changes[f"pattern.{name}.spacing"] = _rounded(family.distance(design.surface.area) / by)
         else:
             changes[f"pattern.{name}.frequency"] = _rounded(family.frequency * by)
     return changes

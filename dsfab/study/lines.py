@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Floats
-from dsfab.slicing.lines import centre_lines, edge_lines
+from dsfab.slicing.lines import STRIPES, CornerLines, Phase, centre_lines, chart_lines, edge_lines
 from dsfab.study.finished import Finished
+from dsfab.surface.corner_field import CornerField
 from dsfab.surface.lines import Line, simplified
 
 FULL = 0.5
@@ -19,22 +19,32 @@ def design_lines(design: Finished, tolerance: float = 0.0) -> tuple[Line, ...]:
     tolerance : metres that points left out may be off the polylines; lengths are those of all points.
     A family whose stripes are nowhere, or touch everywhere, has no middles.
     """
-    pattern = design.pattern
+    pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
-    lines = edge_lines(design.sheet, design.surface, pattern.names, phases)
-    for name, z, d in zip(pattern.names, phases, pattern.half_widths, strict=True):
-        if z is not None and (d > 0).any() and (d < FULL).any():
-            lines += centre_lines(design.sheet, name, z, d)
+    lines = edge_lines(sheet, surface, pattern.names, phases)
+    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # alike where a family has several
+    for k, name in enumerate(pattern.names):
+        z, d = phases[k], half_widths[name]
+        if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < FULL).any()):
+            continue
+        if isinstance(z, CornerLines):
+            assert pattern.even is not None
+            lines += chart_lines(sheet, surface, pattern.names, name, pattern.even.chart, d)
+        else:
+            lines += centre_lines(sheet, name, z, d)
     return tuple(replace(line, points=simplified(line.points, tolerance)) for line in lines)
 
 
-def stripe_phase(design: Finished, k: int) -> Floats | None:
-    """z (n,) of field k, whose integers are the middles of its stripes; None for a field that draws none."""
+def stripe_phase(design: Finished, k: int) -> Phase:
+    """Whose integers are the middles of the stripes of field k: z (n,), or that at corners where no value at a vertex
+    serves; None for a field that draws none."""
     pattern = design.pattern
     field = pattern.fields[k]
-    if pattern.names[k] not in ("major", "minor"):
+    if pattern.names[k] not in STRIPES:
         return None
+    if isinstance(field, CornerField):
+        return CornerLines(field, pattern.levels[k])
     if field.ndim == 2:
         return np.asarray(field.mean(axis=1))
-    which = ("major", "minor").index(pattern.names[k])
+    which = STRIPES.index(pattern.names[k])
     return np.asarray(pattern.frequency[which] * field + pattern.phase[which])

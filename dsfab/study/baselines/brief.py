@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools
-from dsfab.design import Design, DiffusionResult, Draft, StaticsResult
-from dsfab.pattern import Layer
+from dsfab.design import Design, DiffusionResult, Draft, EvenStripes, StaticsResult
+from dsfab.pattern import Layer, frequency_for
 from dsfab.pipeline.patterns import kept_regions
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet
@@ -22,7 +22,9 @@ from dsfab.surface.topology import pieces
 class Brief:
     """A preset with its modes and phases settled, what was made of it before the pattern, and the area to be used, m2.
 
-    frequency : of the major and of the minor stripes, as the design draws them.
+    frequency : of the major and of the minor stripes, as the design draws them; where they are evenly spaced, that at
+                which stripes on the first mode are as far apart in the mean.
+    even      : where evenly spaced stripes of the design run; None for stripes on modes.
     """
 
     preset: Preset
@@ -31,13 +33,33 @@ class Brief:
     diffusion: DiffusionResult
     frequency: tuple[float, float]
     area: float
+    even: EvenStripes | None = None
 
     @classmethod
     def of(cls, made: Design | Draft, area: float) -> Self:
         """What the competitors of a design share."""
         pattern = made.pattern
         preset = made.preset.settled(pattern.mode, pattern.phase) if pattern.choice else made.preset
-        return cls(preset, made.surface, made.statics, made.diffusion, pattern.frequency, area)
+        frequency = pattern.frequency
+        if pattern.even:
+            asked, modes = (preset.pattern.major, preset.pattern.minor), (made.diffusion.major, made.diffusion.minor)
+            spacings = [family.distance(made.surface.area) for family in asked]
+            pairs = zip(modes, spacings, strict=True)
+            major, minor = (frequency_for(made.surface, family.mode(1), spacing) for family, spacing in pairs)
+            frequency = major, minor
+        return cls(preset, made.surface, made.statics, made.diffusion, frequency, area, pattern.even)
+
+    @cached_property
+    def on_modes(self) -> Preset:
+        """The preset with stripes on modes, in the mean as far apart as the design's."""
+        if self.even is None:
+            return self.preset
+        ask, area = self.preset.pattern, self.surface.area
+        apart = {
+            name: getattr(ask, name).model_copy(update={"spacing": getattr(ask, name).distance(area), "frequency": 0.0})
+            for name in ("major", "minor")
+        }
+        return self.preset.model_copy(update={"pattern": ask.model_copy(update={"method": "modes", **apart})})
 
     @property
     def share(self) -> float:
@@ -64,7 +86,7 @@ class Brief:
         """(m,) whether the middle of a face is in what is kept."""
         found = np.zeros(self.surface.m, dtype=bool)
         for layer in self.kept:
-            found |= layer.field[self.surface.F].mean(axis=1) > layer.levels[0]
+            found |= np.asarray(layer.field)[self.surface.F].mean(axis=1) > layer.levels[0]
         return found
 
 

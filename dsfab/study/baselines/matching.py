@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.design import DiffusionResult, PatternResult
+from dsfab.design import DiffusionResult, EvenStripes, PatternResult
 from dsfab.errors import PatternError
 from dsfab.pattern import Drawable, Layer
 from dsfab.pipeline.geometry import slicing_step
@@ -78,10 +78,11 @@ def area_share(brief: Brief, layers: Sequence[Layer]) -> float:
     return material_area(brief.surface, fields, levels, brief.preset.slicing.snap, tidy) / brief.surface.area
 
 
-def striped(brief: Brief, preset: Preset, diffusion: DiffusionResult) -> Structure:
-    """Both families of stripes of a preset on the modes of `diffusion`, as wide as the area of the brief asks."""
+def striped(brief: Brief, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None) -> Structure:
+    """Both families of stripes of a preset, as wide as the area of the brief asks: on the modes of `diffusion`, or
+    evenly spaced."""
     radius = preset.pattern.width.widths(np.sqrt(brief.surface.area)).radius
-    return widened(brief, preset, striped_families(preset, brief.surface, diffusion, radius))
+    return widened(brief, preset, striped_families(preset, brief.surface, diffusion, radius, even=even))
 
 
 def widened(brief: Brief, preset: Preset, families: Sequence[Drawable]) -> Structure:

@@ -34,7 +34,7 @@ TIE = 1e-3
 def isotropic(brief: Brief) -> list[Variant]:
     """Stripes of plain width and the same frequencies on modes that do not hear the stress (r = 1): all pairs."""
     blind = overridden(
-        brief.preset,
+        brief.on_modes,
         {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": brief.share}},
     )
     diffusion = cache(lambda: diffusion_step(blind, brief.surface, brief.statics, Log(None)))
@@ -56,7 +56,7 @@ def rotated(brief: Brief) -> list[Variant]:
         major, minor = (diffusion_modes(brief.surface, L, MODES, axes) for L in operators)
         return DiffusionResult(tensors, major, minor)
 
-    return _pairs(brief, brief.preset, diffusion, PAIRS)
+    return _pairs(brief, brief.on_modes, diffusion, PAIRS)
 
 
 def von_mises(brief: Brief) -> list[Variant]:
@@ -126,6 +126,6 @@ def _pairs(
 
 def _plain(brief: Brief, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
     """Stripes of plain width on fields (n,) with a frequency each."""
-    preset = overridden(brief.preset, {"pattern.width": {"solid_fraction": brief.share}})
+    preset = overridden(brief.on_modes, {"pattern.width": {"solid_fraction": brief.share}})
     stripes = [(name, x, Stripes(frequency, phase)) for name, (x, frequency) in fields.items()]
     return widened(brief, preset, [Family.on(brief.surface, name, own, x) for name, x, own in stripes])

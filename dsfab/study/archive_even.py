@@ -1,0 +1,74 @@
+"""What a design keeps of evenly spaced stripes, as arrays by name (see `dsfab.study.archive`), and back.
+
+field_k           of such a field: its values at the vertices; beside it
+field_k_sign, field_k_shift, field_k_blank, field_k_wanted   how faces see it
+even_...          the phases and what else `EvenStripes` holds; even_chart_... its chart
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Floats
+from dsfab.design import EvenStripes
+from dsfab.pattern import CornerPhase
+from dsfab.slicing import Chart
+from dsfab.surface import Surface
+from dsfab.surface.corner_field import CornerField
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def field_arrays(key: str, field: Floats | CornerField) -> Arrays:
+    """The arrays of a field; one without corners is one array, called by the key."""
+    if not isinstance(field, CornerField):
+        return {key: field}
+    seen = {"sign": _whole(field.sign), "shift": _whole(field.shift), "blank": field.blank}
+    wanted = {} if field.wanted is None else {"wanted": field.wanted}
+    return {key: field.x, **{f"{key}_{name}": array for name, array in (seen | wanted).items()}}
+
+
+def field_of(key: str, arrays: Mapping[str, NDArray[Any]]) -> Floats | CornerField:
+    """The field that has these arrays."""
+    if f"{key}_sign" not in arrays:
+        return arrays[key]
+    sign, shift, blank = (arrays[f"{key}_{name}"] for name in ("sign", "shift", "blank"))
+    return CornerField(arrays[key], sign, shift, blank, arrays.get(f"{key}_wanted"))
+
+
+def even_arrays(even: EvenStripes) -> Arrays:
+    """The arrays of evenly spaced stripes."""
+    found: Arrays = {"even_slope": even.slope, "even_density": even.density, "even_first": np.array(even.first)}
+    for k, (phase, wanted) in enumerate(zip(even.phases, even.wanted, strict=True)):
+        found |= {f"even_{k}_value": phase.value, f"even_{k}_singular": phase.singular}
+        found |= {f"even_{k}_sign": _whole(phase.sign), f"even_{k}_shift": _whole(phase.shift)}
+        found[f"even_{k}_wanted"] = np.reshape(wanted, (len(wanted), len(phase.sign)))
+    chart = even.chart
+    rows = {"data": chart.weights.data, "indices": chart.weights.indices, "indptr": chart.weights.indptr}
+    whole = {"V": chart.surface.V, "F": chart.surface.F, "parent": chart.parent, "z": chart.z, "scale": chart.scale}
+    return found | {f"even_chart_{name}": array for name, array in (whole | rows).items()}
+
+
+def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
+    """The evenly spaced stripes on a surface that have these arrays; None where there are none of them."""
+    if "even_slope" not in arrays:
+        return None
+    one, two = (
+        CornerPhase(*(arrays[f"even_{k}_{name}"] for name in ("value", "sign", "shift", "singular"))) for k in (0, 1)
+    )
+    major, minor = (tuple(arrays[f"even_{k}_wanted"]) for k in (0, 1))
+    part = {name: arrays[f"even_chart_{name}"] for name in ("V", "F", "parent", "z", "scale")}
+    divided = Surface(part["V"], part["F"])
+    rows = tuple(arrays[f"even_chart_{name}"] for name in ("data", "indices", "indptr"))
+    weights = csr_array(rows, shape=(divided.n, surface.n))
+    chart = Chart(divided, part["parent"].astype(np.int64), weights, part["z"], part["scale"])
+    density, first = arrays["even_density"], int(arrays["even_first"])
+    return EvenStripes((one, two), (major, minor), arrays["even_slope"], density, first, chart)
+
+
+def _whole(array: Floats) -> NDArray[Any]:
+    """Whole numbers that were kept as floating ones."""
+    return np.rint(array).astype(np.int64)
