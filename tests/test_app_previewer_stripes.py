@@ -16,6 +16,7 @@ from tests.test_app_previewer import MOST, SIZE, difference, exact
 EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}
 DOME = {**EVEN, "surface.edge": 0.5, "pattern.major.spacing": 1.1, "pattern.minor.spacing": 0.55}
 
+
 @pytest.fixture(scope="module")
 def dome() -> Draft:
     return draft(load_preset("dome", DOME))

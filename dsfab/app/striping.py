@@ -1,4 +1,4 @@
-"""A pattern as it is drawn: the mesh on which its stripes are seen, values at its vertices, and the numbers of a shader.
+"""A pattern as it is drawn: the mesh its stripes are seen on, values at its vertices, and the numbers of a shader.
 
 Stripes on modes are drawn on the surface itself. Evenly spaced ones have phases that fit together on a chart only (see
 `dsfab.slicing.Chart`): they are drawn there, as if on two modes at frequency 1 and phase 0.
@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from dsfab.app.scene import Bytes, Floats32
 from dsfab.app.shader import BY_VERTEX, FAR, NO_REACH, Settings
 from dsfab.arrays import Floats
 from dsfab.design import Design, Draft, EvenStripes, PatternResult
@@ -54,15 +55,15 @@ class StripedMesh:
         """Values (n, ...) at the uncut vertices, at those of this mesh (n', ...)."""
         return self.even.chart.carry(x) if self.even else x
 
-    def on_faces(self, x: Floats) -> Floats:
-        """Values (m, ...) of the uncut faces, at those of this mesh (m', ...)."""
+    def on_faces(self, x: Bytes) -> Bytes:
+        """Colours (m, 3) of the uncut faces, of those of this mesh (m', 3)."""
         return x[self.even.chart.parent] if self.even else x
 
-    def at_corners(self, x: Floats) -> Floats:
-        """Values (m, 3, ...) at the corners of the uncut faces, at those of this mesh (m', 3, ...)."""
+    def at_corners(self, x: Floats32) -> Floats32:
+        """Normals (m, 3, 3) at the corners of the uncut faces, at those of this mesh (m', 3, 3)."""
         if self.even is None:
             return x
-        return np.asarray(np.einsum("mcj,mj...->mc...", self._corner_weights, x[self.even.chart.parent]))
+        return np.asarray(self._corner_weights @ x[self.even.chart.parent], dtype=np.float32)
 
     @cached_property
     def _corner_weights(self) -> Floats:

@@ -116,9 +116,7 @@ def corner_normals(points: Floats, F: Ints, split: float) -> NDArray[np.float32]
     return np.asarray(normals[mesh.regular_faces])
 
 
-def jointed_mesh(
-    points: Floats, F: Ints, normals: NDArray[np.float32]
-) -> tuple[Any, NDArray[np.float32], Ints]:
+def jointed_mesh(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
     """`split_mesh` where the normals (m, 3, 3) at the corners of faces are known: split where they differ."""
     import pyvista as pv
 

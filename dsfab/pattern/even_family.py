@@ -66,7 +66,7 @@ class EvenFamily:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """(n,) half-widths in periods of the finest lines, of those in periods of the lines that are drawn; see `EvenFamily`.
+    """(n,) half-widths in periods of the finest lines, of local ones in periods of the lines that are drawn.
 
     Where neighbours that are drawn touch, all between the coarsest lines is material.
     """
