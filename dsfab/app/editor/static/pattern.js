@@ -18,8 +18,7 @@ const STEPS = 40;
  */
 export function drawn(pattern, model, sampler) {
   const { facts } = model;
-  if (facts.method !== facts.pattern.method && !same(pattern, facts.pattern)) return null; // auto: it has chosen
-  if (pattern.method !== facts.pattern.method) return null;
+  if (pattern.method !== facts.method && !same(pattern, facts.pattern)) return null; // another one, or still to be chosen
   const told = facts.method === 'stripes' ? even(pattern, facts) : waves(pattern, facts);
   if (!told) return null;
   const reach = [pattern.keep || -1e30, pattern.rim || -1e30];
