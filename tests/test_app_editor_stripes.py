@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_opening
 
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.opened import Opened
@@ -129,6 +130,13 @@ def page(tab):
     return tab
 
 
+def alike(ours, theirs):
+    """Whether masks differ in single pixels only, in one of a hundred along the edges: as with stripes on modes."""
+    differ = ours != theirs
+    edges = (theirs[1:] != theirs[:-1]).sum() + (theirs[:, 1:] != theirs[:, :-1]).sum()
+    return differ.sum() < 0.012 * edges and not binary_opening(differ, np.ones((2, 2))).any()
+
+
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
 
 
@@ -136,7 +144,7 @@ seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Ch
 @pytest.mark.slow
 def test_the_browser_sees_what_the_previewer_sees(page, dome):
     ours, theirs = seen_by_both(page, dome)
-    assert (ours != theirs).sum() < 0.002 * theirs.sum()
+    assert alike(ours, theirs)
 
 
 @seen_in_a_page
@@ -178,7 +186,7 @@ def test_only_the_server_knows_where_other_stripes_run(page):
     assert not page.run(outdated)
     assert page.run(SEEN) != before
     ours, theirs = seen_by_both(page, draft(load_preset("dome", {**DOME, "pattern.major.spacing": 0.8})))
-    assert (ours != theirs).sum() < 0.002 * theirs.sum()
+    assert alike(ours, theirs)
 
 
 @seen_in_a_page
