@@ -424,15 +424,12 @@ def test_it_fits_a_telephone(tab):
         tab.call("Emulation.setDeviceMetricsOverride", width=SIZE[0], height=SIZE[1], deviceScaleFactor=1, mobile=False)
 
 
-def test_the_browser_sees_what_the_previewer_sees(tab):
-    """The mask of WebGL against that of VTK, from the same eye: under 0.2 % of its pixels differ."""
+def seen_by_both(tab, made):
+    """Masks of a draft from the same eye: of WebGL in the page that shows it, and of VTK."""
     from dsfab.app.previewer import Previewer
 
-    changes = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.keep": 0.2}
-    tab.run(f"dsfab.state.set({json.dumps(changes)})")
-    solved(tab)
     size = (800, 600)
-    with Previewer(draft(load_preset("dome", {"surface.edge": 0.7, **changes})), marks=False) as previewer:
+    with Previewer(made, marks=False) as previewer:
         theirs = previewer.mask(size, words=False)
         view = previewer._view(size, False)
     centre = np.array(tab.run("dsfab.model.facts.centre"))
@@ -447,6 +444,15 @@ def test_the_browser_sees_what_the_previewer_sees(tab):
     assert told[:2] == list(size)
     ours = (np.frombuffer(told[2].encode(), np.uint8) == ord("1")).reshape(size[1], size[0])[::-1]
     assert theirs.sum() > 30_000
+    return ours, theirs
+
+
+def test_the_browser_sees_what_the_previewer_sees(tab):
+    """The mask of WebGL against that of VTK, from the same eye: under 0.2 % of its pixels differ."""
+    changes = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.keep": 0.2}
+    tab.run(f"dsfab.state.set({json.dumps(changes)})")
+    solved(tab)
+    ours, theirs = seen_by_both(tab, draft(load_preset("dome", {"surface.edge": 0.7, **changes})))
     assert (ours != theirs).sum() < 0.002 * theirs.sum()
 
 

@@ -139,7 +139,12 @@ def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring
 
 
 def _mode(design: "Design | Draft", show: str) -> Colouring:
-    """A mode that stripes are drawn along: each change of 1 / frequency is another stripe."""
+    """A mode that stripes are drawn along: each change of 1 / frequency is another stripe.
+
+    Raises DsfabError for stripes that are drawn along none.
+    """
+    if design.pattern.even:
+        raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
     name = show.removesuffix("_mode")
     modes = getattr(design.diffusion, name)
     number = getattr(design.preset.pattern, name).mode

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.app.colouring import check_show
+from dsfab.app.colouring import MODES, check_show
 from dsfab.app.light import FINE, Quality
 from dsfab.app.previewer import Previewer
 from dsfab.app.report import Reporter
@@ -32,9 +32,12 @@ def shows(text: str, preset: Preset) -> tuple[str, ...]:
     """The names in 'structure', 'modes', 'all', 'structure,stress'; raises DsfabError for those that there are not."""
     names: list[str] = []
     for word in (part.strip() for part in text.split(",")):
-        names += WORDS.get(word, (word,))
         if word == "all":
+            modes = preset.pattern.method != "stripes"  # these run along none
+            names += [name for name in WORDS[word] if modes or name not in MODES]
             names += [name for name, key in ASKED.items() if getattr(preset.statics, key)]
+        else:
+            names += WORDS.get(word, (word,))
     for name in names:
         check_show(name)
     return tuple(dict.fromkeys(names))

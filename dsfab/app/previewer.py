@@ -16,10 +16,10 @@ from dsfab.app.files import png, write_png
 from dsfab.app.gl import require_rendering
 from dsfab.app.lettering import lettered
 from dsfab.app.palette import PAPER, Palette
-from dsfab.app.scene import Body, Bytes, Scene
+from dsfab.app.scene import Body, Bytes, Scene, shading
 from dsfab.app.shader import NOTHING, WHOLE, StripeShader
 from dsfab.app.staging import EVERY_LAYER, LAYERS, legend, on_page, staged
-from dsfab.app.striping import fields, numbers, only_numbers
+from dsfab.app.striping import StripedMesh, fields, numbers, only_numbers
 from dsfab.app.view import View, named_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design, Draft
@@ -29,7 +29,6 @@ from dsfab.pipeline import draft
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
 from dsfab.sparse import give_back
-from dsfab.surface import Surface
 
 NOMINAL = (1600, 1200)
 """Pixels of a picture when nothing else is asked for."""
@@ -81,15 +80,16 @@ class Previewer:
         self._show = show
         self._distance: dict[str, Floats] = {}
         self._views: dict[tuple[tuple[int, int], bool], View] = {}
-        tints = palette.tints if show == "families" else None
-        self._shader = StripeShader(fields(design, self._distances(design)), tints)
+        tints = self._tints = palette.tints if show == "families" else None
         palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
         self._clear = ground == "transparent"
         colouring = coloured(design, show, palette)
         self._bar, self._words = colouring.bar, colouring.words
-        shape = surface if colouring.V is None else Surface(colouring.V, surface.F)
+        self._V, self._face = colouring.V, colouring.face
+        self._mesh = StripedMesh.of(design)
+        body = self._body()
+        shape = surface if colouring.V is None else replace(surface, V=colouring.V)
         half = design.preset.statics.thickness / 2
-        body = Body(shape.V, shape.F, colouring.face, casts=True, shader=self._shader, half=half)
         layers = _layers(marks) - ({"person"} if view == "top" else set())
         reaction = design.statics.equilibrium.reaction
         blue = show in ("stress", "directions")  # is compression there
@@ -160,13 +160,20 @@ class Previewer:
             raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
         if not only_numbers(self._made.preset, preset):
             made = draft(preset, old=self._made)
+            mesh = StripedMesh.of(made)
             stressed = self._show in ("stress", *ANSWERS) and made.statics is not self._made.statics
             if stressed or self._show in MODES:
                 colouring = coloured(made, self._show, self._palette)
-                self._shader.recolour(colouring.face)
-                self._bar, self._words = colouring.bar, colouring.words
-            self._shader.replace_fields(fields(made, self._distances(made)))
-            self._made = made
+                self._face, self._bar, self._words = colouring.face, colouring.bar, colouring.words
+                self._shader.recolour(self._mesh.on_faces(self._face))
+            again = not mesh.same(self._mesh)
+            self._made, self._mesh = made, mesh
+            if again:
+                body = self._body()
+                self._stage = replace(self._stage, bodies=[body, *self._stage.bodies[1:]])
+                self._scene.put(0, body)
+            else:
+                self._shader.replace_fields(fields(made, mesh, self._distances(made)))
         self._preset = preset
         self._settle()
 
@@ -218,6 +225,23 @@ class Previewer:
 
     def _caption(self) -> str:
         return f"{self._preset.name} - {self._words or f'{self._show}, preview before cutting'}"
+
+    def _body(self) -> Body:
+        """What is drawn, with a shader of its own."""
+        design, mesh = self._made, self._mesh
+        self._shader = StripeShader(fields(design, mesh, self._distances(design)), self._tints)
+        V, normals = self._V, None
+        if mesh.even:  # cut open: light must not show where
+            normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
+        return Body(
+            mesh.surface.V if V is None else mesh.carry(V),
+            mesh.surface.F,
+            mesh.on_faces(self._face),
+            casts=True,
+            shader=self._shader,
+            half=design.preset.statics.thickness / 2,
+            normals=normals,
+        )
 
     def _settle(self) -> None:
         """Hand the numbers of the preset to the shader."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.app.view import View
-from dsfab.app.window import Window, split_mesh
+from dsfab.app.window import Window, corner_normals, jointed_mesh, split_mesh
 from dsfab.arrays import Bools, Floats, Ints
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ class Body:
 
     shader : leaves away what a pattern does not cover.
     half   : half the thickness of what the shader draws, metres: its walls are shown.
+    normals: (m, 3, 3) at the corners of the faces, see `shading`; None finds them out.
     """
 
     V: Floats
@@ -40,6 +41,12 @@ class Body:
     casts: bool = False
     shader: "StripeShader | None" = None
     half: float = 0.0
+    normals: Floats32 | None = None
+
+
+def shading(V: Floats, F: Ints) -> Floats32:
+    """(m, 3, 3) the normals by which a body is shaded; for another one that is the same but for how it is divided."""
+    return corner_normals(V, F, SPLIT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +74,7 @@ class Scene:
         self.window = Window()
         try:
             self.actors = [self._add(body) for body in bodies]
-            self.bodies = bodies
+            self.bodies = list(bodies)
             self.empty = True
             self.casts = [body.casts for body in bodies]
         except BaseException:
@@ -83,6 +90,12 @@ class Scene:
     def close(self) -> None:
         """Give the window back."""
         self.window.close()
+
+    def put(self, index: int, body: Body) -> None:
+        """Another body in the place of one that there is, as large as that."""
+        actor = self._add(body)
+        self.window.remove(self.actors[index])
+        self.actors[index], self.bodies[index], self.casts[index] = actor, body, body.casts
 
     def pixels(self, view: View, width: int, height: int) -> Pixels:
         """What the eye sees."""
@@ -186,7 +199,11 @@ class Scene:
         """Hand a body to VTK with two colourings, by 'normal' of its corners and by 'colour' of its faces."""
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
-        mesh, normals, source = split_mesh((body.V - self.centre) / self.radius, body.F, SPLIT)
+        points = (body.V - self.centre) / self.radius
+        known = body.normals
+        mesh, normals, source = (
+            split_mesh(points, body.F, SPLIT) if known is None else jointed_mesh(points, body.F, known)
+        )
         mesh.point_data["normal"] = np.round((normals + 1) * 127.5).astype(np.uint8)
         mesh.cell_data["colour"] = np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8)
         mapper, actor = vtkPolyDataMapper(), vtkActor()

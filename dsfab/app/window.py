@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from dsfab.arrays import Floats, Ints
 from dsfab.sparse import give_back
 
+NORMAL_STEPS = 1 << 10
+"""Steps from -1 to 1 by which normals are told apart: finer than a picture's bytes."""
+
 
 class Window:
     """A window that nobody sees: black, without lamps, and without a mean of samples at edges, which mixes normals.
@@ -36,6 +39,11 @@ class Window:
     def add(self, actor: Any) -> None:
         """Draw an actor from now on."""
         self._renderer.AddActor(actor)
+
+    def remove(self, actor: Any) -> None:
+        """Draw an actor no longer, and give back what the graphics side holds of it."""
+        self._renderer.RemoveActor(actor)
+        actor.ReleaseGraphicsResources(self.window)
 
     def close(self) -> None:
         """Give back what the window holds; a second time does nothing."""
@@ -100,6 +108,25 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
     mesh = whole.compute_normals(cell_normals=False, split_vertices=True, feature_angle=split, consistent_normals=False)
     # taken out of the mesh, or they would be sent to the graphics side
     return mesh, np.array(mesh.point_data.pop("Normals")), np.array(mesh.point_data.pop("vertex"))
+
+
+def corner_normals(points: Floats, F: Ints, split: float) -> NDArray[np.float32]:
+    """(m, 3, 3) the normals of `split_mesh` at the corners of its faces."""
+    mesh, normals, _ = split_mesh(points, F, split)
+    return np.asarray(normals[mesh.regular_faces])
+
+
+def jointed_mesh(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
+    """`split_mesh` where the normals (m, 3, 3) at the corners of faces are known: split where they differ."""
+    import pyvista as pv
+
+    made: Any = pv.PolyData.from_regular_faces
+    steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
+    key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
+    _, first, corner = np.unique(key, return_index=True, return_inverse=True)
+    source = F.ravel()[first]
+    mesh = made(points[source].astype(np.float32), corner.reshape(-1, 3))
+    return mesh, np.asarray(normals.reshape(-1, 3)[first]), source
 
 
 def _numbers(array: Any) -> NDArray[Any]:

@@ -45,8 +45,7 @@ class EvenFamily:
         """The coarse stripes, which are drawn everywhere, then finer and finer ones."""
         local = self.half_widths(widths, factor)
         z, c = self.phase.value, len(self.wanted)
-        touching = local >= SOLID
-        d = np.where(touching, SOLID * 2**c, local * self.slope / self.density)
+        d = finest_half_widths(local, self.slope, self.density, c)
         band = np.stack([z + d, z - d], axis=1)
         drawn = [Layer(self.name, self._field(band, None), self._levels(2**c, 0, d), local)]
         for level in range(c - 1, -1, -1):
@@ -64,3 +63,11 @@ class EvenFamily:
         seen = np.abs(phase.value).max() + np.abs(phase.shift[~phase.singular]).max(initial=0.0) + d.max()
         count = np.ceil(seen / period) + 1
         return np.asarray(offset + period * np.arange(-count, count + 1))
+
+
+def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
+    """(n,) half-widths in periods of the finest lines, of local ones in periods of the lines that are drawn.
+
+    Where neighbours that are drawn touch, all between the coarsest lines is material.
+    """
+    return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))

@@ -152,7 +152,8 @@ def _divided(surface: Surface, major: _Lines, minor: _Lines) -> EvenStripes:
     """Both families with their lines left out where they crowd."""
     both = (major, minor)
     most = major.most, minor.most
-    divided = halved(surface, (major.phase.field, minor.phase.field), (major.wish, minor.wish), most)
+    fields = major.phase.field, minor.phase.field
+    divided = halved(surface, fields, (major.wish, minor.wish), most)
 
     def wanted(k: int) -> tuple[Floats, ...]:
         return tuple(divided.wanted(surface, k, level) for level in range(most[k]))
@@ -160,7 +161,7 @@ def _divided(surface: Surface, major: _Lines, minor: _Lines) -> EvenStripes:
     slope = np.stack([lines.slope for lines in both], axis=1)
     left = vertex_means(surface, np.stack([divided.scale(surface, k) for k in (0, 1)], axis=1))
     phases = major.phase, minor.phase
-    return EvenStripes(phases, (wanted(0), wanted(1)), slope, slope * left, divided.first, chart_of(divided))
+    return EvenStripes(phases, (wanted(0), wanted(1)), slope, slope * left, divided.first, chart_of(divided, fields))
 
 
 def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symmetry | None:

@@ -11,6 +11,7 @@ from dsfab.slicing.halving import Halved
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.seen import Seen
 from dsfab.surface import Surface
+from dsfab.surface.corner_field import CornerField
 
 SAME = 2.0**-30
 """Phases that differ by less, in periods, are those of one vertex."""
@@ -41,13 +42,17 @@ class Chart:
         return np.asarray(self.weights @ x)
 
 
-def chart_of(halved: Halved) -> Chart:
-    """The chart of a surface that was divided where stripes are halved."""
+def chart_of(halved: Halved, phases: tuple[CornerField, CornerField]) -> Chart:
+    """The chart of a surface that was divided where stripes are halved.
+
+    phases : the fields (n, 1) that were halved, as they were: lines are drawn where they are cut, not where they were
+             moved to so that openings end well.
+    """
     mesh = halved.mesh
     surface, cell = filled(mesh.cells, mesh.X, mesh.parent)
     slot = _slots(mesh, surface.F, cell)
     z, scale = np.empty((2, 3 * surface.m, 2))
-    for k, phase in enumerate(halved.phases):
+    for k, phase in enumerate(phases):
         seen = Seen.of(mesh, phase)
         scale[:, k] = np.where(seen.blank, 0.0, 0.5 ** halved.level[mesh.cells.owner, k])[slot]
         z[:, k] = np.where(seen.blank, 0.5, seen.slots(0))[slot] * np.where(scale[:, k] > 0, scale[:, k], 1.0)

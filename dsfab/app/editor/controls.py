@@ -1,24 +1,26 @@
 """The controls of the page as a table: what a person may change, in which unit, and between which numbers."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
 
 from dsfab.diffusion import Labelling
 from dsfab.pattern import Rule
-from dsfab.preset import Preset
+from dsfab.preset import Family, Pattern, Preset
 from dsfab.surface import Surface
 
 
 @dataclass(frozen=True)
 class Control:
-    """One key of a preset. kind: number, whole (a whole number), choice or length (a number of metres).
+    """One key of a preset. kind: number, whole (a whole number), choice, switch or length (a number of metres).
 
     low, high, step : of the slider; the number beside it takes what the preset takes.
     log             : whether the slider runs in decades.
     live            : whether the picture follows in the same frame; others are solved for on the server.
     word            : what may stand there instead of a number ("auto").
+    method          : the one pattern.method that takes it; others do not show it.
+    instead         : the number that 0 stands for where stripes are evenly spaced.
     """
 
     group: str
@@ -34,30 +36,51 @@ class Control:
     word: str = ""
     choices: tuple[str, ...] = ()
     hint: str = ""
+    method: str = ""
+    instead: float = 0.0
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
     """All of them, ready for JSON; lengths go up to a share of the surface's size."""
     reach = _round(surface.size / 8)
-    listed = [*_family("major", preset, reach), *_family("minor", preset, reach), *_width(reach), *_kept(reach)]
-    return [asdict(control) for control in [*listed, *_solved(surface)]]
+    families = [control for name in ("major", "minor") for control in _family(name, preset, surface, reach)]
+    return [asdict(control) for control in [*_method(), *families, *_width(reach), *_kept(reach), *_solved(surface)]]
 
 
-def _family(name: str, preset: Preset, reach: float) -> list[Control]:
-    key, group = f"pattern.{name}.", f"{name} stripes"
-    most = preset.diffusion.modes
+def _method() -> list[Control]:
+    group, fields, even = "stripes", Pattern.model_fields, "stripes"
+    methods, symmetries = (get_args(fields[name].annotation) for name in ("method", "symmetry"))
     return [
-        Control(group, key + "mode", "mode", "whole", low=1, high=most, step=1, word="auto", hint=_MODE),
-        Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY),
-        Control(group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING),
-        Control(group, key + "phase", "phase", unit="periods", word="auto", hint="Moves the stripes sideways."),
+        Control(group, "pattern.method", "method", "choice", choices=methods, live=False, hint=_METHOD),
+        Control(group, "pattern.halve", "halve", "switch", live=False, hint=_HALVE, method=even),
+        Control(
+            group, "pattern.symmetry", "symmetry", "choice", choices=symmetries, live=False, hint=_ALIKE, method=even
+        ),
+    ]
+
+
+_METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes: evenly spaced, along the stress."
+_HALVE = "Leave out every second stripe where they crowd, ended on the members that cross."
+_ALIKE = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
+
+
+def _family(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:
+    key, group, old = f"pattern.{name}.", f"{name} stripes", "modes"
+    most = preset.diffusion.modes
+    apart = Control(group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING)
+    return [
+        Control(group, key + "mode", "mode", "whole", low=1, high=most, step=1, word="auto", hint=_MODE, method=old),
+        Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method=old),
+        replace(apart, instead=Family().distance(surface.area)),
+        Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method=old),
         Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
     ]
 
 
 _MODE = "The field that stripes run on; 1 is the smoothest. auto tries several and takes the stiffest."
+_PHASE = "Moves the stripes sideways."
 _FREQUENCY = "Stripes per unit of the mode: more is finer."
-_SPACING = "Metres from one stripe to the next, instead of a frequency; 0 takes the frequency."
+_SPACING = "Metres from one stripe to the next; on modes it takes the place of the frequency, and 0 gives it back."
 
 
 def _width(reach: float) -> list[Control]:

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.app.colouring import STEEPEST, diverging, rising, signed
 from dsfab.app.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
+from dsfab.app.striping import StripedMesh
 from dsfab.app.view import ANGLE, best_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Draft
@@ -55,13 +56,18 @@ def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byte
 
 
 def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Surface, modes, distances, answers and marks: what statics and diffusion made."""
+    """Surface, phases, distances, answers and marks: what statics and diffusion made.
+
+    V, F and what goes with them are of the mesh that stripes are drawn on (see `StripedMesh`); where that is a chart,
+    `uncut` are the vertices that loops, loads and supports mean.
+    """
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
+    mesh = StripedMesh.of(draft)
     up = up_axis(surface.V, surface, draft.load)
     side = best_side(surface.V, up)
     middle = (surface.V.min(axis=0) + surface.V.max(axis=0)) / 2
     answers = {"stress": _stress(draft), "u": statics.answers.equilibrium.u}
-    every = range(1, len(modes.major.lam) + 1)
+    every = range(1, len(modes.major.lam) + 1) if not mesh.even else ()
     facts = {
         "centre": middle.tolist(),
         "size": surface.size,
@@ -80,14 +86,14 @@ def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "loops": [len(loop) for loop in surface.loops],
     }
     arrays = {
-        "V": surface.V - middle,
-        "F": surface.F,
-        "normals": surface.vertex_normals,
-        "major": modes.major.X.T,
-        "minor": modes.minor.X.T,
-        "kept": np.minimum(np.stack(_distances(draft), axis=1), FAR),
-        "along": _along(draft),
-        **answers,
+        "V": mesh.surface.V - middle,
+        "F": mesh.surface.F,
+        "normals": mesh.normals,
+        **_phases(draft, mesh),
+        "kept": mesh.carry(np.minimum(np.stack(_distances(draft), axis=1), FAR)),
+        "along": mesh.carry(_along(draft)),
+        **{name: mesh.carry(value) for name, value in answers.items()},
+        **({"uncut": surface.V - middle} if mesh.even else {}),
         **_marks(surface, draft.load, statics.answers.equilibrium.reaction, middle),
         "loops": np.concatenate([*surface.loops, np.empty(0, dtype=np.int64)]).astype(np.int64),
     }
@@ -95,24 +101,26 @@ def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def widths(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What the pattern became: numbers, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1."""
+    """What the pattern became: numbers, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
+
+    Of evenly spaced stripes slopes are lines per metre that are drawn, and `shares` (n, 2) what half-widths by the
+    rules are to be multiplied with (see `StripedMesh`).
+    """
     pattern, ask, surface = draft.pattern, draft.preset.pattern, draft.surface
-    half = dict(zip(pattern.names, pattern.half_widths, strict=True))
-    radius = ask.width.widths(np.sqrt(surface.area)).radius
-    pair = (draft.diffusion.major.mode(pattern.mode[0]), draft.diffusion.minor.mode(pattern.mode[1]))
-    plain = not ask.width.widths(1.0).vary
-    slope = [np.zeros(surface.n) if plain else slopes(surface, x, radius) for x in pair]
+    mesh = StripedMesh.of(draft)
     facts = {
+        "method": "stripes" if mesh.even else "modes",
         "frequency": list(pattern.frequency),
         "phase": list(pattern.phase),
-        "mode": list(pattern.mode),
+        "mode": [1, 1] if mesh.even else list(pattern.mode),
         "factor": pattern.factor,
         "member": ask.width.widths(np.sqrt(surface.area)).member,
         "pattern": ask.model_dump(mode="json"),
         "notes": [f"{note.stage}: {note.text}" for note in draft.notes],
         "seconds": sum(draft.seconds.values()),
     }
-    return facts, {"half": np.stack([half["major"], half["minor"]], axis=1), "slope": np.stack(slope, axis=1)}
+    arrays = {"half": mesh.half_widths(pattern), "slope": _slopes(draft, mesh)}
+    return facts, arrays | ({"shares": mesh.shares} if mesh.even else {})
 
 
 def colours() -> dict[str, list[list[int]]]:
@@ -126,6 +134,26 @@ def creased(surface: Surface) -> bool:
     """Whether a face differs so much from the mean at its corners that light must be a matter of pixels."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
     return bool(normals.sum(axis=2).min() < CREASE)
+
+
+def _phases(draft: Draft, mesh: StripedMesh) -> dict[str, Floats]:
+    """(k, n) each: the modes that either family may run on, or the one phase that it has."""
+    if mesh.even:
+        z = mesh.phases(draft)
+        return {"major": z[None, :, 0], "minor": z[None, :, 1]}
+    return {"major": draft.diffusion.major.X.T, "minor": draft.diffusion.minor.X.T}
+
+
+def _slopes(draft: Draft, mesh: StripedMesh) -> Floats:
+    """(n, 2) periods per metre; zeros where no width asks for them."""
+    if mesh.even:
+        return mesh.carry(mesh.even.density)
+    ask, surface, mode = draft.preset.pattern.width, draft.surface, draft.pattern.mode
+    if not ask.widths(1.0).vary:
+        return np.zeros((surface.n, 2))
+    radius = ask.widths(np.sqrt(surface.area)).radius
+    pair = draft.diffusion.major.mode(mode[0]), draft.diffusion.minor.mode(mode[1])
+    return np.stack([slopes(surface, x, radius) for x in pair], axis=1)
 
 
 def _distances(draft: Draft) -> tuple[Floats, Floats]:

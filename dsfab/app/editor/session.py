@@ -17,6 +17,7 @@ from dsfab.app.editor.job import Progress
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.opened import MESHES, Opened, opened_mesh, opened_shipped
 from dsfab.app.editor.payload import colours, model, packed, widths
+from dsfab.app.striping import StripedMesh
 from dsfab.design import Draft
 from dsfab.errors import DsfabError
 from dsfab.pattern.wave import GLSL
@@ -191,7 +192,7 @@ class Session:
         made = draft(preset, progress, old.draft if old else None)
         progress("pattern", "handing over")  # the last chance to cancel
         with self._lock:
-            same = old is not None and old.opening == opening and made.diffusion is old.draft.diffusion
+            same = old is not None and old.opening == opening and _same(made, old.draft)
             version = old.version if same and old else (old.version + 1 if old else 1)
             self._shown = shown = Shown(made, old.number + 1 if old else 1, version, opening)
         self.jobs.ask("figures", lambda progress: self._figures(shown, progress))
@@ -223,3 +224,8 @@ class Session:
         with self._lock:
             old = self._shown
         return {"png": base64.b64encode(drawn(preset, old.draft if old else None, view, show, size, progress)).decode()}
+
+
+def _same(made: Draft, old: Draft) -> bool:
+    """Whether all that `model` tells is the same: drafts then differ in widths alone, or in which mode is drawn."""
+    return made.diffusion is old.diffusion and StripedMesh.of(made).same(StripedMesh.of(old))

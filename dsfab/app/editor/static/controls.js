@@ -1,7 +1,8 @@
 /** Sliders and numbers: one row for each control of the server's table. */
 
-const OPEN = ['major stripes', 'minor stripes', 'width of members'];
+const OPEN = ['stripes', 'major stripes', 'minor stripes', 'width of members'];
 const PLACES = 4;
+const FINEST = 10; // a slider makes stripes no more than so many times closer than they are without a wish
 
 /** A number as a person writes it. */
 export const short = (value) => String(Number(Number(value).toPrecision(PLACES)));
@@ -33,7 +34,7 @@ export class Controls {
         group.append(make('summary', { textContent: name[0].toUpperCase() + name.slice(1) }));
         this.parent.append(group);
       }
-      const row = control.kind === 'choice' ? this.choice(control) : this.number(control);
+      const row = (this[control.kind] ?? this.number).call(this, control);
       this.rows.set(control.key, row);
       group.append(row.element);
     }
@@ -52,6 +53,15 @@ export class Controls {
     return { control, element, inputs: [select], refresh: (value) => (select.value = value) };
   }
 
+  switch(control) {
+    const id = control.key.replaceAll('.', '-');
+    const box = make('input', { type: 'checkbox', id });
+    box.addEventListener('change', () => this.state.set({ [control.key]: box.checked }));
+    const element = make('div', { className: 'row', title: control.hint });
+    element.append(make('label', { htmlFor: id, textContent: control.label }), box);
+    return { control, element, inputs: [box], refresh: (value) => (box.checked = value) };
+  }
+
   number(control) {
     const { key, label, log, low, high, word } = control;
     const id = key.replaceAll('.', '-');
@@ -65,7 +75,8 @@ export class Controls {
     const send = (value, final) => this.state.set(this.exclusive(key, value), final);
     const read = () => {
       const value = log ? Number((10 ** slider.valueAsNumber).toPrecision(3)) : slider.valueAsNumber;
-      return whole ? Math.round(value) : value;
+      const even = this.state.preset.pattern.method === 'stripes' && control.instead;
+      return whole ? Math.round(value) : even ? Math.max(value, even / FINEST) : value;
     };
     slider.addEventListener('input', () => send(read(), false));
     slider.addEventListener('change', () => send(read(), true));
@@ -114,7 +125,9 @@ export class Controls {
   refresh() {
     const { pattern } = this.state.preset;
     for (const [key, row] of this.rows) {
-      const value = this.state.get(key);
+      const { method, instead } = row.control;
+      row.element.hidden = ![method || pattern.method, 'auto'].includes(pattern.method);
+      const value = this.state.get(key) || (pattern.method === 'stripes' && instead) || this.state.get(key);
       if (value !== undefined) row.refresh(value);
       const idle = why(key, pattern);
       row.element.classList.toggle('idle', Boolean(idle));

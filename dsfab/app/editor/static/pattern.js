@@ -4,6 +4,8 @@
  * rule stressed solves on the cut sheet: here it shows the widths that it begins with, those of graded.
  */
 
+import { same } from './state.js';
+
 const SOLID = 0.5;
 const POINTS = 20000;
 const STEPS = 40;
@@ -11,31 +13,59 @@ const STEPS = 40;
 /** What the shader needs for a preset's [pattern]: { mode, frequency, phase, plain, half, reach, share }.
  *
  * model: facts and arrays of the server. plain: half-widths in periods, one for each family; half: (n, 2) where they
- * vary over the surface, or null. Returns null where only the server knows (another mode with varying widths).
+ * vary over the surface, or null. Returns null where only the server knows: another mode with varying widths, another
+ * method, or evenly spaced stripes of another spacing.
  */
 export function drawn(pattern, model, sampler) {
-  const { facts, arrays } = model;
+  const { facts } = model;
+  if (pattern.method !== facts.method && !same(pattern, facts.pattern)) return null; // another one, or still to be chosen
+  const told = facts.method === 'stripes' ? even(pattern, facts) : waves(pattern, facts);
+  if (!told) return null;
+  const reach = [pattern.keep || -1e30, pattern.rim || -1e30];
+  return wide(pattern, { ...told, reach }, model, sampler);
+}
+
+/** Where evenly spaced stripes run: on the phases that the server has found, if these are the ones that are wanted. */
+function even(pattern, { pattern: made }) {
+  if (!same(placed(pattern), placed(made))) return null;
+  return { mode: [1, 1], frequency: [1, 1], phase: [0, 0] };
+}
+
+/** All of a pattern that says where evenly spaced stripes run. */
+function placed({ keep, rim, width, ...pattern }) {
+  const family = ({ mode, frequency, phase, threshold, ...rest }) => rest;
+  return { ...pattern, major: family(pattern.major), minor: family(pattern.minor) };
+}
+
+/** Where stripes on modes run. */
+function waves(pattern, facts) {
   const pair = [pattern.major, pattern.minor];
   const mode = pair.map((family, k) => (family.mode === 'auto' ? facts.mode[k] : family.mode));
   const phase = pair.map((family, k) => (family.phase === 'auto' ? facts.phase[k] : family.phase));
   const names = ['major', 'minor'];
   if (mode.some((number, k) => number > facts.lines[names[k]].length)) return null;
   const frequency = pair.map((family, k) => family.frequency || facts.lines[names[k]][mode[k] - 1] / family.spacing);
-  const reach = [pattern.keep || -1e30, pattern.rim || -1e30];
-  const told = { mode, phase: phase.map((p) => p - Math.floor(p)), frequency, reach };
+  return { mode, phase: phase.map((p) => p - Math.floor(p)), frequency };
+}
+
+/** How wide they are. */
+function wide(pattern, told, { facts, arrays }, sampler) {
+  const model = { facts, arrays };
+  const { mode, frequency, phase, reach } = told;
   const width = pattern.width;
-  const plain = pair.map((family) => (1 - family.threshold) / 4);
-  const vary = width.rule !== 'plain' || width.min_width > 0 || width.max_width > 0 || width.min_gap > 0;
-  if (vary && mode.some((number, k) => number !== facts.mode[k])) return null;
-  sampler.look(mode, frequency, told.phase, reach);
-  if (JSON.stringify(pattern) === JSON.stringify(facts.pattern)) return exact(told, plain, vary, model, sampler);
+  const plain = [pattern.major, pattern.minor].map((family) => (1 - family.threshold) / 4);
+  const rules = width.rule !== 'plain' || width.min_width > 0 || width.max_width > 0 || width.min_gap > 0;
+  if (rules && mode.some((number, k) => number !== facts.mode[k])) return null;
+  const vary = rules || Boolean(arrays.shares);
+  sampler.look(mode, frequency, phase, reach);
+  if (same(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
   const n = arrays.V.length / 3;
   const member = width.member || Math.sqrt(facts.area) / 100;
-  const wide = (factor) =>
+  const halves = (factor) =>
     vary ? halfWidths({ ...width, member }, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
   const start = width.rule === 'graded' ? facts.factor : 1;
-  const factor = width.solid_fraction ? solved((f) => sampler.share(wide(f)), width.solid_fraction, start) : start;
-  const half = wide(factor);
+  const factor = width.solid_fraction ? solved((f) => sampler.share(halves(f)), width.solid_fraction, start) : start;
+  const half = halves(factor);
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
 }
 
@@ -48,6 +78,7 @@ function exact(told, plain, vary, model, sampler) {
 /** (n, 2) half-widths in periods. */
 function halfWidths(rule, plain, frequency, arrays, n, factor) {
   const half = new Float32Array(2 * n);
+  const { shares } = arrays; // of evenly spaced stripes: periods differ from one side of a line to the other
   for (let i = 0; i < 2 * n; i += 1) {
     const slope = arrays.slope[i] * frequency[i % 2];
     let d;
@@ -55,7 +86,8 @@ function halfWidths(rule, plain, frequency, arrays, n, factor) {
     else d = factor * plain[i % 2] * (rule.rule === 'graded' || rule.rule === 'stressed' ? arrays.along[i] ** rule.q : 1);
     if (rule.max_width) d = Math.min(d, slope * (rule.max_width / 2));
     d = Math.max(d, slope * (rule.min_width / 2));
-    half[i] = d + slope * (rule.min_gap / 2) > SOLID ? SOLID : d;
+    const solid = d + slope * (rule.min_gap / 2) > SOLID;
+    half[i] = solid ? SOLID : d * (shares ? shares[i] : 1);
   }
   return half;
 }

@@ -100,12 +100,18 @@ export class Picking {
     this.viewer.due();
   }
 
+  /** Places (n, 3) flat of the vertices that presets mean: the drawn mesh may be divided and cut open. */
+  get V() {
+    const { V, uncut } = this.viewer.data.arrays;
+    return uncut ?? V;
+  }
+
   places(list) {
-    return list.flatMap((i) => [...this.viewer.data.arrays.V.subarray(3 * i, 3 * i + 3)]);
+    return list.flatMap((i) => [...this.V.subarray(3 * i, 3 * i + 3)]);
   }
 
   vertex(i) {
-    return new THREE.Vector3().fromArray(this.viewer.data.arrays.V, 3 * i);
+    return new THREE.Vector3().fromArray(this.V, 3 * i);
   }
 
   /** Metres in the preset's own axes. */
@@ -121,7 +127,7 @@ export class Picking {
   }
 
   nearest(at) {
-    const V = this.viewer.data.arrays.V;
+    const { V } = this;
     let [best, chosen] = [Infinity, 0];
     for (let i = 0; i < V.length / 3; i += 1) {
       const away = Math.hypot(V[3 * i] - at.x, V[3 * i + 1] - at.y, V[3 * i + 2] - at.z);
@@ -131,7 +137,7 @@ export class Picking {
   }
 
   within(at, radius) {
-    const V = this.viewer.data.arrays.V;
+    const { V } = this;
     const list = [];
     for (let i = 0; i < V.length / 3; i += 1) {
       if (Math.hypot(V[3 * i] - at.x, V[3 * i + 1] - at.y, V[3 * i + 2] - at.z) <= radius) list.push(i);
@@ -141,10 +147,9 @@ export class Picking {
 
   /** Vertices whose places in the picture lie in a polygon of pixels: also those behind others. */
   inside(track) {
-    const { arrays } = this.viewer.data;
     const { clientWidth: w, clientHeight: h } = this.viewer.canvas;
     const list = [];
-    for (let i = 0; i < arrays.V.length / 3; i += 1) {
+    for (let i = 0; i < this.V.length / 3; i += 1) {
       const p = this.vertex(i).project(this.viewer.eye.camera);
       if (encloses(track, ((p.x + 1) / 2) * w, ((1 - p.y) / 2) * h)) list.push(i);
     }

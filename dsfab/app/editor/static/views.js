@@ -4,6 +4,7 @@ import { histogram } from './figures.js';
 import { colouring, look, onTheme, turn } from './looks.js';
 
 const by = (id) => document.getElementById(id);
+const MODES = ['major', 'minor'];
 const LAYERS = ['loads', 'supports', 'reactions'];
 
 export class Views {
@@ -64,7 +65,10 @@ export class Views {
   }
 
   colours() {
-    const { layers, colour, section } = this.editor.state.view;
+    const { layers, section } = this.editor.state.view;
+    const modes = this.editor.model?.facts.method !== 'stripes'; // these run on none
+    for (const name of MODES) by('colour').querySelector(`[value=${name}]`).hidden = !modes;
+    const colour = modes || !MODES.includes(this.editor.state.view.colour) ? this.editor.state.view.colour : 'plain';
     by('colour').value = colour;
     for (const button of by('layers').children) button.setAttribute('aria-pressed', String(layers.includes(button.dataset.layer)));
     if (!this.editor.model || !this.editor.viewer) return;

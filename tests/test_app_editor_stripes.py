@@ -1,0 +1,248 @@
+"""The editor with evenly spaced stripes: what the page gets, shows at once, and leaves to the server."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_opening
+
+from dsfab.app.editor.controls import controls
+from dsfab.app.editor.opened import Opened
+from dsfab.app.editor.payload import model, packed, widths
+from dsfab.app.editor.session import Session
+from dsfab.pipeline import draft
+from dsfab.preset_file import load_preset, overridden
+from tests.browser import browser
+from tests.test_app_editor import COARSE, serving, unpacked, wait
+from tests.test_app_editor_page import (
+    READY,
+    SEEN,
+    page_of,
+    seen_by_both,
+    share_measured,
+    solved,
+    type_into,
+    until,
+)
+
+EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}
+SPACED = {**EVEN, "pattern.major.spacing": 1.1, "pattern.minor.spacing": 0.55}
+DOME = {"surface.edge": 0.7, **SPACED}
+
+
+@pytest.fixture(scope="module")
+def dome():
+    return draft(load_preset("dome", DOME))
+
+
+def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
+    facts, arrays = unpacked(packed(*model(dome)))
+    chart, surface = dome.pattern.even.chart, dome.surface
+    assert chart.surface.n > surface.n
+    np.testing.assert_array_equal(arrays["F"], chart.surface.F)
+    np.testing.assert_allclose(arrays["V"] + facts["centre"], chart.surface.V, atol=1e-5)
+    np.testing.assert_allclose(arrays["uncut"] + facts["centre"], surface.V, atol=1e-5)
+    np.testing.assert_allclose(np.concatenate([arrays["major"], arrays["minor"]]).T, chart.z, atol=1e-5)
+    for name, columns in (("kept", 2), ("along", 2), ("u", 3), ("normals", 3)):
+        assert arrays[name].shape == (chart.surface.n, columns), name
+    assert arrays["stress"].shape == (chart.surface.n,)
+    np.testing.assert_allclose(np.linalg.norm(arrays["normals"], axis=1), 1, atol=1e-5)
+    assert arrays["loops"].max() < surface.n
+    assert sum(facts["loops"]) == len(arrays["loops"]) == len(surface.loops[0])
+    whole = unpacked(packed(*model(draft(load_preset("dome", {"surface.edge": 0.7})))))[1]
+    assert "uncut" not in whole
+    for name in ("points", "spread", "supports", "reactions"):
+        np.testing.assert_array_equal(arrays[name], whole[name])
+
+
+def test_widths_are_those_of_the_rule_on_either_side_of_a_line(dome):
+    """Width over spacing here: d = lines per metre x width / 2 in the periods of each side, where no stripes touch."""
+    facts, arrays = unpacked(packed(*widths(dome)))
+    assert facts["method"] == "stripes"
+    assert facts["mode"] == [1, 1]
+    reached = arrays["slope"] * facts["factor"] * facts["member"] / 2
+    free = (reached < 0.45) & (arrays["half"] < 0.5)
+    assert free.mean() > 0.8
+    error = np.abs(reached * arrays["shares"] - arrays["half"])[free]
+    assert np.percentile(error, 95) < 0.01 * 0.5
+    assert len(np.unique(np.round(arrays["shares"], 3))) > 2
+    assert not arrays["half"][dome.pattern.even.chart.scale == 0].any()
+
+
+def test_controls_say_which_method_takes_them(dome):
+    table = {control["key"]: control for control in controls(dome.preset, dome.surface)}
+    assert table["pattern.method"]["choices"] == ("modes", "stripes")
+    assert {key for key, control in table.items() if control["method"] == "stripes"} == {
+        "pattern.halve",
+        "pattern.symmetry",
+    }
+    assert {key.split(".")[-1] for key, control in table.items() if control["method"] == "modes"} == {
+        "mode",
+        "frequency",
+        "phase",
+    }
+    apart = table["pattern.major.spacing"]
+    assert apart["instead"] == pytest.approx(np.sqrt(dome.surface.area) / 12)
+    assert not apart["method"]
+
+
+def test_a_change_of_widths_sends_no_mesh_again():
+    preset = load_preset("dome", {**COARSE, **SPACED})
+    with Session(Opened(preset, ("dome",))) as session:
+        wait(session.jobs, session.ask_solve({}))
+        wait(session.jobs, session.ask_solve({"pattern.width.solid_fraction": 0.5}))
+        first = unpacked(session.model(0))[0]["version"]
+        assert first == 1
+        facts, arrays = unpacked(session.model(first))
+        assert not facts["whole"]
+        assert set(arrays) == {"half", "slope", "shares"}
+        wait(session.jobs, session.ask_solve({"pattern.major.spacing": 0.9}))
+        facts, arrays = unpacked(session.model(first))
+        assert facts["whole"]
+        assert "V" in arrays
+        wait(session.jobs, session.ask_solve({"pattern.method": "modes", "pattern.major.frequency": 8.0,
+                                             "pattern.major.spacing": 0.0}))  # fmt: skip
+        facts, arrays = unpacked(session.model(facts["version"]))
+        assert facts["whole"]
+        assert facts["method"] == "modes"
+
+
+@pytest.fixture(scope="module")
+def server():
+    with serving(Opened(load_preset("dome", DOME), ("dome",))) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def tab(server, tmp_path_factory):
+    with page_of(server, tmp_path_factory.mktemp("editor")) as tab:
+        tab.open(server.address + "&hard", READY)
+        yield tab
+
+
+@pytest.fixture
+def page(tab):
+    """Every test begins with the preset as it is."""
+    tab.run(
+        "dsfab.opened(dsfab.start); dsfab.views.view({layers: ['loads'], colour: 'plain'}); dsfab.views.look('iso')"
+    )
+    solved(tab)
+    return tab
+
+
+def alike(ours, theirs):
+    """Whether masks differ in single pixels only, in one of a hundred along the edges: as with stripes on modes."""
+    differ = ours != theirs
+    edges = (theirs[1:] != theirs[:-1]).sum() + (theirs[:, 1:] != theirs[:, :-1]).sum()
+    return differ.sum() < 0.012 * edges and not binary_opening(differ, np.ones((2, 2))).any()
+
+
+seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
+
+
+@seen_in_a_page
+@pytest.mark.slow
+def test_the_browser_sees_what_the_previewer_sees(page, dome):
+    ours, theirs = seen_by_both(page, dome)
+    assert alike(ours, theirs)
+
+
+@seen_in_a_page
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("width.solid_fraction", 0.6),
+        ("width.rule", "graded"),
+        ("rim", 0.8),
+        ("width", {"rule": "constant", "member": 0.2, "solid_fraction": 0.0}),
+        ("width", {"rule": "plain", "solid_fraction": 0.0}),
+    ],
+)
+def test_widths_follow_in_the_same_frame(page, key, value):
+    before = page.run(SEEN)
+    page.run("window.asked = dsfab.work.ask; dsfab.work.ask = () => {}; 1")  # the server is not asked
+    changes = {f"pattern.{key}.{part}": one for part, one in value.items()} if isinstance(value, dict) else {
+        f"pattern.{key}": value}  # fmt: skip
+    page.run(f"dsfab.state.set({json.dumps(changes)})")
+    live = page.run(f"({READY}) && {SEEN}")
+    assert abs(live - before) > 0.01 * before
+    page.run("dsfab.work.ask = window.asked; dsfab.solve()")
+    solved(page)
+    assert page.run(SEEN) == pytest.approx(live, rel=0.01)
+
+
+@seen_in_a_page
+@pytest.mark.slow
+def test_only_the_server_knows_where_other_stripes_run(page):
+    before = page.run(SEEN)
+    page.run("window.asked = dsfab.work.ask; dsfab.work.ask = () => {}; 1")
+    type_into(page, "pattern-major-spacing", "0.8")
+    outdated = "document.querySelector('#picture').classList.contains('outdated')"
+    assert page.run(outdated)
+    assert page.run(SEEN) == before
+    page.run("dsfab.work.ask = window.asked; dsfab.solve()")
+    solved(page)
+    assert not page.run(outdated)
+    assert page.run(SEEN) != before
+    ours, theirs = seen_by_both(page, draft(load_preset("dome", {**DOME, "pattern.major.spacing": 0.8})))
+    assert alike(ours, theirs)
+
+
+@seen_in_a_page
+@pytest.mark.slow
+def test_each_method_shows_its_own_controls(page):
+    shown = "[...document.querySelectorAll('#groups .row label')].filter(e => e.offsetParent).map(e => e.htmlFor)"
+    open_ = "document.querySelectorAll('#groups details').forEach(e => e.open = true)"
+    page.run(open_)
+    even = set(page.run(shown))
+    assert {"pattern-halve", "pattern-symmetry", "pattern-major-spacing"} <= even
+    assert not {"pattern-major-mode", "pattern-minor-frequency", "pattern-major-phase"} & even
+    assert page.run("document.querySelector('#colour [value=major]').hidden")
+    chosen = "(() => { const e = document.getElementById('pattern-method'); e.value = '%s'; " \
+             "e.dispatchEvent(new Event('change')); })()"  # fmt: skip
+    page.run(chosen % "modes")
+    solved(page)
+    page.run(open_)
+    modes = set(page.run(shown))
+    assert not {"pattern-halve", "pattern-symmetry"} & modes
+    assert {"pattern-major-mode", "pattern-minor-frequency", "pattern-major-phase"} <= modes
+    assert not page.run("document.querySelector('#colour [value=major]').hidden")
+    page.run(chosen % "stripes")
+    solved(page)
+    before = page.run(SEEN)
+    page.run("document.getElementById('pattern-halve').click()")
+    assert page.run("dsfab.state.changes") == {"pattern.halve": False}
+    solved(page)
+    assert page.run(SEEN) != before
+
+
+@seen_in_a_page
+@pytest.mark.slow
+def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
+    """The vertex next to a place, one of the free edge, and a ball, all counted on the surface that presets mean."""
+    centre = np.array(page.run("dsfab.model.facts.centre"))
+    V = dome.surface.V - centre
+    at = dome.surface.n // 2
+    near = page.run(f"dsfab.picking.nearest({{x: {V[at, 0]}, y: {V[at, 1]}, z: {V[at, 2]}}})")
+    assert near == at
+    loop = dome.surface.loops[0]
+    assert page.run("[...dsfab.model.arrays.loops]") == list(loop)
+    places = np.array(page.run("dsfab.picking.places([...dsfab.model.arrays.loops])")).reshape(-1, 3)
+    np.testing.assert_allclose(places, V[loop], atol=1e-4)
+    ball = page.run(f"dsfab.picking.within({{x: {V[at, 0]}, y: {V[at, 1]}, z: {V[at, 2]}}}, 1.5)")
+    assert ball == np.flatnonzero(np.linalg.norm(V - V[at], axis=1) <= 1.5).tolist()
+
+
+@seen_in_a_page
+@pytest.mark.slow
+def test_the_measured_share_is_the_wanted_one(page):
+    assert share_measured(page) == pytest.approx(40, abs=0.3)
+    assert overridden(load_preset("dome"), DOME).pattern.width.solid_fraction == 0.4
+
+
+@seen_in_a_page
+@pytest.mark.slow
+def test_nothing_went_wrong(page):
+    until(page, READY)
+    assert page.errors == []

@@ -1,0 +1,139 @@
+"""Evenly spaced stripes as they are drawn: what is seen is what is cut, and light shows no seam of the chart."""
+
+import numpy as np
+import pytest
+
+from dsfab.app.panels import shows
+from dsfab.app.previewer import Previewer
+from dsfab.app.scene import shading
+from dsfab.app.striping import StripedMesh, only_numbers
+from dsfab.design import Draft
+from dsfab.errors import DsfabError
+from dsfab.pipeline import draft
+from dsfab.preset_file import load_preset, overridden
+from tests.test_app_previewer import MOST, SIZE, difference, exact
+
+EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}
+DOME = {**EVEN, "surface.edge": 0.5, "pattern.major.spacing": 1.1, "pattern.minor.spacing": 0.55}
+
+
+@pytest.fixture(scope="module")
+def dome() -> Draft:
+    return draft(load_preset("dome", DOME))
+
+
+@pytest.fixture(scope="module")
+def globe() -> Draft:
+    both = {"pattern.major.spacing": 0.2, "pattern.minor.spacing": 0.2}
+    return draft(load_preset("globe", {**EVEN, **both}))
+
+
+RULES = {
+    "plain": {"pattern.width": {}},
+    "constant": {"pattern.width": {"rule": "constant", "member": 0.2}},
+    "graded": {"pattern.width": {"rule": "graded", "q": 1.0}},
+    "rim and bounds": {"pattern.rim": 0.6, "pattern.width": {"min_width": 0.25}},
+    "share": {"pattern.width": {"rule": "constant", "solid_fraction": 0.45}},
+    "not halved": {"pattern.halve": False},
+}
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_shader_draws_what_the_exact_cut_leaves(dome: Draft, rule: str) -> None:
+    made = draft(overridden(dome.preset, RULES[rule]), old=dome)
+    assert made.pattern.even
+    assert len(set(made.pattern.even.chart.scale.ravel())) > 2 or rule == "not halved"  # some are halved
+    with Previewer(made, marks=False) as previewer:
+        assert difference(made, previewer) < MOST
+        assert previewer.mask(SIZE).sum() < 0.98 * exact(previewer, made.surface).sum()
+
+
+def test_a_closed_surface_agrees_too(globe: Draft) -> None:
+    with Previewer(globe, marks=False, view="20,30") as previewer:
+        assert difference(globe, previewer) < MOST
+
+
+CHANGES = [
+    {"pattern.rim": 0.8},
+    {"pattern.width": {"rule": "constant", "member": 0.18}},
+    {"pattern.major.spacing": 0.9},
+    {"pattern.halve": False},
+    {"pattern.keep": 0.0},
+    {"pattern.method": "modes", "pattern.major.spacing": 0.0, "pattern.major.frequency": 8.0},
+    {"pattern.method": "stripes", "pattern.major.spacing": 1.2, "pattern.major.frequency": 0.0},
+]
+
+
+def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Draft) -> None:
+    preset = dome.preset
+    with Previewer(dome, marks=False) as previewer:
+        for changes in CHANGES:
+            preset = overridden(preset, changes)
+            previewer.set(changes)
+            with Previewer(draft(preset), marks=False) as fresh:
+                assert np.array_equal(previewer.mask(SIZE), fresh.mask(SIZE)), changes
+                assert len(previewer._scene.actors) == 1
+
+
+def test_a_reach_alone_is_a_number(dome: Draft, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = draft(overridden(dome.preset, {"pattern.width": {}}), old=dome)
+
+    def never(*_: object, **__: object) -> Draft:
+        raise AssertionError("drafted again")
+
+    with Previewer(plain, marks=False) as previewer:
+        before = previewer.mask(SIZE).sum()
+        monkeypatch.setattr("dsfab.app.previewer.draft", never)
+        previewer.set({"pattern.rim": 1.0})
+        assert previewer.mask(SIZE).sum() > 1.02 * before
+        for changes in ({"pattern.minor.spacing": 0.6}, {"pattern.halve": False}, {"pattern.major.threshold": 0.2}):
+            with pytest.raises(AssertionError, match="drafted again"):
+                previewer.set(changes)
+    assert only_numbers(plain.preset, overridden(plain.preset, {"pattern.keep": 0.9}))
+    assert not only_numbers(dome.preset, overridden(dome.preset, {"pattern.keep": 0.9}))  # a share is solved for
+
+
+def test_light_shows_no_seam(globe: Draft) -> None:
+    """Each vertex of the chart, on whichever side of a seam, has the normal of the sphere to within a face's turn."""
+    mesh = StripedMesh.of(globe)
+    assert mesh.even
+    chart = mesh.surface
+    given = shading(globe.surface.V, globe.surface.F)
+    normals = mesh.at_corners(given)
+    place = np.round(chart.V[chart.F].reshape(-1, 3) / 1e-9).astype(np.int64)
+    _, spot = np.unique(place, axis=0, return_inverse=True)
+    spread = np.zeros((spot.max() + 1, 3))
+    for k in range(3):
+        most, least = np.full(len(spread), -2.0), np.full(len(spread), 2.0)
+        np.maximum.at(most, spot.ravel(), normals.reshape(-1, 3)[:, k])
+        np.minimum.at(least, spot.ravel(), normals.reshape(-1, 3)[:, k])
+        spread[:, k] = most - least
+    assert np.bincount(spot.ravel()).max() > 6  # more than one side was looked at
+    assert spread.max() < 1e-6
+    own = shading(chart.V, chart.F)  # what a seam would look like: its sides, each by itself
+    assert np.abs(own - normals).max() > 0.02
+    assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1)
+
+
+def test_what_is_on_no_mode_shows_none(dome: Draft) -> None:
+    with pytest.raises(DsfabError, match="run along no mode"):
+        Previewer(dome, show="major_mode")
+    assert "major_mode" not in shows("all", dome.preset)
+    assert "minor_mode" in shows("modes", dome.preset)  # who asks is told why not
+
+
+@pytest.mark.parametrize("show", ["loads", "displacement", "directions", "vonmises"])
+def test_the_whole_sheet_is_whole(dome: Draft, show: str) -> None:
+    on_modes = draft(load_preset("dome", {"surface.edge": 0.5}))
+    with Previewer(dome, show=show) as striped, Previewer(on_modes, show=show) as plain:
+        one, two = striped.mask(SIZE), plain.mask(SIZE)
+        assert (one != two).sum() <= 2e-4 * two.sum()
+
+
+def test_families_together_make_the_structure(dome: Draft) -> None:
+    masks = {}
+    for show in ("structure", "major", "minor"):
+        with Previewer(dome, show=show, marks=False, view="top") as previewer:
+            masks[show] = previewer.mask(SIZE)
+    assert np.array_equal(masks["structure"], masks["major"] | masks["minor"])
+    assert max(masks["major"].sum(), masks["minor"].sum()) < 0.9 * masks["structure"].sum()
