@@ -210,6 +210,8 @@ class Pattern(Section):
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
     """Metres along the boundary that stay material; 0 keeps nothing."""
+    fillet: Annotated[float, Ge(0)] = 0.0
+    """Metres; radius that the corners of openings are rounded with, less where an opening is too small; 0 rounds none."""
 
     @property
     def auto(self) -> bool:
