@@ -211,7 +211,7 @@ class Pattern(Section):
     rim: Annotated[float, Ge(0)] = 0.0
     """Metres along the boundary that stay material; 0 keeps nothing."""
     fillet: Annotated[float, Ge(0)] = 0.0
-    """Metres; radius that the corners of openings are rounded with, less where an opening is too small; 0 rounds none."""
+    """Metres; radius of the rounded corners of openings, less where there is no room for it; 0 leaves them sharp."""
 
     @property
     def auto(self) -> bool:

@@ -6,8 +6,8 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 
-CHORD = float(np.radians(31))
-"""Most that a chord turns by: it strays from its arc by 1 - cos(15.5 degrees) = 1/27 of the radius."""
+CHORD = float(np.radians(34))
+"""Most that a chord turns by: it strays from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
 MOST_CHORDS = 6
 """Of an arc, which turns by less than a half circle."""
 STEPS = 12

@@ -1,9 +1,9 @@
 """`rounded_corners`: the corners of the openings of a sheet rounded off with a radius.
 
-    void   .-'''----- wall b      The void beyond the chords of an arc that touches both walls becomes material. All
-         .'  \\ material           chords are straight in the plane that touches the surface at the corner; each is cut
-        /  new \\                  through the void's cells as the level of a linear field, so that neighbours fit.
-    wall a      corner
+void   .-'''----- wall b      The void beyond the chords of an arc that touches both walls becomes material. All
+     .'  \\ material           chords are straight in the plane that touches the surface at the corner; each is cut
+    /  new \\                  through the void's cells as the level of a linear field, so that neighbours fit.
+wall a      corner
 """
 
 import numpy as np
@@ -20,6 +20,7 @@ from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
 
 GOLDEN = (5**0.5 - 1) / 2
+"""Multiples of it, less their whole parts, are spread evenly."""
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, int]:
@@ -27,7 +28,7 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, int]:
 
     sheet  : material and void, without pinches.
     radius : metres; smaller where the walls beside a corner leave no room for it. The arc is one in the plane that
-             touches the surface at the corner, to a 25th of its radius; corners that turn by under 20 degrees stay.
+             touches the surface at the corner, to a 20th of its radius; corners that turn by under 20 degrees stay.
 
     Material is added only, never taken away; it takes the family of the member before the corner.
     Raises PatternError for a radius that is no length.

@@ -50,8 +50,9 @@ class Fillets:
     def joined(cls, parts: Sequence["Fillets"]) -> "Fillets":
         before = np.cumsum([0, *(part.count for part in parts)])
         pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
-        names = ("at", "radius", "normal", "distance")
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names), pair)
+        columns = zip(*((part.at, part.radius, part.normal, part.distance) for part in parts), strict=True)
+        at, radius, normal, distance = (np.concatenate(column) for column in columns)
+        return cls(at, radius, normal, distance, pair)
 
 
 def fitting_fillets(corners: Corners, radius: float) -> Fillets:

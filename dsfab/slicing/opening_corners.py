@@ -1,6 +1,6 @@
 """Corners of openings, and how large a radius the walls beside them leave room for."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,8 +19,6 @@ SMALLER = 0.7
 FITS = 0.995
 """Where an arc takes so much more than its room, it fits: it is still within what `ROOM` leaves."""
 TINY = 1e-300
-BLUNT = float(np.radians(150))
-"""Two corners are one, cut off by a short wall, where together they do not turn by more than this."""
 WINDOW, WIDEST = 8, 256
 """Walls that are looked at on each side of a corner, to begin with and at most."""
 
@@ -29,14 +27,12 @@ WINDOW, WIDEST = 8, 256
 class Corners:
     """Corners (k,) along the walls of a sheet, in the order of the walls.
 
-    first, last : (k,) the wall that begins at a corner; two walls where a short one between them cuts a corner off.
-    turn        : (k,) radians, to the left.
+    first : (k,) the wall that begins at a corner.    turn : (k,) radians, to the left.
     """
 
     sheet: Sheet
     walls: Walls
     first: Ints
-    last: Ints
     turn: Floats
 
     @classmethod
@@ -44,10 +40,7 @@ class Corners:
         walls = Walls.of(sheet)
         turn = walls.turns(sheet)
         at = np.flatnonzero(turn > SHARPEST)
-        return cls(sheet, walls, at, at, turn[at])
-
-    def some(self, chosen: Bools) -> "Corners":
-        return replace(self, first=self.first[chosen], last=self.last[chosen], turn=self.turn[chosen])
+        return cls(sheet, walls, at, turn[at])
 
     @cached_property
     def next(self) -> Ints:
@@ -72,10 +65,10 @@ class Corners:
         """(k,) metres of wall before and behind each corner, up to the next one or the end of the chain."""
         walls, follow, before = self.walls, self.next, self.previous
         chain = walls.chain[self.first]
-        total, here, begin = walls.total[chain], walls.place[self.last], walls.place[self.first]
-        there = walls.place[self.first[follow]]
+        total, here = walls.total[chain], walls.place[self.first]
+        there = here[follow]
         behind = np.where(follow >= 0, np.where(there > here, there - here, there - here + total), total - here)
-        return np.where(before >= 0, behind[before], begin), behind
+        return np.where(before >= 0, behind[before], here), behind
 
     @cached_property
     def tangents(self) -> Floats:
@@ -88,7 +81,8 @@ class Corners:
         t, (ahead, behind) = self.tangents, self.ways
 
         def share(other: Ints) -> Floats:
-            return np.asarray(t / (t + np.where(other >= 0, t[other], 0.0)))
+            beyond: Floats = np.where(other >= 0, t[other], 0.0)
+            return np.asarray(t / (t + beyond))
 
         return ROOM * ahead * share(self.previous), ROOM * behind * share(self.next)
 
@@ -101,7 +95,7 @@ class Corners:
         total = [np.bincount(corner, np.repeat(column, 3), surface.n) for column in vector.T]
         normal = np.stack(total, axis=1)[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        along = surface.V[self.walls.end[self.last]] - self.origin
+        along = surface.V[self.walls.end[self.first]] - self.origin
         one = along - np.einsum("ki,ki->k", along, normal)[:, None] * normal
         one /= np.linalg.norm(one, axis=1, keepdims=True)
         return np.stack([one, np.cross(normal, one)], axis=1)
@@ -124,7 +118,7 @@ class Corners:
     def _line(self, at: Ints, radius: Floats, back: bool) -> Floats:
         """(p, q, 2) the walls before or behind, away from the corner; at their end they stay where they are."""
         walls, V, count = self.walls, self.sheet.surface.V, WINDOW
-        begin, vertex = (self.first[at], walls.start) if back else (self.last[at], walls.end)
+        begin, vertex = self.first[at], walls.start if back else walls.end
         way = np.minimum(self.ways[0 if back else 1][at], 2 * radius * self.tangents[at] + radius)
         while True:
             steps = np.arange(count)
@@ -145,10 +139,9 @@ class Corners:
         wall[walls.start] = np.arange(len(walls.start))
         mine, first = wall[vertex], self.first[at]
         total = walls.total[walls.chain[first]]
-        span = arcs.way_a + (walls.place[self.last[at]] - walls.place[first]) % total + arcs.way_b
         way = (walls.place[mine] - walls.place[first] + arcs.way_a) % total
         same = walls.chain[mine] == walls.chain[first]
-        return np.asarray((mine >= 0) & same & (way <= span))
+        return np.asarray((mine >= 0) & same & (way <= arcs.way_a + arcs.way_b))
 
     def largest(self, radius: float) -> Floats:
         """(k,) radii, metres: the one asked for, or less where walls are too short for it."""

@@ -18,7 +18,7 @@ class Walls:
     """Walls (w,), chain after chain, each in the order in which the void lies on its left.
 
     inside, outside : (w,) the half-edge of the void cell, and that of the material cell.
-    start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the beginning of the chain to start.
+    start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
     chain  : (w,) its number.    begin : (c + 1,) where chains begin.    total : (c,) their lengths, metres.
     closed : (c,) chains that come back to their beginning; others end on the boundary of the surface.
     """
