@@ -213,6 +213,8 @@ class Pattern(Section):
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
     """Metres along the boundary that stay material; 0 keeps nothing."""
+    fillet: Annotated[float, Ge(0)] = 0.0
+    """Metres; radius of the rounded corners of openings, less where there is no room for it; 0 leaves them sharp."""
 
     @model_validator(mode="before")
     @classmethod

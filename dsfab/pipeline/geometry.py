@@ -12,6 +12,7 @@ from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.features import filled_openings, kept_cells
+from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
@@ -31,6 +32,8 @@ def slicing_step(
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
         cells, filled = filled_openings(pinched.sheet, ask.min_opening) if ask.min_opening else (pinched.sheet, 0)
+        radius = preset.pattern.fillet
+        cells, rounded = rounded_corners(cells, radius) if radius else (cells, 0)
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
@@ -45,6 +48,8 @@ def slicing_step(
     _note_slicing(preset, sheet, listed, statics.load, pinched.count, lost, log)
     if filled:
         log.note("slicing", f"{filled} openings smaller than {ask.min_opening:.3g} m were filled")
+    if rounded:
+        log.note("slicing", f"{rounded} corners of openings were rounded with {radius:.3g} m, or less for want of room")
     if better:
         log.note("slicing", better.told)
     return SlicingResult(cells, sheet, built, pinched.count)

@@ -1,0 +1,146 @@
+"""`rounded_corners`: the corners of the openings of a sheet rounded off with a radius.
+
+void   .-'''----- wall b      The void beyond the chords of an arc that touches both walls becomes material. All
+     .'  \\ material           chords are straight in the plane that touches the surface at the corner; each is cut
+    /  new \\                  through the void's cells as the level of a linear field, so that neighbours fit.
+wall a      corner
+"""
+
+import numpy as np
+from scipy.sparse import csr_array, vstack
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.errors import PatternError
+from dsfab.slicing.cells import Cells
+from dsfab.slicing.clean import clean_split
+from dsfab.slicing.cut import filled
+from dsfab.slicing.fillet_chords import SNAP, Fillets, fitting_fillets
+from dsfab.slicing.opening_corners import Corners
+from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.slicing.sheet import Sheet
+
+GOLDEN = (5**0.5 - 1) / 2
+"""Multiples of it, less their whole parts, are spread evenly."""
+
+
+def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, int]:
+    """All cells of a sheet with the corners of its openings rounded off, and how many were.
+
+    sheet  : material and void, without pinches.
+    radius : metres; smaller where the walls beside a corner leave no room for it. The arc is one in the plane that
+             touches the surface at the corner, to a 20th of its radius; corners that turn by under 20 degrees stay.
+
+    Material is added only, never taken away; it takes the family of the member before the corner.
+    Raises PatternError for a radius that is no length.
+    """
+    if not (np.isfinite(radius) and radius > 0):
+        raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
+    corners = Corners.of(sheet)
+    if not len(corners.first):
+        return sheet, 0
+    fillets = fitting_fillets(corners, radius)
+    if not fillets.count:
+        return sheet, 0
+    return _with_fillets(corners, fillets), fillets.count
+
+
+def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
+    """Only the cells that are cut and their neighbours are divided as polygons; the others are as they were."""
+    sheet, surface = corners.sheet, corners.sheet.surface
+    near = np.zeros(surface.m, dtype=bool)
+    near[fillets.pair[:, 1]] = True
+    one, two = surface.edges.pairs.T // 3
+    some = near[one] | near[two]
+    near[one[some]] = near[two[some]] = True
+    which = np.flatnonzero(near)
+    vertices, F = np.unique(surface.F[which], return_inverse=True)
+    cells, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
+    mesh = PolygonMesh(F, cells, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which])
+    corner = np.searchsorted(vertices, corners.walls.start[corners.first[fillets.at]])
+    family = sheet.family[corners.walls.outside[corners.first[fillets.at]] // 3]
+    arc, cell = fillets.pair[:, 0], np.searchsorted(which, fillets.pair[:, 1])
+    colour, root = _colours(arc, cells.corner.reshape(-1, 3)[cell]), np.arange(len(which))
+    for group in range(int(colour.max()) + 1):
+        mine = np.full(len(which), -1)
+        pairs = colour[arc] == group
+        mine[cell[pairs]] = arc[pairs]
+        mesh, source, filled_in = _filled_corners(mesh, mine[root], fillets, corner, surface.size)
+        root = root[source]
+        mesh.family[filled_in] = family[mine[root[filled_in]]]
+    return _together(sheet, which, vertices, mesh, root)
+
+
+def _colours(arc: Ints, corner: Ints) -> Ints:
+    """(k,) arcs in groups such that cells of two of a group have no vertex in common.
+
+    arc : (p,) of a cell, and corner : (p, 3) the vertices of that. Of the arcs left, those come next that are first at
+    all their vertices, in an order without rhyme: few rounds are needed.
+    """
+    vertex, arc = corner.ravel(), np.repeat(arc, 3)
+    count = int(arc.max()) + 1
+    rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
+    colour, waiting, group = np.full(count, -1), np.ones(count, dtype=bool), 0
+    while waiting.any():
+        on = waiting[arc]
+        best = np.full(int(vertex.max()) + 1, count)
+        np.minimum.at(best, vertex[on], rank[arc[on]])
+        chosen = waiting.copy()
+        chosen[arc[on & (best[vertex] != rank[arc])]] = False
+        colour[chosen], group = group, group + 1
+        waiting &= ~chosen
+    return colour
+
+
+def _filled_corners(
+    mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
+) -> tuple[PolygonMesh, Ints, Bools]:
+    """The polygons cut along the chords of an arc (c,) each, -1 for none; what each was before, and which to fill.
+
+    corner : (k,) the vertex that each arc rounds off.    size : of the surface, metres.
+    """
+    arc = np.where(mesh.void, arc, -1)
+    source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
+    for chord in range(fillets.normal.shape[1]):
+        active = (arc >= 0) & ~beyond
+        active[active] = fillets.normal[arc[active], chord].any(axis=1)
+        if not active.any():
+            break
+        x = _heights(mesh, arc, active, fillets, chord)
+        split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, 0.0, size)
+        mesh, came = mesh.after(split), split.source
+        source, arc, beyond = source[came], arc[came], beyond[came] | (split.strip == 1)
+    part = mesh.parts(beyond)
+    at = beyond[mesh.cells.owner] & (mesh.cells.corner == corner[arc[mesh.cells.owner]])
+    wanted = np.zeros(len(beyond), dtype=bool)
+    wanted[part[mesh.cells.owner[at]]] = True
+    return mesh, source, beyond & wanted[part]
+
+
+def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, fillets: Fillets, chord: int) -> Floats:
+    """(n',) metres by which vertices of the active polygons lie beyond a chord of the polygon's arc (c,)."""
+    slots = mesh.cells.slots(np.flatnonzero(active))
+    vertex, mine = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
+    height = np.einsum("ki,ki->k", fillets.normal[mine, chord], mesh.X[vertex]) - fillets.distance[mine, chord]
+    x = np.zeros(len(mesh.X))
+    x[vertex] = np.where(np.abs(height) < SNAP * fillets.radius[mine], 0.0, height)
+    return x
+
+
+def _together(sheet: Sheet, which: Ints, vertices: Ints, mesh: PolygonMesh, root: Ints) -> Sheet:
+    """All cells, those `which` replaced by polygons of their own, in the order of the cells that they were.
+
+    vertices : those of the sheet that the polygons began with.    root : (c,) the place in `which` of each polygon.
+    """
+    surface, new = sheet.surface, len(mesh.X) - len(vertices)
+    number = np.concatenate([vertices, surface.n + np.arange(new)])
+    others = np.setdiff1d(np.arange(surface.m), which)
+    start = np.concatenate([3 * np.arange(len(others)), 3 * len(others) + mesh.cells.start])
+    cells = Cells(start, np.concatenate([surface.F[others].ravel(), number[mesh.cells.corner]]))
+    came = np.concatenate([others, which[root]])
+    order = np.argsort(came, kind="stable")
+    X = np.concatenate([surface.V, mesh.X[len(vertices) :]])
+    weights = csr_array(vstack([sheet.weights, mesh.weights[len(vertices) :]], format="csr"))
+    cells, parent = cells.some(order), sheet.parent[came[order]]
+    family = np.concatenate([sheet.family[others], mesh.family])[order]
+    done, cell = filled(cells, X, parent)
+    return Sheet(done, parent[cell], family[cell], weights)

@@ -1,0 +1,103 @@
+"""The walls of a cut sheet, edges between void and material, as chains along its openings; and the corners of these."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.slicing.sheet import Sheet
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import half_edges
+
+SHARPEST = float(np.radians(20))
+"""Where the outline of an opening turns by more than this, it has a corner."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Walls (w,), chain after chain, each in the order in which the void lies on its left.
+
+    inside, outside : (w,) the half-edge of the void cell, and that of the material cell.
+    start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
+    chain  : (w,) its number.    begin : (c + 1,) where chains begin.    total : (c,) their lengths, metres.
+    closed : (c,) chains that come back to their beginning; others end on the boundary of the surface.
+    """
+
+    inside: Ints
+    outside: Ints
+    start: Ints
+    end: Ints
+    length: Floats
+    place: Floats
+    chain: Ints
+    begin: Ints
+    total: Floats
+    closed: Bools
+
+    @classmethod
+    def of(cls, sheet: Sheet) -> "Walls":
+        one, two = sheet.surface.edges.pairs.T
+        void = ~sheet.material
+        wall = void[one // 3] != void[two // 3]
+        one, two = one[wall], two[wall]
+        h = np.where(void[one // 3], one, two)
+        a, b = (ends[h] for ends in half_edges(sheet.surface.F))
+        order, begin, closed = _chains(_onward(sheet.surface, a, b))
+        chain = np.repeat(np.arange(len(closed)), np.diff(begin))
+        h, a, b = h[order], a[order], b[order]
+        length = np.linalg.norm(sheet.surface.V[b] - sheet.surface.V[a], axis=1)
+        total = np.bincount(chain, length, len(closed)).astype(np.float64)
+        place = np.cumsum(length) - length - (np.cumsum(total) - total)[chain]
+        return cls(h, (one + two)[order] - h, a, b, length, place, chain, begin, total, closed)
+
+    def ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
+        """The walls so many steps from `wall` along its chain, and whether they exist: open chains end."""
+        chain = self.chain[wall]
+        begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
+        at = wall - begin + steps
+        there = self.closed[chain] | ((at >= 0) & (at < size))
+        return begin + at % size, there
+
+    def turns(self, sheet: Sheet) -> Floats:
+        """(w,) by how much the outline turns to the left where a wall starts, radians: pi less the angle of the void.
+
+        Minus infinity where no other wall comes before. Angles are those on the surface: a crease makes no corner.
+        """
+        F, V = sheet.surface.F[~sheet.material], sheet.surface.V
+        angle: Floats = np.zeros(sheet.surface.n)
+        for c in range(3):
+            u, v = (V[F[:, (c + k) % 3]] - V[F[:, c]] for k in (1, 2))
+            size = np.linalg.norm(np.cross(u, v), axis=1)
+            angle += np.bincount(F[:, c], np.arctan2(size, np.einsum("ki,ki->k", u, v)), sheet.surface.n)
+        turn = np.pi - angle[self.start]
+        turn[self.begin[:-1][~self.closed]] = -np.inf
+        return turn
+
+
+def _onward(surface: Surface, a: Ints, b: Ints) -> Ints:
+    """(w,) the wall from a to b that each one is followed by, or -1: at a boundary, where others may meet it."""
+    ends = surface.edges.ends[surface.edges.boundary]
+    plain = (np.bincount(a, minlength=surface.n) == 1) & (np.bincount(b, minlength=surface.n) == 1)
+    plain[ends] = False
+    at = np.full(surface.n, -1)
+    at[a] = np.arange(len(a))
+    return np.where(plain[b], at[b], -1)
+
+
+def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
+    """The walls chain by chain, where chains begin and one more, and which of them are closed."""
+    headless = np.ones(len(onward), dtype=bool)
+    headless[onward[onward >= 0]] = False
+    follow, seen = onward.tolist(), bytearray(len(onward))
+    order, begin, closed = list[int](), [0], list[bool]()
+    heads = np.flatnonzero(headless).tolist()
+    for k, first in enumerate([*heads, *range(len(follow))]):
+        at = first
+        while at >= 0 and not seen[at]:
+            seen[at] = 1
+            order.append(at)
+            at = follow[at]
+        if len(order) > begin[-1]:
+            begin.append(len(order))
+            closed.append(k >= len(heads))
+    return np.array(order, dtype=np.int64), np.array(begin), np.array(closed, dtype=bool)

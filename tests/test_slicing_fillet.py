@@ -1,0 +1,134 @@
+"""Rounded corners of openings: areas in closed form, arcs that touch, nothing else changed."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dsfab.errors import PatternError
+from dsfab.slicing import Sheet, cut, resolve_pinches
+from dsfab.slicing.arcs import CHORD
+from dsfab.slicing.fillet import rounded_corners
+from dsfab.surface import Surface
+from dsfab.surface.topology import euler_characteristic, manifold_faults
+from tests.test_slicing import check_laws, material_area
+from tests.zoo import grid, jittered, sphere
+
+STRAY = 1 / 20
+"""Share of the radius that a rounded corner may be off its arc."""
+
+
+def openings(plate: Surface, count: int = 3, half: float = 0.2, snap: float = 0.0) -> Sheet:
+    """A unit plate with count x count square openings."""
+    levels = np.sort(np.concatenate([np.arange(count + 1) - half, np.arange(count + 1) + half]))
+    return cut(plate, [count * plate.V[:, 0], count * plate.V[:, 1]], [levels, levels], snap)
+
+
+def check_added(uncut: Surface, before: Sheet, after: Sheet) -> None:
+    """Material is added only; the surface, its topology and that of the material stay."""
+    check_laws(uncut, after)
+    assert manifold_faults(after.surface.F, after.surface.edges, after.surface.n) == ()
+    one, two = before.kept().surface, after.kept().surface
+    assert manifold_faults(two.F, two.edges, two.n) == ()
+    assert euler_characteristic(one.F, one.edges) == euler_characteristic(two.F, two.edges)
+    assert material_area(after) >= material_area(before)
+    assert len(one.loops) == len(two.loops)
+
+
+@pytest.mark.parametrize("cells", [5, 17, 40])
+@pytest.mark.parametrize("radius", [0.01, 0.04])
+def test_square_openings_gain_what_a_square_corner_less_a_quarter_disc_is(cells, radius):
+    plate = grid(cells, cells, 1.0, 1.0)
+    sheet = openings(plate)
+    done, count = rounded_corners(sheet, radius)
+    assert count == 4 * 9
+    gain = (material_area(done) - material_area(sheet)) / count
+    chords = radius**2 * (1 - 1.5 * np.sin(np.pi / 6))  # three chords of 30 degrees
+    assert gain == pytest.approx(chords, rel=5e-3)
+    assert radius**2 * (1 - np.pi / 4) < gain < radius**2 * (1 - np.pi / 4 + STRAY * np.pi / 2)
+    check_added(plate, sheet, done)
+
+
+def test_new_walls_are_on_their_arcs():
+    radius = 0.04
+    sheet = openings(grid(17, 17, 1.0, 1.0))
+    kept = rounded_corners(sheet, radius)[0].kept().surface
+    rim = kept.edges.ends[kept.edges.boundary]
+    middle = 3 * kept.V[rim].mean(axis=1)[:, :2] % 1 - 0.5  # openings on one another, their middle in 0
+    corner = 0.3 - 3 * radius
+    near = (np.abs(middle) > corner + 1e-9).all(axis=1) & (np.abs(middle) < 0.3 + 1e-9).all(axis=1)
+    off = np.abs(np.linalg.norm(np.abs(middle[near]) - corner, axis=1) / 3 - radius)
+    assert near.sum() >= 3 * 4 * 9
+    assert off.max() < STRAY * radius
+
+
+def test_a_radius_without_room_becomes_smaller():
+    plate = grid(17, 17, 1.0, 1.0)
+    sheet = openings(plate)
+    done, count = rounded_corners(sheet, 1.0)
+    opening = 9 * 0.2**2 - (material_area(done) - material_area(sheet))
+    assert count == 36
+    assert 0.95 < opening / (9 * np.pi * 0.1**2) < 1.01  # nearly discs
+    check_added(plate, sheet, done)
+
+
+def test_nothing_to_round():
+    plate = grid(8, 8, 1.0, 1.0)
+    solid = cut(plate, [plate.V[:, 0]], [[-1.0]])
+    assert rounded_corners(solid, 0.1) == (solid, 0)
+    fine = grid(80, 80, 1.0, 1.0)
+    distance = np.linalg.norm(fine.V - [0.5, 0.5, 0], axis=1)
+    round_hole = cut(fine, [distance], [[0.3]])
+    assert rounded_corners(round_hole, 0.02)[1] == 0
+    for radius in (0.0, -1.0, np.nan):
+        with pytest.raises(PatternError, match="fillets"):
+            rounded_corners(solid, radius)
+
+
+def test_open_voids_are_rounded_at_their_inner_corners_only():
+    """A slit from the edge: two corners at its end, none where it meets the edge of the plate."""
+    plate = grid(20, 20, 1.0, 1.0)
+    x, y = plate.V[:, :2].T
+    sheet = cut(plate, [x, np.abs(y - 0.5)], [[0.61], [0.1]], snap=0)
+    done, count = rounded_corners(sheet, 0.05)
+    assert count == 2
+    assert material_area(done) - material_area(sheet) == pytest.approx(2 * 0.05**2 * 0.25, rel=0.01)
+    check_added(plate, sheet, done)
+
+
+def test_the_material_takes_the_family_beside_it_and_fields_are_carried():
+    plate = grid(11, 11, 1.0, 1.0)
+    sheet = openings(plate)
+    done, _ = rounded_corners(sheet, 0.03)
+    assert set(done.family[done.material].tolist()) == {0, 1}
+    assert np.allclose(done.carry(plate.V), done.surface.V, atol=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    cells=st.integers(4, 24),
+    count=st.integers(1, 6),
+    half=st.floats(0.05, 0.45),
+    radius=st.floats(1e-3, 0.3),
+    seed=st.integers(0, 1000),
+)
+def test_laws_on_random_grids(cells, count, half, radius, seed):
+    plate = jittered(grid(cells, cells, 1.0, 1.0), seed=seed)
+    sheet = resolve_pinches(openings(plate, count, half, snap=0.05), 1e-3).sheet
+    done, _ = rounded_corners(sheet, radius)
+    check_added(plate, sheet, done)
+
+
+@settings(max_examples=25, deadline=None)
+@given(frequency=st.floats(2, 9), level=st.floats(-0.6, 0.6), radius=st.floats(0.005, 0.3), seed=st.integers(0, 100))
+def test_laws_on_a_ball_with_curved_stripes(frequency, level, radius, seed):
+    ball = sphere(2)
+    turned = ball.V @ np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    one, two = np.sin(frequency * turned[:, 0]), np.sin(frequency * turned[:, 1] + 2 * turned[:, 2] ** 2)
+    sheet = resolve_pinches(cut(ball, [one, two], [[level], [level]]), 0.01).sheet
+    done, _ = rounded_corners(sheet, radius)
+    check_added(ball, sheet, done)
+
+
+def test_chords_are_short_enough():
+    assert 1 - np.cos(CHORD / 2) < STRAY
