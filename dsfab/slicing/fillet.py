@@ -55,7 +55,7 @@ def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
     which = np.flatnonzero(near)
     vertices, F = np.unique(surface.F[which], return_inverse=True)
     cells, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
-    mesh = PolygonMesh(F, cells, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which])
+    mesh = PolygonMesh.plain(F, cells, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which])
     corner = np.searchsorted(vertices, corners.walls.start[corners.first[fillets.at]])
     family = sheet.family[corners.walls.outside[corners.first[fillets.at]] // 3]
     arc, cell = fillets.pair[:, 0], np.searchsorted(which, fillets.pair[:, 1])

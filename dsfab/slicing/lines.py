@@ -8,8 +8,8 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.chart import Chart
-from dsfab.slicing.corners import Labels, outline_labels
 from dsfab.slicing.chords import middles, mostly
+from dsfab.slicing.corners import Labels, outline_labels
 from dsfab.slicing.polygon_mesh import places
 from dsfab.slicing.sheet import VOID, Sheet
 from dsfab.slicing.snap import nearest

@@ -93,7 +93,7 @@ class Corners:
         vector = (surface.normals * surface.areas[:, None])[void]
         corner = surface.F[void].ravel()
         total = [np.bincount(corner, np.repeat(column, 3), surface.n) for column in vector.T]
-        normal: Floats = np.stack(total, axis=1)[self.walls.start[self.first]]
+        normal = np.stack(total, axis=1)[self.walls.start[self.first]].astype(np.float64)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = surface.V[self.walls.end[self.first]] - self.origin
         one = along - np.einsum("ki,ki->k", along, normal)[:, None] * normal

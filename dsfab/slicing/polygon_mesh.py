@@ -37,8 +37,13 @@ class PolygonMesh:
         """The faces of a surface, all void."""
         n, m = surface.n, surface.m
         cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
-        never = np.zeros(m, dtype=bool)
-        return cls(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID), never, np.full(m, VOID))
+        return cls.plain(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
+
+    @classmethod
+    def plain(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
+        """Polygons none of which two fields make material."""
+        count = len(family)
+        return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools) -> Self:
         """What field k makes material (c,), where an earlier field did not already."""
@@ -65,8 +70,8 @@ class PolygonMesh:
         """The mesh that a split makes of this one."""
         weights = extended_weights(self.weights, split)
         source = split.source
-        of_cells = (x[source] for x in (self.parent, self.family, self.again, self.also))
-        return PolygonMesh(self.F, split.cells, split.extended(self.X), weights, *of_cells)
+        X, parent, family = split.extended(self.X), self.parent[source], self.family[source]
+        return PolygonMesh(self.F, split.cells, X, weights, parent, family, self.again[source], self.also[source])
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:

@@ -39,7 +39,7 @@ class Seen:
         row, column = (at.astype(np.int64) for at in weights.coords)
         seen = field.corners(mesh.F)[lead[row], mesh.corner(lead[row], column)]
         values = np.stack([np.bincount(row, weights.data * seen[:, k], n) for k in range(field.x.shape[1])], axis=1)
-        return cls._on(mesh, field, values, lead)
+        return cls._on(mesh, field, values.astype(np.float64), lead)
 
     @classmethod
     def _on(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:

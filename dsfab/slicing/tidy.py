@@ -44,12 +44,13 @@ class Tidy:
         mine = mesh.family == k
         if not self.striped[k] or not mine.any():
             return np.zeros_like(mine)
-        suspect = blank if self.astray[k] is None else blank | self.astray[k]
+        astray = self.astray[k]
+        suspect = blank if astray is None else blank | astray
         at = np.zeros(len(mesh.X), dtype=bool)
         at[mesh.cells.corner[suspect[mesh.face]]] = True
         part = mesh.parts(mine)
         touched = mine & mesh.cells.reduced(np.logical_or, at[mesh.cells.corner])
-        return mine & np.isin(part, part[touched])
+        return np.asarray(mine & np.isin(part, part[touched]))
 
 
 def tidied(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
@@ -123,7 +124,7 @@ class _Contacts:
         outer = np.ones(len(owner), dtype=bool)
         within = f == g
         outer[one[within]], outer[two[within]] = False, False
-        around = np.bincount(part[owner[outer]], size[outer], int(part.max()) + 1)
+        around = np.bincount(part[owner[outer]], size[outer], int(part.max()) + 1).astype(np.float64)
         length = np.concatenate([np.bincount(of.ravel(), size[side], len(at)), np.zeros(len(anchored))])
         return cls(pairs, length, around)
 
