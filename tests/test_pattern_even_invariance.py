@@ -174,3 +174,41 @@ def test_there_are_stripes_of_the_asked_spacing(name):
     for k, spacing in enumerate(given.spacing):
         mean = given.surface.vertex_areas @ given.even.density[:, k] / given.surface.area
         assert mean == pytest.approx(1 / spacing, rel=0.25)
+
+
+# --- symmetric designs on symmetric meshes
+
+
+def union_jack(cells: int, height) -> Surface:
+    """z = height(x, y) over a square of half side 1, in a mesh with all mirrors of the square."""
+    flat = grid(2 * cells, 2 * cells, 2.0, 2.0)
+    x, y = flat.V[:, 0] - 1, flat.V[:, 1] - 1
+    return Surface(np.c_[5 * x, 5 * y, height(x, y)], flat.F)
+
+
+SYMMETRIC = {
+    "grid dome": (lambda x, y: 3 * (1 - x**2) * (1 - y**2), (1.1, 0.8), 8),
+    "vault": (lambda x, y: 2 * (1 - x**2), (1.1, 0.7), 4),
+    "hypar": (lambda x, y: 1.5 * (x**2 - y**2), (1.0, 0.8), 4),
+}
+
+
+@pytest.mark.parametrize("name", list(SYMMETRIC))
+@pytest.mark.parametrize("axis", [0, 1])
+def test_stripes_of_a_symmetric_mesh_are_symmetric(name, axis):
+    """Phases at images of vertices agree up to sign and period, and the material of both halves is the same."""
+    height, spacing, _ = SYMMETRIC[name]
+    surface = union_jack(11, height)
+    held = np.abs(surface.V[:, 0]) > 5 - 1e-9 if name == "vault" else on_rim(surface)
+    given = Case(surface, supported(surface, held), spacing)
+    mirror = np.ones(3)
+    mirror[axis] = -1
+    image = np.linalg.norm(surface.V[:, None] - surface.V * mirror, axis=2).argmin(axis=1)
+    for phase in given.even.phases:
+        z = np.cos(2 * np.pi * phase.value)
+        assert z[image] == pytest.approx(z, abs=1e-9)
+    faces = np.linalg.norm(surface.centroids[:, None] - surface.centroids * mirror, axis=2).argmin(axis=1)
+    assert surface.areas @ np.abs(given.material[faces] - given.material) / surface.area < 1e-9
+    left = surface.centroids[:, axis] < 0
+    sides = [surface.areas[half] @ given.material[half] for half in (left, ~left)]
+    assert sides[0] == pytest.approx(sides[1], rel=1e-9)

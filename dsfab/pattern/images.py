@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import block_diag, csr_array, eye_array
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
 Projection = Callable[[Floats], Floats]
@@ -18,12 +18,14 @@ Projection = Callable[[Floats], Floats]
 class Images:
     """A group of rotations and mirrors of a surface, and where they take its vertices.
 
-    R    : (g, 3, 3) orthogonal, the first the identity.
-    maps : g sparse (n, n); maps[i] @ x reads a field x at the images of the vertices.
+    R     : (g, 3, 3) orthogonal, the first the identity.
+    maps  : g sparse (n, n); maps[i] @ x reads a field x at the images of the vertices.
+    faces : (g, m) the face that the image of each face's centroid lies on; None: not needed.
     """
 
     R: Floats
     maps: tuple[csr_array, ...]
+    faces: Ints | None = None
 
     @classmethod
     def none(cls, n: int) -> Self:
@@ -33,6 +35,10 @@ class Images:
     def mean(self, x: Floats) -> Floats:
         """A field (n, ...) averaged over the images of each point."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
+
+    def of_any(self, marked: Bools) -> Bools:
+        """(m,) faces of which an image is marked: a singular point at a vertex lies in one of its faces by chance."""
+        return marked if self.faces is None else np.asarray(marked[self.faces].any(axis=0))
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
         """(n, 3) unit tangents, up to sign, of the field that is nearest to such tangents and the same at all images.

@@ -93,7 +93,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     sigma = followed_stress(preset, surface, statics)
     given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
     frames = Frames.of(surface)
-    images = Images(symmetry.R, symmetry.maps) if symmetry else Images.none(surface.n)
+    images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
     along = images.directions(frames, cross_field(frames, given, SMOOTHING * float(np.mean(spacings))))
     across = np.cross(frames.normal, along)
     major, minor = (
@@ -116,6 +116,7 @@ def _lines(frames: Frames, g: Floats, given: StressDirections, spacing: float, h
     coarse = Flow(frames, g, finest / 2**halved_.most)  # counts then close around every loop, after halving too
     start, lock = (size / size.max()) ** PEAK, boundary_lines(surface, g)
     phase = corner_phase(coarse, coarse.solve(start, lock, images.projection(g))).times(2**halved_.most)
+    phase = replace(phase, singular=images.of_any(phase.singular))
     whole = surface.areas * ~phase.singular
     size = np.linalg.norm(phase.gradients(surface), axis=1)
     grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
