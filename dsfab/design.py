@@ -7,7 +7,7 @@ from typing import NamedTuple
 from dsfab.arrays import Floats
 from dsfab.diffusion import DiffusionTensors, Modes, Symmetry
 from dsfab.pattern import CornerPhase
-from dsfab.preset import Preset
+from dsfab.preset import Pattern, Preset
 from dsfab.slicing import Chart, Sheet, Tidy
 from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
@@ -128,6 +128,7 @@ class PatternResult:
     mode, phase : of both, as drawn: what `auto` became, where it was asked.
     choice      : what was tried for that; None where nothing is `auto`.
     even        : where evenly spaced stripes run; None for stripes on modes.
+    asked       : [pattern] with what `auto` became; None where nothing was.
     tidy        : what the cut takes off where stripes lead nowhere; None takes off nothing.
     """
 
@@ -142,6 +143,7 @@ class PatternResult:
     choice: Choice | None = None
     even: EvenStripes | None = None
     tidy: Tidy | None = None
+    asked: Pattern | None = None
 
 
 class Piece(NamedTuple):
@@ -167,6 +169,11 @@ class Note(NamedTuple):
 
     stage: str
     text: str
+
+
+def settled(preset: Preset, pattern: PatternResult) -> Preset:
+    """A preset with what `auto` became in its pattern."""
+    return preset.with_pattern(**dict(pattern.asked)) if pattern.asked else preset
 
 
 class Shown:
@@ -214,8 +221,8 @@ class Design(Shown):
 
     @property
     def settled(self) -> Preset:
-        """The preset with the modes and phases that were chosen: it makes the same design without a search."""
-        return self.preset.settled(self.pattern.mode, self.pattern.phase) if self.pattern.choice else self.preset
+        """The preset with what was chosen: it makes the same design without a search."""
+        return settled(self.preset, self.pattern)
 
     @property
     def sheet(self) -> Sheet:

@@ -188,7 +188,7 @@ class Width(Section):
         return Widths(self.rule, member, self.q, self.min_width, self.max_width, self.min_gap)
 
 
-Method = Literal["modes", "stripes"]
+Method = Literal["modes", "stripes", "auto"]
 
 STRIPES_ACROSS = 12
 """Evenly spaced stripes across a square surface, where no spacing is given."""
@@ -198,7 +198,8 @@ class Pattern(Section):
     """[pattern]: the two families, and what stays material besides them."""
 
     method: Method = "modes"
-    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress."""
+    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress;
+    auto: what is stiffest of both, halved or not, with constant and with graded widths where one of these is asked."""
     halve: bool = True
     """stripes: leave out every second one where they crowd, ended on crossing members; false lets them crowd."""
     symmetry: Literal["auto", "none"] = "auto"
@@ -349,6 +350,10 @@ class Preset(Section):
             for k, name in enumerate(("major", "minor"))
         }
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=families)})
+
+    def with_pattern(self, **changes: Any) -> "Preset":
+        """The preset with other values in [pattern]."""
+        return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def first_difference(self, other: "Preset") -> str | None:
         """The first stage whose section differs, or None; name and description make no difference."""

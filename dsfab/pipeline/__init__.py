@@ -1,18 +1,20 @@
 """The order of the stages: `run` makes a `Design` of a preset, `revise` remakes it from the first changed section."""
 
+from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-from dsfab.design import Design, Draft, EvenStripes, StaticsResult
+from dsfab.design import Choice, Design, Draft, EvenStripes, StaticsResult
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.even import even_step, same_stripes
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
+from dsfab.pipeline.method import method_step
 from dsfab.pipeline.patterns import pattern_step
 from dsfab.pipeline.stressing import stressed_step
 from dsfab.pipeline.structure import statics_step, surface_step
-from dsfab.preset import STAGES, Preset
+from dsfab.preset import STAGES, Pattern, Preset
 from dsfab.sparse import give_back
 from dsfab.surface import Surface
 
@@ -25,7 +27,7 @@ ROWS = {
     "surface": ("surface",),
     "statics": ("membrane", "bending", "statics", "stress", "answers"),
     "diffusion": ("diffusion", "modes"),
-    "pattern": ("stripes", "choice", "widths", "pattern"),
+    "pattern": ("method", "stripes", "choice", "widths", "pattern"),
     "slicing": ("slicing",),
     "thickening": ("thickening",),
 }
@@ -83,13 +85,21 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
     if was:
         pattern = was.pattern
     else:
-        even = _even(preset, surface, statics, log, old, start) if preset.pattern.method == "stripes" else None
-        choice = choice_step(preset, surface, statics, diffusion, log) if preset.pattern.auto else None
-        given = preset, surface, statics, diffusion, log, choice
-        grading = stressed_step(*given, even) if preset.pattern.width.rule == "stressed" else None
-        pattern = pattern_step(*given, grading, even)
+        asked = method_step(preset, surface, statics, diffusion, log) if preset.pattern.method == "auto" else preset
+        even = _even(asked, surface, statics, log, old, start) if asked.pattern.method == "stripes" else None
+        choice = choice_step(asked, surface, statics, diffusion, log) if asked.pattern.auto else None
+        given = asked, surface, statics, diffusion, log, choice
+        grading = stressed_step(*given, even) if asked.pattern.width.rule == "stressed" else None
+        pattern = replace(pattern_step(*given, grading, even), asked=_settled(preset, asked, choice))
     give_back()  # what the solvers held: whoever draws needs memory of another shape
     return Draft(preset, surface, statics, diffusion, pattern, MappingProxyType(log.seconds), tuple(log.notes))
+
+
+def _settled(preset: Preset, asked: Preset, choice: Choice | None) -> Pattern | None:
+    """[pattern] with all that was chosen; None where nothing was to be."""
+    if choice:
+        return asked.settled(choice.mode, choice.phase).pattern
+    return None if asked is preset else asked.pattern
 
 
 def _even(

@@ -63,6 +63,14 @@ class Trial:
             return Candidate(mode, phase, refused=str(error))
         return Candidate(mode, phase, compliance, compliance / self.uncut, found.kept, found.whole, found.pieces)
 
+    def drawn(self) -> Candidate:
+        """What the preset's own modes or stripes are worth; raises DsfabError when they do not carry the loads."""
+        pattern = self.preset.pattern
+        mode, phase = (pattern.major.number, pattern.minor.number), (pattern.major.shift, pattern.minor.shift)
+        found = self.carrying(self._layers(self.preset))
+        compliance = self._compliance(found.sheet.surface, self.loads_on(found.sheet))
+        return Candidate(mode, phase, compliance, compliance / self.uncut, found.kept, found.whole, found.pieces)
+
     def carrying(self, layers: Sequence[Layer]) -> "Carrying":
         """Layers as a sheet; raises DsfabError when it does not carry the loads."""
         surface = self.surface

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools
-from dsfab.design import Design, DiffusionResult, Draft, EvenStripes, StaticsResult
+from dsfab.design import Design, DiffusionResult, Draft, EvenStripes, StaticsResult, settled
 from dsfab.pattern import Layer, frequency_for
 from dsfab.pipeline.patterns import kept_regions
 from dsfab.preset import Preset
@@ -39,7 +39,7 @@ class Brief:
     def of(cls, made: Design | Draft, area: float) -> Self:
         """What the competitors of a design share."""
         pattern = made.pattern
-        preset = made.preset.settled(pattern.mode, pattern.phase) if pattern.choice else made.preset
+        preset = settled(made.preset, pattern)
         frequency = pattern.frequency
         if pattern.even:
             asked, modes = (preset.pattern.major, preset.pattern.minor), (made.diffusion.major, made.diffusion.minor)
