@@ -174,6 +174,27 @@ def test_widths_follow_in_the_same_frame(page, key, value):
 
 @seen_in_a_page
 @pytest.mark.slow
+@pytest.mark.parametrize("rule", ["graded", "constant"])
+def test_the_browser_widens_stripes_as_the_server_does(page, rule):
+    """At every vertex of the chart, on either side of a line; both copies solve for the share by themselves."""
+    page.run(f"dsfab.state.set({json.dumps({'pattern.width.rule': rule, 'pattern.width.q': 0.5})})")
+    solved(page)
+    exact = np.array(page.run("[...dsfab.model.arrays.half]"))
+    script = """(async () => {
+        const { drawn } = await import('/static/pattern.js');
+        const { facts, arrays } = dsfab.model;
+        const wanted = structuredClone(facts.pattern);
+        wanted.width.solid_fraction += 1e-9;  // so that it is not the server's own
+        return [...drawn(wanted, { facts, arrays }, dsfab.sampler).half]; })()"""
+    live = np.array(page.run(script))
+    free = exact < 0.45
+    assert free.mean() > 0.7
+    assert np.percentile(np.abs(live - exact)[free], 98) < 0.01
+    assert np.abs(live - exact)[free].mean() < 0.002
+
+
+@seen_in_a_page
+@pytest.mark.slow
 def test_only_the_server_knows_where_other_stripes_run(page):
     before = page.run(SEEN)
     page.run("window.asked = dsfab.work.ask; dsfab.work.ask = () => {}; 1")

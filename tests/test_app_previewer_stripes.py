@@ -115,6 +115,19 @@ def test_light_shows_no_seam(globe: Draft) -> None:
     assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1)
 
 
+def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Draft) -> None:
+    """The picture of normals, bytes, is that of the uncut surface but for rounding."""
+    seen = []
+    for made in (dome, draft(load_preset("dome", {"surface.edge": 0.5}))):
+        with Previewer(made, show="loads", marks=False) as previewer:
+            pixels = previewer._scene.pixels(previewer._view(SIZE, True), *SIZE)
+            seen.append((np.isfinite(pixels.depth), pixels.normal.astype(int)))
+    (hit, one), (also, two) = seen
+    both = hit & also
+    assert both.mean() > 0.2
+    assert np.percentile(np.abs(one - two)[both], 99.9) <= 1
+
+
 def test_what_is_on_no_mode_shows_none(dome: Draft) -> None:
     with pytest.raises(DsfabError, match="run along no mode"):
         Previewer(dome, show="major_mode")
