@@ -1,0 +1,294 @@
+"""What is asked of evenly spaced stripes when they are made: lines, fields, archive, competitors, sweeps, revisions."""
+
+import json
+from collections import Counter
+from dataclasses import fields as names_of
+
+import ezdxf
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab import pipeline
+from dsfab.arrays import from_segments
+from dsfab.design import Design
+from dsfab.errors import DsfabError, PresetError
+from dsfab.export import write
+from dsfab.pattern import frequency_for
+from dsfab.preset_file import load_preset, overridden, preset_toml
+from dsfab.study import compare_at
+from dsfab.study.archive import keep, kept
+from dsfab.study.baselines import Brief
+from dsfab.study.delivery import delivered
+from dsfab.study.fabrication import fabrication
+from dsfab.study.fields import design_fields
+from dsfab.study.fix import _coarser
+from dsfab.study.lines import design_lines
+from dsfab.study.sweeps.making import Making
+from dsfab.study.sweeps.metrics import measured
+
+SMALL = {"surface.edge": 0.6, "pattern.method": "stripes", "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.0}
+
+
+@pytest.fixture(scope="module")
+def dome() -> Design:
+    return dsfab.run(load_preset("dome", SMALL))
+
+
+@pytest.fixture(scope="module")
+def cantilever() -> Design:
+    return dsfab.run(load_preset("cantilever", {"surface.edge": 0.05, "pattern.method": "stripes"}))
+
+
+def segments(lines):
+    starts, ends = zip(*((line.points[:-1], line.points[1:]) for line in lines), strict=True)
+    return np.concatenate(starts), np.concatenate(ends)
+
+
+@pytest.mark.parametrize("which", ["dome", "cantilever"])
+def test_middles_end_on_middles_or_with_the_sheet(which, request):
+    """Or at a face that has no phase: there the member ends too."""
+    made = request.getfixturevalue(which)
+    lines, even = design_lines(made), made.pattern.even
+    blank = np.any([phase.singular for phase in even.phases], axis=0)
+    odd = made.surface.V[made.surface.F[blank]].reshape(-1, 3)
+    outline = segments([line for line in lines if line.kind == "edge"])
+    on_others = 0
+    for name, other in (("major", "minor"), ("minor", "major")):
+        crossing = segments([line for line in lines if line.layer == f"centre-{other}"])
+        for line in (line for line in lines if line.layer == f"centre-{name}" and not line.closed):
+            for end in line.points[[0, -1]]:
+                meets = from_segments(end[None], *crossing).min() < 1e-6
+                on_others += meets
+                near = len(odd) and np.linalg.norm(odd - end, axis=1).min() < made.surface.mean_edge
+                assert meets or near or from_segments(end[None], *outline).min() < 1e-6, (line.id, end)
+    assert on_others > 5
+    assert any(len(wanted) for wanted in even.wanted)  # so something is halved
+
+
+def test_middles_are_as_long_as_the_density_says(dome):
+    """Co-area: lines in all are as long as the integral of their number per metre; they miss singular faces only.
+
+    The line along the base has the surface on one side only, and counts half.
+    """
+    lines, even, surface = design_lines(dome), dome.pattern.even, dome.surface
+    for k, name in enumerate(("major", "minor")):
+        slope = np.linalg.norm(even.phases[k].gradients(surface), axis=1) * ~even.phases[k].singular
+        chart = even.chart
+        share = np.bincount(chart.parent, chart.surface.areas * chart.scale[chart.surface.F[:, 0], k], surface.m)
+        asked = float(slope @ share)
+        mine = [line for line in lines if line.layer == f"centre-{name}"]
+        length = sum(
+            line.length * (0.5 if np.ptp(line.points[:, 2]) + line.points[0, 2] < 1e-9 else 1) for line in mine
+        )
+        assert length == pytest.approx(asked, rel=0.03)
+
+
+def test_edges_outline_the_sheet_and_lie_beside_the_middle_of_their_number(cantilever):
+    """Its phases have one value everywhere, so edges are at z = k + d or k - d, d in periods of all lines."""
+    lines, sheet, pattern = design_lines(cantilever), cantilever.sheet, cantilever.pattern
+    even = pattern.even
+    ends = sheet.surface.V[sheet.surface.edges.ends[sheet.surface.edges.boundary]]
+    outline = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).sum()
+    assert sum(line.length for line in lines if line.kind == "edge") == pytest.approx(outline)
+    near = {tuple(v): i for i, v in enumerate(sheet.surface.V.round(9).tolist())}
+    for k, name in enumerate(("major", "minor")):
+        assert even.phases[k].single_valued
+        z = sheet.carry(even.phases[k].value)
+        levels = {int(v) for i, n in enumerate(pattern.names) if n == name for v in pattern.levels[i]}
+        drawn = {line.number for line in lines if line.layer == f"centre-{name}"}
+        assert drawn <= levels
+        off = []
+        for line in (line for line in lines if line.layer == f"edges-{name}"):
+            at = [near[tuple(point)] for point in line.points.round(9).tolist()]
+            off.append(np.median(np.abs(z[at] - line.number)))
+        most = 2 ** len(even.wanted[k])
+        assert max(off) < 0.51 * most  # stripes whose edges meet
+        assert len(off) > 20
+
+
+def test_lines_of_a_design_have_names_of_their_own(dome):
+    lines = design_lines(dome)
+    assert len({line.id for line in lines}) == len(lines)
+    assert {"centre-major", "centre-minor", "edges-major", "edges-minor"} <= {line.layer for line in lines}
+    rings = [line for line in lines if line.layer == "centre-major"]
+    assert all(line.closed for line in rings)
+    assert rings == sorted(rings, key=lambda line: (line.number, line.part))
+
+
+@pytest.mark.parametrize("suffix", [".dxf", ".svg", ".3dm", ".lines.step", ".csv", ".json"])
+def test_every_format_of_lines_takes_them(suffix, dome, tmp_path):
+    """Each is read back as it is written; of two the layers are counted again here."""
+    thing, how = delivered(dome, suffix)
+    path = write(thing, tmp_path / f"dome{suffix}", name="dome", **how)
+    counts = Counter(line.layer for line in how["details"].lines)
+    assert counts["centre-major"] >= 4
+    if suffix == ".dxf":
+        entities = [entity for entity in ezdxf.readfile(path).modelspace() if entity.has_xdata("DSFAB")]
+        found = {(entity.get_xdata("DSFAB")[0].value, entity.dxf.layer) for entity in entities}
+        assert found == {(line.id, line.layer.upper()) for line in how["details"].lines}
+    if suffix == ".json":
+        told = json.loads(path.read_text())["lines"]
+        assert Counter(line["id"].rpartition("-")[0].rstrip("-") for line in told) == counts
+
+
+def test_fields_have_one_value_at_each_vertex(dome):
+    fields, even = design_fields(dome), dome.pattern.even
+    for k, name in enumerate(("major", "minor")):
+        middle, density = fields[f"{name} middle [m]"], fields[f"{name} density [1/m]"]
+        assert middle.shape == (dome.surface.n,)
+        assert f"{name} phase [1]" not in fields
+        assert (middle >= 0).all()
+        assert (middle * density <= 0.5 + 1e-12).all()
+        at = dome.surface.V
+        lines = [line for line in design_lines(dome) if line.layer == f"centre-{name}"]
+        true = np.array([from_segments(point[None], *segments(lines)).min() for point in at])
+        assert (
+            np.median(np.abs(true - middle)) < 0.06
+        )  # of 1 m and more: lines bend, and some of them are near the crown
+        assert fields[f"{name} wave [1]"] == pytest.approx(1 - 4 * middle * density)
+        assert np.array_equal(density, even.density[:, k])
+
+
+def test_the_archive_keeps_every_array(dome, tmp_path):
+    keep(dome, tmp_path)
+    back = kept(tmp_path, dome.preset)
+    assert back is not None
+    ours, theirs = dome.pattern.even, back.pattern.even
+    assert theirs is not None
+    for one, two in zip(dome.pattern.fields, back.pattern.fields, strict=True):
+        assert type(one) is type(two)
+        parts = [part.name for part in names_of(one)] if hasattr(one, "corners") else []
+        for part in parts:
+            a, b = getattr(one, part), getattr(two, part)
+            assert (a is None) == (b is None)
+            assert a is None or (a.dtype == b.dtype and a.tobytes() == b.tobytes()), part
+    for k in (0, 1):
+        for part in ("value", "sign", "shift", "singular"):
+            assert getattr(ours.phases[k], part).tobytes() == getattr(theirs.phases[k], part).tobytes(), part
+        assert [x.tobytes() for x in ours.wanted[k]] == [x.tobytes() for x in theirs.wanted[k]]
+    for part in ("slope", "density"):
+        assert getattr(ours, part).tobytes() == getattr(theirs, part).tobytes()
+    assert ours.first == theirs.first
+    for part in ("parent", "z", "scale"):
+        assert getattr(ours.chart, part).tobytes() == getattr(theirs.chart, part).tobytes()
+    assert ours.chart.surface.V.tobytes() == theirs.chart.surface.V.tobytes()
+    assert (ours.chart.weights != theirs.chart.weights).nnz == 0
+    for one, two in zip(design_lines(dome), design_lines(back), strict=True):
+        assert (one.id, one.points.tobytes()) == (two.id, two.points.tobytes())
+
+
+def test_another_width_keeps_the_stripes_and_another_distance_makes_them_anew(dome, monkeypatch):
+    for change in (
+        {"pattern.width.solid_fraction": 0.5},
+        {"pattern.width": {"rule": "graded", "solid_fraction": 0.3}},
+        {"pattern.rim": 0.2, "pattern.keep": 0.1, "pattern.minor.threshold": 0.1},
+        {"slicing.snap": 0.1},
+    ):
+        other = dsfab.revise(dome, overridden(dome.preset, change))
+        assert other.pattern.even is dome.pattern.even, change
+        assert other.seconds["stripes"] == dome.seconds["stripes"]
+        assert other.sheet.surface.n != dome.sheet.surface.n
+    for change in ({"pattern.major.spacing": 1.5}, {"pattern.halve": False}, {"pattern.symmetry": "none"}):
+        made = pipeline.draft(overridden(dome.preset, change), old=dome)
+        assert made.pattern.even is not dome.pattern.even, change
+        fresh = pipeline.draft(overridden(dome.preset, change))
+        for ours, theirs in zip(made.pattern.even.phases, fresh.pattern.even.phases, strict=True):
+            assert np.array_equal(ours.value, theirs.value)
+    heavier = pipeline.draft(overridden(dome.preset, {"surface.load.1.force": [0, 0, -9e4]}), old=dome)
+    assert heavier.pattern.even is not dome.pattern.even
+    modes = pipeline.draft(overridden(dome.preset, {"pattern.method": "modes"}), old=dome)
+    assert modes.pattern.even is None
+    back = pipeline.draft(dome.preset, old=modes)
+    assert np.array_equal(back.pattern.even.slope, dome.pattern.even.slope)
+
+
+def test_competitors_share_the_mean_distance(dome):
+    brief = Brief.of(dome, 60.0)
+    assert brief.even is dome.pattern.even
+    pairs = ((dome.diffusion.major, 1.6), (dome.diffusion.minor, 1.0))
+    asked = [frequency_for(dome.surface, modes.mode(1), spacing) for modes, spacing in pairs]
+    assert brief.frequency == pytest.approx(asked)
+    given = brief.on_modes.pattern
+    assert (given.method, given.major.spacing, given.minor.spacing) == ("modes", 1.6, 1.0)
+    assert given.width == dome.preset.pattern.width
+    on_modes = Brief.of(pipeline.draft(load_preset("dome", {"surface.edge": 1.2})), 60.0)
+    assert on_modes.on_modes is on_modes.preset
+
+
+def test_a_comparison_at_another_mass_widens_the_same_stripes(dome):
+    found = compare_at(dome, 0.5, ["isotropic", "grid"])
+    assert found.design.area_fraction == pytest.approx(0.5, abs=1e-3)
+    assert found.design.structure.names == dome.pattern.names  # the coarse lines, and those between them
+    for rival in found.rivals:
+        assert rival.error == ""
+        assert rival.area_fraction == pytest.approx(0.5, abs=1e-3)
+        assert found.gain(rival.name) > 1.2
+
+
+def test_a_sweep_varies_the_distance_and_measures_widths():
+    made, width = None, []
+    for spacing in (2.0, 1.2):
+        preset = load_preset("dome", SMALL | {"pattern.major.spacing": spacing, "pattern.width.solid_fraction": 0.0,
+                                              "pattern.width.member": 0.3})  # fmt: skip
+        made = Making.of(preset, made)
+        width.append(measured("min_width", made))
+        assert made.draft.pattern.even is not None
+    assert width == pytest.approx([0.3, 0.3], rel=0.1)
+
+
+def test_fabrication_asks_for_more_distance(dome):
+    limited = dsfab.revise(dome, overridden(dome.preset, {"fabrication.min_member": 0.5}))
+    changes = _coarser(limited, fabrication(limited))
+    assert changes.keys() == {"pattern.major.spacing", "pattern.minor.spacing"}
+    assert changes["pattern.major.spacing"] > 1.6 / 0.86
+
+
+@pytest.mark.parametrize(
+    ("changes", "spacings"),
+    [
+        ({"pattern.major.spacing": 1.1}, (1.1, 0.0)),
+        ({"pattern.major": {"spacing": 1.1}, "pattern.minor": {}}, (1.1, 0.0)),
+        ({"pattern.major": {"spacing": 0, "frequency": 0}}, (0.0, 0.0)),
+        ({}, (0.0, 0.0)),
+    ],
+)
+def test_no_frequency_needs_to_be_taken_back(changes, spacings, tmp_path):
+    """The dome has frequencies in its file; what is set instead of them takes their place."""
+    preset = load_preset("dome", {"pattern.method": "stripes", **changes})
+    assert (preset.pattern.major.spacing, preset.pattern.minor.spacing) == spacings
+    assert preset.pattern.minor.distance(144.0) == 1.0
+    (tmp_path / "again.toml").write_text(preset_toml(preset))
+    assert load_preset(tmp_path / "again.toml") == preset
+
+
+def test_one_of_two_keys_takes_the_place_of_the_other_and_both_are_refused():
+    spaced = overridden(load_preset("dome"), {"pattern.major.spacing": 0.8})
+    assert (spaced.pattern.major.spacing, spaced.pattern.major.frequency) == (0.8, 0.0)
+    back = overridden(spaced, {"pattern.major.frequency": 7.0})
+    assert back.pattern == load_preset("dome").pattern
+    both = {"pattern.major.spacing": 0.8, "pattern.major.frequency": 7.0}
+    for method in ("modes", "stripes"):
+        with pytest.raises(PresetError, match=r"pattern\.major: give either frequency or spacing"):
+            load_preset("dome", both | {"pattern.method": method})
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {"pattern.major.spacing": 0.001},
+            r"pattern\.major\.spacing = 0\.001 m is too fine for this mesh, .* 0\.31 m or",
+        ),
+        (
+            {"pattern.minor.spacing": 1000.0},
+            r"pattern\.minor\.spacing = 1000 m is too far for this surface, .* 17\.4 m",
+        ),
+        ({"pattern.minor.spacing": 8.5}, r"pattern\.minor\.spacing = 8\.5 m is too far for this surface"),
+        ({"pattern.major.spacing": -1.0}, r"pattern\.major\.spacing = -1\.0: should be greater than or equal to 0"),
+        ({"pattern.method": "stripe"}, r"pattern\.method = 'stripe': should be .* did you mean stripes"),
+    ],
+)
+def test_what_is_typed_wrong_is_told_in_a_sentence(changes, told):
+    with pytest.raises(DsfabError, match=told):
+        pipeline.draft(load_preset("dome", SMALL | changes))
