@@ -224,6 +224,18 @@ def test_without_stress_there_is_nothing_to_follow():
         cross_field(Frames.of(plate), uniaxial(plate, np.tile([1.0, 0, 0], (plate.m, 1)), np.zeros(plate.m)), 0.1)
 
 
+def test_directions_do_not_depend_on_the_frames():
+    surface = ZOO["dome"]()
+    frames = Frames.of(surface)
+    d = surface.centroids @ np.random.default_rng(2).normal(size=(3, 3)) + 0.3
+    d -= np.einsum("mi,mi->m", d, surface.normals)[:, None] * surface.normals
+    given = uniaxial(surface, d / np.linalg.norm(d, axis=1, keepdims=True), np.linalg.norm(d, axis=1))
+    angle = np.random.default_rng(0).uniform(-3, 3, surface.n)
+    other = Frames(surface, frames.normal, frames.direction(angle), frames.direction(angle + np.pi / 2), frames.weight)
+    one, two = (cross_field(f, given, 0.3) for f in (frames, other))
+    assert np.abs(np.einsum("ni,ni->n", one, two)) == pytest.approx(1, abs=1e-9)
+
+
 def turning_sum(surface: Surface, along: np.ndarray) -> float:
     """Sum of the indices of a line field's singular faces: whole turns of the field against its own connection."""
     frames = Frames.of(surface)
