@@ -27,12 +27,14 @@ class CornerPhase:
     value    : (n,) at the vertices, periods.
     sign     : (m, 3) 1 or -1, and shift : (m, 3) whole numbers: how a face sees the value at each of its corners.
     singular : (m,) faces in which a stripe ends or the direction turns over: there the phase means nothing.
+    broken   : how many of them a stripe ends in.
     """
 
     value: Floats
     sign: Floats
     shift: Floats
     singular: Bools
+    broken: int = 0
 
     def __post_init__(self) -> None:
         lock(self, "value", np.float64, (None,))
@@ -83,10 +85,11 @@ def corner_phase(flow: Flow, phase: Floats) -> CornerPhase:
     z1 = z0 + seen[:, 0]
     z2 = z1 + s1 * seen[:, 1]
     back = z2 + s2 * seen[:, 2]
-    singular = (np.rint(back - z0) != 0) | (s2 * turned[:, 2] < 0)
+    branch = s2 * turned[:, 2] < 0
+    singular = (np.rint(back - z0) != 0) | branch
     signs = np.stack([np.ones(surface.m), s1, s2], axis=1)
     z = np.stack([z0, z1, z2], axis=1)
-    found = CornerPhase(phase, signs, np.rint(z - signs * phase[F]), singular)
+    found = CornerPhase(phase, signs, np.rint(z - signs * phase[F]), singular, int((singular & ~branch).sum()))
     return _aligned(surface, found)
 
 

@@ -53,7 +53,7 @@ class Flow:
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
         return dots(mean, step) / 2
 
-    def solve(self, start: Floats, lock: Bools, projection: Projection | None = None) -> Floats:
+    def solve(self, start: Floats, lock: Bools, projection: Projection | None = None, free: bool = False) -> Floats:
         """(n,) phases at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
 
         Minimised is the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated where g turns over:
@@ -62,6 +62,7 @@ class Flow:
 
         start : (n,) where the iteration begins; a line is drawn through its peak, as far as nothing else decides.
         lock  : (n,) vertices through which the middle of a stripe should run.
+        free  : begin without them: from where they are the first phases may meet out of step in between.
         """
         surface, n = self.frames.surface, self.frames.surface.n
         points, node = surface.V, np.tile(np.arange(n), 2)
@@ -72,8 +73,9 @@ class Flow:
         project = projection or (lambda x: x)
         held = LOCK * wave * mass * np.tile(lock, 2)
         target = held * np.repeat([1.0, 0.0], n)
-        solve = factorise(_shifted(A, SHIFT * inverse_square * mass + held), points, node)
-        if lock.any():
+        from_lock = bool(lock.any()) and not free
+        solve = factorise(_shifted(A, SHIFT * inverse_square * mass + (held if from_lock else 0.0)), points, node)
+        if from_lock:
             x = project(solve(target))
         else:
             x = np.concatenate([start, np.zeros(n)])

@@ -29,7 +29,7 @@ from dsfab.slicing import chart_of, halved
 from dsfab.surface import Surface
 
 SMOOTHING = 1.5
-"""Directions are smoothed over this share of the spacing, where the stress does not say which way."""
+"""Directions are smoothed over this share of the smaller spacing, where the stress does not say which way."""
 PEAK = 4
 """A stripe runs through the most stressed places: stress to this power is where its phase begins."""
 SLOPES = (0.6, 1.6)
@@ -37,6 +37,8 @@ SLOPES = (0.6, 1.6)
 
 FINEST = 0.5
 """Stripes are at least this share of a mean edge apart: members that are much thinner than triangles are ragged."""
+HOLDS = 0.05
+"""Halved stripes that are farther off their mean spacing than this share are drawn a second time."""
 LEAST_GROWN = 0.5
 """Of what was asked a phase grows at least by this much: or the surface is too small to have two stripes around it."""
 
@@ -94,16 +96,26 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
     frames = Frames.of(surface)
     images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
-    along = images.directions(frames, cross_field(frames, given, SMOOTHING * float(np.mean(spacings))))
-    across = np.cross(frames.normal, along)
-    major, minor = (
-        _lines(frames, g, given, spacing, ask.halve, images)
-        for g, spacing in zip((across, along), spacings, strict=True)  # gradients: stripes run square to them
-    )
-    for name, lines, spacing in (("major", major, spacings[0]), ("minor", minor, spacings[1])):
+    along = images.directions(frames, cross_field(frames, given, SMOOTHING * min(spacings)))
+    gradients = np.cross(frames.normal, along), along  # stripes run square to them
+    both = [_lines(frames, g, given, h, ask.halve, images) for g, h in zip(gradients, spacings, strict=True)]
+    for name, lines, spacing in zip(("major", "minor"), both, spacings, strict=True):
         if lines.grown < LEAST_GROWN:
             raise _too_far(name, spacing, surface)
-    return replace(_divided(surface, major, minor), symmetry=symmetry)
+    found = _divided(surface, *both)
+    off = _off(surface, found, spacings)
+    if (again := [lines.most > 0 and abs(miss) > HOLDS for lines, miss in zip(both, off, strict=True)]) and any(again):
+        for k in np.flatnonzero(again):  # levels follow whole openings: what they leave is known afterwards
+            both[k] = _lines(frames, gradients[k], given, spacings[k] * float(np.exp(off[k])), ask.halve, images)
+        other = _divided(surface, *both)
+        found = min(found, other, key=lambda one: float(np.abs(_off(surface, one, spacings)).max()))
+    return replace(found, symmetry=symmetry)
+
+
+def _off(surface: Surface, found: EvenStripes, spacings: list[float]) -> Floats:
+    """(2,) logarithm of the stripes per metre that are drawn, in the mean, over what was asked."""
+    mean = surface.vertex_areas @ found.density / surface.area
+    return np.asarray(np.log(mean * np.array(spacings)))
 
 
 def _lines(frames: Frames, g: Floats, given: StressDirections, spacing: float, halve: bool, images: Images) -> _Lines:
@@ -115,7 +127,11 @@ def _lines(frames: Frames, g: Floats, given: StressDirections, spacing: float, h
     finest = density(surface, u, spacing, halved_)
     coarse = Flow(frames, g, finest / 2**halved_.most)  # counts then close around every loop, after halving too
     start, lock = (size / size.max()) ** PEAK, boundary_lines(surface, g)
-    phase = corner_phase(coarse, coarse.solve(start, lock, images.projection(g))).times(2**halved_.most)
+    given_ = start, lock, images.projection(g)
+    phase = corner_phase(coarse, coarse.solve(*given_))
+    if phase.broken and lock.any():
+        phase = min(phase, corner_phase(coarse, coarse.solve(*given_, free=True)), key=lambda one: one.broken)
+    phase = phase.times(2**halved_.most)
     phase = replace(phase, singular=images.of_any(phase.singular))
     whole = surface.areas * ~phase.singular
     size = np.linalg.norm(phase.gradients(surface), axis=1)

@@ -13,10 +13,13 @@ from dsfab.errors import PatternError
 from dsfab.pattern import StressDirections
 from dsfab.pipeline.directions import followed_stress
 from dsfab.slicing import Chart
+from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
-from dsfab.slicing.pattern_quality import PatternQuality, pattern_quality
+from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
 from dsfab.surface import Surface
 
+TOUCH = 0.1
+"""A dead end is still there if material is this near to it, as a share of a mean edge."""
 FAMILIES = ("major", "minor")
 LOOKS = 24_000
 """About how many points and images of points are looked at to see whether material is symmetric."""
@@ -38,8 +41,24 @@ def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQual
         confidence = np.zeros(made.surface.m)
     parent = chart.parent
     found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent])
+    if isinstance(made, Design) and made.pattern.tidy:
+        found = replace(found, major=_built(made, found.major), minor=_built(made, found.minor))
     group = used_symmetry(made) if symmetry else None
     return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
+
+
+def _built(design: Design, family: FamilyQuality) -> FamilyQuality:
+    """The family without dead ends that were taken off: nothing of the sheet is left there."""
+    sheet = design.sheet.surface
+
+    def left(places: Floats) -> Floats:
+        if not len(places):
+            return places
+        squared = igl.point_mesh_squared_distance(np.ascontiguousarray(places), sheet.V, sheet.F)[0]
+        return np.asarray(places[squared < (TOUCH * design.surface.mean_edge) ** 2])
+
+    ends = family.dead_ends
+    return replace(family, dead_ends=DeadEnds(left(ends.loose), left(ends.turns)))
 
 
 def pattern_chart(made: Draft | Design) -> Chart:

@@ -57,7 +57,8 @@ def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes
     if "even_slope" not in arrays:
         return None
     one, two = (
-        CornerPhase(*(arrays[f"even_{k}_{name}"] for name in ("value", "sign", "shift", "singular"))) for k in (0, 1)
+        CornerPhase(**{name: arrays[f"even_{k}_{name}"] for name in ("value", "sign", "shift", "singular")})
+        for k in (0, 1)
     )
     major, minor = (tuple(arrays[f"even_{k}_wanted"]) for k in (0, 1))
     part = {name: arrays[f"even_chart_{name}"] for name in ("V", "F", "parent", "z", "scale")}
