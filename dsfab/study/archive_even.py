@@ -56,10 +56,7 @@ def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes
     """The evenly spaced stripes on a surface that have these arrays; None where there are none of them."""
     if "even_slope" not in arrays:
         return None
-    one, two = (
-        CornerPhase(**{name: arrays[f"even_{k}_{name}"] for name in ("value", "sign", "shift", "singular")})
-        for k in (0, 1)
-    )
+    one, two = (_phase(arrays, k) for k in (0, 1))
     major, minor = (tuple(arrays[f"even_{k}_wanted"]) for k in (0, 1))
     part = {name: arrays[f"even_chart_{name}"] for name in ("V", "F", "parent", "z", "scale")}
     divided = Surface(part["V"], part["F"])
@@ -73,3 +70,8 @@ def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes
 def _whole(array: Floats) -> NDArray[Any]:
     """Whole numbers that were kept as floating ones."""
     return np.rint(array).astype(np.int64)
+
+
+def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
+    value, sign, shift, singular = (arrays[f"even_{k}_{name}"] for name in ("value", "sign", "shift", "singular"))
+    return CornerPhase(value, sign, shift, singular)
