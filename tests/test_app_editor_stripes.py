@@ -71,7 +71,7 @@ def test_widths_are_those_of_the_rule_on_either_side_of_a_line(dome):
 
 def test_controls_say_which_method_takes_them(dome):
     table = {control["key"]: control for control in controls(dome.preset, dome.surface)}
-    assert table["pattern.method"]["choices"] == ("modes", "stripes")
+    assert table["pattern.method"]["choices"] == ("modes", "stripes", "auto")
     assert {key for key, control in table.items() if control["method"] == "stripes"} == {
         "pattern.halve",
         "pattern.symmetry",
@@ -87,7 +87,7 @@ def test_controls_say_which_method_takes_them(dome):
 
 
 def test_a_change_of_widths_sends_no_mesh_again():
-    preset = load_preset("dome", {**COARSE, **SPACED})
+    preset = load_preset("dome", {**COARSE, **SPACED, "pattern.minor.spacing": 0.8})
     with Session(Opened(preset, ("dome",))) as session:
         wait(session.jobs, session.ask_solve({}))
         wait(session.jobs, session.ask_solve({"pattern.width.solid_fraction": 0.5}))

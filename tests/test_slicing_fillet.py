@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import dsfab
 from dsfab.errors import PatternError
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.arcs import CHORD
@@ -12,7 +13,7 @@ from dsfab.slicing.fillet import rounded_corners
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.test_slicing import check_laws, material_area
-from tests.zoo import grid, jittered, sphere
+from tests.zoo import ZOO, grid, jittered, sphere
 
 STRAY = 1 / 20
 """Share of the radius that a rounded corner may be off its arc."""
@@ -132,3 +133,31 @@ def test_laws_on_a_ball_with_curved_stripes(frequency, level, radius, seed):
 
 def test_chords_are_short_enough():
     assert 1 - np.cos(CHORD / 2) < STRAY
+
+
+def test_a_design_has_its_fillets_in_sheet_and_solid():
+    preset = dsfab.load_preset("barrel_vault")
+    rounded = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"fillet": 0.03})})
+    sharp = dsfab.run(preset)
+    said: list[str] = []
+    design = dsfab.revise(sharp, rounded, lambda *told: said.append(str(told)))
+    assert design.slicing.sheet.surface.area > sharp.slicing.sheet.surface.area
+    assert design.solid.volume > sharp.solid.volume
+    assert design.solid.genus == sharp.solid.genus
+    assert design.solid.repairs.pairs == 0
+    assert any("corners of openings were rounded with 0.03 m" in note for note in said + [str(design.notes)])
+
+
+@pytest.mark.parametrize("name", sorted(ZOO))
+def test_laws_over_the_zoo(name):
+    surface = ZOO[name]()
+    one, two = surface.V @ [1.0, 0.4, 0.2], surface.V @ [-0.3, 1.0, 0.5]
+    levels = [np.quantile(x, [0.1, 0.3, 0.45, 0.6, 0.75, 0.9]) for x in (one, two)]
+    sheet = resolve_pinches(cut(surface, [one, two], levels), 0.2 * surface.mean_edge).sheet
+    done, _ = rounded_corners(sheet, 0.3 * surface.mean_edge)
+    check_laws(surface, done)
+    kept = done.kept().surface
+    assert kept.pinches.size == 0
+    assert euler_characteristic(kept.F, kept.edges) == euler_characteristic(
+        sheet.kept().surface.F, sheet.kept().surface.edges
+    )

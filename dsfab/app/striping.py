@@ -135,7 +135,7 @@ def only_numbers(made: Preset, preset: Preset) -> bool:
 
 def _but_reaches(pattern: Pattern) -> dict[str, object]:
     """All of it but what the shader takes as numbers for evenly spaced stripes: their widths differ at every vertex."""
-    return pattern.model_dump(exclude={"keep", "rim"})
+    return pattern.model_dump(exclude={"keep", "rim", "fillet", "tidy"})
 
 
 def numbers(preset: Preset, made: PatternResult, show: str) -> Settings:

@@ -10,7 +10,7 @@ from dsfab.slicing.arcs import Arcs
 from dsfab.slicing.opening_corners import SMALLER, Corners
 from dsfab.slicing.sheet import Sheet
 
-SNAP = 5e-3
+SNAP = 2e-3
 """Vertices nearer to a chord than this share of the radius are on it: no slivers."""
 SMALLEST = 0.02
 """Corners with room for a smaller share of the radius stay sharp."""
@@ -101,7 +101,7 @@ def _cutting(corners: Corners, at: Ints, arcs: Arcs, beside: Ints) -> tuple[Fill
         arc, cell = key // surface.m, key % surface.m
         vertex = surface.F[cell]
         beyond = np.stack([fillets.beyond(arc, surface.V[v]) for v in vertex.T], axis=1)
-        row, c = np.nonzero((beyond > SNAP * arcs.radius[arc][:, None]) & edge[vertex])
+        row, c = np.nonzero((beyond > -SNAP * arcs.radius[arc][:, None]) & edge[vertex])
         stray = ~corners.between_feet(at[arc[row]], arcs.some(arc[row]), vertex[row, c])
         clear[arc[row[stray]]] = False
         through = (np.maximum(beyond, np.roll(beyond, -1, axis=1)) > 0) & (beside[cell] >= 0)

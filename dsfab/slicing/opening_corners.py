@@ -18,6 +18,8 @@ SMALLER = 0.7
 """An arc that does not fit is made smaller by this factor at most, and tried again."""
 FITS = 0.995
 """Where an arc takes so much more than its room, it fits: it is still within what `ROOM` leaves."""
+BESIDE = 0.02
+"""Vertices of a wall so near to the foot of an arc, as a share of its radius, may be on its chord."""
 TINY = 1e-300
 WINDOW, WIDEST = 8, 256
 """Walls that are looked at on each side of a corner, to begin with and at most."""
@@ -93,7 +95,7 @@ class Corners:
         vector = (surface.normals * surface.areas[:, None])[void]
         corner = surface.F[void].ravel()
         total = [np.bincount(corner, np.repeat(column, 3), surface.n) for column in vector.T]
-        normal = np.stack(total, axis=1)[self.walls.start[self.first]].astype(np.float64)
+        normal = np.stack(total, axis=1).astype(np.float64)[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = surface.V[self.walls.end[self.first]] - self.origin
         one = along - np.einsum("ki,ki->k", along, normal)[:, None] * normal
@@ -133,15 +135,16 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[at]))
 
     def between_feet(self, at: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """(p,) which vertices (p,) are on the wall between the feet of arcs (p,) at corners `at` (p,)."""
+        """(p,) which vertices (p,) are on the wall between the feet of arcs (p,) at corners `at` (p,), or beside."""
         walls = self.walls
         wall = np.full(self.sheet.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
         mine, first = wall[vertex], self.first[at]
         total = walls.total[walls.chain[first]]
-        way = (walls.place[mine] - walls.place[first] + arcs.way_a) % total
+        beside = BESIDE * arcs.radius
+        way = (walls.place[mine] - walls.place[first] + arcs.way_a + beside) % total
         same = walls.chain[mine] == walls.chain[first]
-        return np.asarray((mine >= 0) & same & (way <= arcs.way_a + arcs.way_b))
+        return np.asarray((mine >= 0) & same & (way <= arcs.way_a + arcs.way_b + 2 * beside))
 
     def largest(self, radius: float) -> Floats:
         """(k,) radii, metres: the one asked for, or less where walls are too short for it."""

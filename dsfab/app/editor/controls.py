@@ -111,7 +111,15 @@ def _kept(reach: float) -> list[Control]:
     return [
         Control("kept", "pattern.keep", "near loads", "length", "m", high=reach, step=reach / 200, hint=near),
         Control("kept", "pattern.rim", "rim", "length", "m", high=reach, step=reach / 200, hint="Along the boundary."),
+        Control(
+            "kept", "pattern.fillet", "round corners", "length", "m", high=reach / 20, step=reach / 2000, hint=_FILLET
+        ),
+        Control("kept", "pattern.tidy", "no loose ends", "switch", live=False, hint=_TIDY),
     ]
+
+
+_FILLET = "Radius of the corners of openings; seen in what is built."
+_TIDY = "Take off stripes that end in the air, as far as the member that they cross last; seen in what is built."
 
 
 def _solved(surface: Surface) -> list[Control]:

@@ -32,7 +32,7 @@ function even(pattern, { pattern: made }) {
 }
 
 /** All of a pattern that says where evenly spaced stripes run. */
-function placed({ keep, rim, width, ...pattern }) {
+function placed({ keep, rim, fillet, tidy, width, ...pattern }) {
   const family = ({ mode, frequency, phase, threshold, ...rest }) => rest;
   return { ...pattern, major: family(pattern.major), minor: family(pattern.minor) };
 }
