@@ -128,7 +128,12 @@ def test_every_stage_is_announced_in_order_and_timed(small):
     assert [stage for stage, _ in said] == ["surface", "statics", "diffusion", "pattern", "slicing", "thickening"]
     assert all(doing for _, doing in said)
     rows = {row for rows in (*ROWS.values(), *PARTS.values()) for row in rows}
-    assert set(design.seconds) == rows - {"choice", "stripes", "widths"}  # nothing is auto, evenly spaced or stressed
+    assert set(design.seconds) == rows - {
+        "choice",
+        "method",
+        "stripes",
+        "widths",
+    }  # nothing is auto, evenly spaced or stressed
     assert set(TIMED) <= set(design.seconds)
     assert "bending" not in small["cantilever"].seconds  # a flat sheet in its plane does not bend
 

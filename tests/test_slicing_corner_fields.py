@@ -226,7 +226,9 @@ def test_phases_with_singular_faces_leave_no_gap(name, snap):
     field = replace(phase.field, x=plain(phase.value, d))
     sheet = cut(surface, [field], [LEVELS], snap)
     check_whole(surface, sheet)
-    assert not sheet.material[phase.singular[sheet.parent]].any()
+    inside = phase.singular[sheet.parent]  # whole or not at all: void, or a node of the stripes around it
+    for face in np.unique(sheet.parent[inside]):
+        assert len(np.unique(sheet.family[sheet.parent == face])) <= 2
     by_face = np.bincount(sheet.parent, sheet.surface.areas * sheet.material, surface.m)
     z = phase.corners(surface)
     exact = np.array([stripe_share(*corners) for corners in z]) * surface.areas * ~phase.singular

@@ -30,6 +30,10 @@ from dsfab.study.sweeps.metrics import measured
 SMALL = {"surface.edge": 0.6, "pattern.method": "stripes", "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.0}
 
 
+NEAR = 0.05
+"""Lines end where openings do, which are moved onto vertices by this share of an edge at most."""
+
+
 @pytest.fixture(scope="module")
 def dome() -> Design:
     return dsfab.run(load_preset("dome", SMALL))
@@ -58,7 +62,7 @@ def test_middles_end_on_middles_or_with_the_sheet(which, request):
         crossing = segments([line for line in lines if line.layer == f"centre-{other}"])
         for line in (line for line in lines if line.layer == f"centre-{name}" and not line.closed):
             for end in line.points[[0, -1]]:
-                meets = from_segments(end[None], *crossing).min() < 1e-6
+                meets = from_segments(end[None], *crossing).min() < NEAR * made.surface.mean_edge
                 on_others += meets
                 near = len(odd) and np.linalg.norm(odd - end, axis=1).min() < made.surface.mean_edge
                 assert meets or near or from_segments(end[None], *outline).min() < 1e-6, (line.id, end)
@@ -85,7 +89,7 @@ def test_middles_are_as_long_as_the_density_says(dome):
 
 
 def test_edges_outline_the_sheet_and_lie_beside_the_middle_of_their_number(cantilever):
-    """Its phases have one value everywhere, so edges are at z = k + d or k - d, d in periods of all lines."""
+    """Its phases have one value nearly everywhere, so edges are at z = k + d or k - d, d in periods of all lines."""
     lines, sheet, pattern = design_lines(cantilever), cantilever.sheet, cantilever.pattern
     even = pattern.even
     ends = sheet.surface.V[sheet.surface.edges.ends[sheet.surface.edges.boundary]]
@@ -93,8 +97,8 @@ def test_edges_outline_the_sheet_and_lie_beside_the_middle_of_their_number(canti
     assert sum(line.length for line in lines if line.kind == "edge") == pytest.approx(outline)
     near = {tuple(v): i for i, v in enumerate(sheet.surface.V.round(9).tolist())}
     for k, name in enumerate(("major", "minor")):
-        assert even.phases[k].single_valued
-        z = sheet.carry(even.phases[k].value)
+        seen = even.phases[k].corners(cantilever.surface)[:, :, None]
+        z = sheet.carry_corners(seen, cantilever.surface.F)[:, 0]
         levels = {int(v) for i, n in enumerate(pattern.names) if n == name for v in pattern.levels[i]}
         drawn = {line.number for line in lines if line.layer == f"centre-{name}"}
         assert drawn <= levels

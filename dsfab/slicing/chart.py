@@ -42,13 +42,13 @@ class Chart:
         return np.asarray(self.weights @ x)
 
 
-def chart_of(halved: Halved, phases: tuple[CornerField, CornerField]) -> Chart:
+def chart_of(halved: Halved, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """The chart of a surface that was divided where stripes are halved.
 
     phases : the fields (n, 1) that were halved, as they were: lines are drawn where they are cut, not where they were
-             moved to so that openings end well.
+             moved to so that openings end well; left out, they are drawn there.
     """
-    mesh = halved.mesh
+    mesh, phases = halved.mesh, phases or halved.phases
     surface, cell = filled(mesh.cells, mesh.X, mesh.parent)
     slot = _slots(mesh, surface.F, cell)
     z, scale = np.empty((2, 3 * surface.m, 2))
