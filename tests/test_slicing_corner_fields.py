@@ -226,10 +226,10 @@ def test_phases_with_singular_faces_leave_no_gap(name, snap):
     field = replace(phase.field, x=plain(phase.value, d))
     sheet = cut(surface, [field], [LEVELS], snap)
     check_whole(surface, sheet)
-    inside = phase.singular[sheet.parent]  # whole or not at all: void, or a node of the stripes around it
-    for face in np.unique(sheet.parent[inside]):
-        assert len(np.unique(sheet.family[sheet.parent == face])) <= 2
     by_face = np.bincount(sheet.parent, sheet.surface.areas * sheet.material, surface.m)
+    inside = by_face[phase.singular] / surface.areas[phase.singular]
+    assert np.minimum(inside, 1 - inside).max() < 1e-9  # whole or not at all: void, or a node of the stripes around it
+    by_face[phase.singular] = 0
     z = phase.corners(surface)
     exact = np.array([stripe_share(*corners) for corners in z]) * surface.areas * ~phase.singular
     assert by_face.sum() == pytest.approx(exact.sum(), rel=1e-8 if snap == 0 else 5e-3)
