@@ -37,8 +37,12 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def of_any(self, marked: Bools) -> Bools:
-        """(m,) faces of which an image is marked: a singular point at a vertex lies in one of its faces by chance."""
-        return marked if self.faces is None else np.asarray(marked[self.faces].any(axis=0))
+        """(m,) faces of which an image is marked: a singular point at a vertex lies in one of its faces by chance.
+
+        On a mesh that is less symmetric than its surface images of faces are no faces, and marks stay as they are.
+        """
+        exact = all(T.nnz == T.shape[0] for T in self.maps)
+        return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
         """(n, 3) unit tangents, up to sign, of the field that is nearest to such tangents and the same at all images.

@@ -28,7 +28,7 @@ from dsfab.preset import STRIPES_ACROSS, Pattern, Preset, Width
 from dsfab.slicing import chart_of, halved
 from dsfab.surface import Surface
 
-SMOOTHING = 1.5
+SMOOTHING = 1.0
 """Directions are smoothed over this share of the smaller spacing, where the stress does not say which way."""
 PEAK = 4
 """A stripe runs through the most stressed places: stress to this power is where its phase begins."""
