@@ -85,8 +85,11 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
     if was:
         pattern = was.pattern
     else:
-        asked = method_step(preset, surface, statics, diffusion, log) if preset.pattern.method == "auto" else preset
-        even = _even(asked, surface, statics, log, old, start) if asked.pattern.method == "stripes" else None
+        asked, even = preset, None
+        if preset.pattern.method == "auto":
+            asked, even = method_step(preset, surface, statics, diffusion, log)
+        elif preset.pattern.method == "stripes":
+            even = _even(preset, surface, statics, log, old, start)
         choice = choice_step(asked, surface, statics, diffusion, log) if asked.pattern.auto else None
         given = asked, surface, statics, diffusion, log, choice
         grading = stressed_step(*given, even) if asked.pattern.width.rule == "stressed" else None

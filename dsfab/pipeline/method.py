@@ -6,7 +6,7 @@ and solved, as for modes that are `auto`, and the best is taken.
 
 from typing import NamedTuple
 
-from dsfab.design import DiffusionResult, StaticsResult
+from dsfab.design import DiffusionResult, EvenStripes, StaticsResult
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import even_stripes
@@ -24,10 +24,12 @@ class Attempt(NamedTuple):
 
     worth : compliance times share of the surface, joules; infinite where it does not carry the loads.
     over  : its compliance over that of the uncut sheet.    refused : why it cannot be taken, or ''.
+    even  : where evenly spaced stripes run; None for modes.
     """
 
     name: str
     preset: Preset
+    even: EvenStripes | None = None
     worth: float = float("inf")
     over: float = float("inf")
     refused: str = ""
@@ -35,8 +37,9 @@ class Attempt(NamedTuple):
 
 def method_step(
     preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult, log: Log
-) -> Preset:
-    """The preset with the method, halving and width rule that are the stiffest per share of material.
+) -> tuple[Preset, EvenStripes | None]:
+    """The preset with the method, halving and width rule that are the stiffest per share of material; and its evenly
+    spaced stripes, or None for modes.
 
     Raises PatternError when none carries the loads.
     """
@@ -49,7 +52,7 @@ def method_step(
         raise PatternError(f"no method draws stripes that carry the loads; the first: {best.refused}")
     told = "; ".join(f"{one.name} {one.over:.3g} x" if not one.refused else f"{one.name} refused" for one in found)
     log.note("pattern", f"method auto took {best.name}: of compliances over that of the uncut sheet, {told}")
-    return best.preset
+    return best.preset, best.even
 
 
 def _methods(preset: Preset) -> list[tuple[str, bool]]:
@@ -86,7 +89,7 @@ def _attempts(
         try:
             candidate = Trial(variant, surface, statics, diffusion, even).drawn()
         except DsfabError as error:
-            found.append(Attempt(name, variant, refused=str(error)))
+            found.append(Attempt(name, variant, even, refused=str(error)))
             continue
-        found.append(Attempt(name, variant, candidate.compliance * candidate.kept, candidate.over_uncut))
+        found.append(Attempt(name, variant, even, candidate.compliance * candidate.kept, candidate.over_uncut))
     return found
