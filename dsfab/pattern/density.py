@@ -26,6 +26,11 @@ COARSE_RANGE = (-1.0, 3.0)
 """The same with halving, which takes up all but the last power of two."""
 MOST_HALVINGS = 3
 LIMITS = 20
+"""Limits that are tried, in each power of two, for where halving begins."""
+BEGINS = 2.0
+"""Halving begins at up to this power of two under the median: stripes may be as close as asked where they part, too."""
+WORTH = 0.05
+"""A halving must make the largest spacings, over the smallest, less by this share: each has ends of members."""
 HALVED_FROM = 0.98
 """Stripes are halved as often as the rest of the surface wants: less than that is not worth a ring of its own."""
 
@@ -72,8 +77,8 @@ class Halving(NamedTuple):
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Where stripes are halved whose logarithm of the density is u (n,), so that what is left is as even as it can be.
 
-    Stripes are halved when they are some 1 to 2 times as dense as asked: of twenty such limits the one with the
-    smallest ratio of the spacings that 5 % of the surface exceed and fall below.
+    Of all limits from which on stripes are halved it is the one with the smallest ratio of the spacings that 5 % of the
+    surface exceed and fall below; the fewest halvings among those that are as good.
     """
     if not allowed:
         return Halving(0, np.zeros_like(u), RANGE)
@@ -82,10 +87,12 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
         v = np.clip(u, *COARSE_RANGE) - np.log(2) * np.clip(np.floor(wish), 0, MOST_HALVINGS)
         return weighted_quantile(v, mass, 0.95) - weighted_quantile(v, mass, 0.05)
 
-    wishes = [u / np.log(2) + limit for limit in np.arange(LIMITS) / LIMITS]
-    best = min(wishes, key=lambda wish: round(ratio(wish), 6))
-    most = int(np.clip(np.floor(weighted_quantile(best, mass, HALVED_FROM)), 0, MOST_HALVINGS))
-    return Halving(most, np.clip(best, 0, most), COARSE_RANGE)
+    def most(wish: Floats) -> int:
+        return int(np.clip(np.floor(weighted_quantile(wish, mass, HALVED_FROM)), 0, MOST_HALVINGS))
+
+    wishes = [u / np.log(2) + limit for limit in np.arange(BEGINS * LIMITS) / LIMITS]
+    best = min(wishes, key=lambda wish: round(ratio(wish) + WORTH * most(wish), 6))
+    return Halving(most(best), np.clip(best, 0, most(best)), COARSE_RANGE)
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
