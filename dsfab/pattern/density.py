@@ -85,14 +85,17 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
 
     def ratio(wish: Floats) -> float:
         v = np.clip(u, *COARSE_RANGE) - np.log(2) * np.clip(np.floor(wish), 0, MOST_HALVINGS)
-        return weighted_quantile(v, mass, 0.95) - weighted_quantile(v, mass, 0.05)
+        narrow, wide = weighted_quantiles(v, mass, (0.05, 0.95))
+        return wide - narrow
 
-    def most(wish: Floats) -> int:
-        return int(np.clip(np.floor(weighted_quantile(wish, mass, HALVED_FROM)), 0, MOST_HALVINGS))
+    def most(limit: float) -> int:
+        return int(np.clip(np.floor(close + limit), 0, MOST_HALVINGS))
 
-    wishes = [u / np.log(2) + limit for limit in np.arange(BEGINS * LIMITS) / LIMITS]
-    best = min(wishes, key=lambda wish: round(ratio(wish) + WORTH * most(wish), 6))
-    return Halving(most(best), np.clip(best, 0, most(best)), COARSE_RANGE)
+    powers = u / np.log(2)
+    close = weighted_quantile(powers, mass, HALVED_FROM)
+    limits = np.arange(BEGINS * LIMITS) / LIMITS
+    best = min(limits, key=lambda limit: round(ratio(powers + limit) + WORTH * most(limit), 6))
+    return Halving(most(best), np.clip(powers + best, 0, most(best)), COARSE_RANGE)
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
@@ -105,6 +108,12 @@ def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Flo
 
 def weighted_quantile(x: Floats, weight: Floats, share: float) -> float:
     """The value that `share` of the weights does not exceed."""
+    return weighted_quantiles(x, weight, (share,))[0]
+
+
+def weighted_quantiles(x: Floats, weight: Floats, shares: tuple[float, ...]) -> list[float]:
+    """The values that so many shares of the weights do not exceed."""
     order = np.argsort(x, kind="stable")
     upto = np.cumsum(weight[order])
-    return float(x[order][min(int(np.searchsorted(upto, share * upto[-1])), len(x) - 1)])
+    at = np.minimum(np.searchsorted(upto, np.array(shares) * upto[-1]), len(x) - 1)
+    return [float(value) for value in x[order][at]]

@@ -1,6 +1,7 @@
 """Evenly spaced stripes of a preset: directions, densities, phases, and where lines that crowd are left out."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from dsfab.pattern import (
     CornerPhase,
     Flow,
     Frames,
+    Halving,
     Images,
     StressDirections,
     boundary_lines,
@@ -98,7 +100,8 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
     along = images.directions(frames, cross_field(frames, given, SMOOTHING * min(spacings)))
     gradients = np.cross(frames.normal, along), along  # stripes run square to them
-    both = [_lines(frames, g, given, h, ask.halve, images) for g, h in zip(gradients, spacings, strict=True)]
+    courses = [_Course.of(frames, g, given, ask.halve, images) for g in gradients]
+    both = [course.lines(h) for course, h in zip(courses, spacings, strict=True)]
     for name, lines, spacing in zip(("major", "minor"), both, spacings, strict=True):
         if lines.grown < LEAST_GROWN:
             raise _too_far(name, spacing, surface)
@@ -106,7 +109,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     off = _off(surface, found, spacings)
     if (again := [lines.most > 0 and abs(miss) > HOLDS for lines, miss in zip(both, off, strict=True)]) and any(again):
         for k in np.flatnonzero(again):  # levels follow whole openings: what they leave is known afterwards
-            both[k] = _lines(frames, gradients[k], given, spacings[k] * float(np.exp(off[k])), ask.halve, images)
+            both[k] = courses[k].lines(spacings[k] * float(np.exp(off[k])))
         other = _divided(surface, *both)
         found = min(found, other, key=lambda one: float(np.abs(_off(surface, one, spacings)).max()))
     return replace(found, symmetry=symmetry)
@@ -118,25 +121,41 @@ def _off(surface: Surface, found: EvenStripes, spacings: list[float]) -> Floats:
     return np.asarray(np.log(mean * np.array(spacings)))
 
 
-def _lines(frames: Frames, g: Floats, given: StressDirections, spacing: float, halve: bool, images: Images) -> _Lines:
-    """The family whose phase grows along g (n, 3)."""
-    surface = frames.surface
-    size = vertex_means(surface, np.abs(given.stress).max(axis=1))
-    u = images.mean(log_density(frames, g, given.confidence(surface.areas)))
-    halved_ = halving(u, surface.vertex_areas, halve)
-    finest = density(surface, u, spacing, halved_)
-    coarse = Flow(frames, g, finest / 2**halved_.most)  # counts then close around every loop, after halving too
-    start, lock = (size / size.max()) ** PEAK, boundary_lines(surface, g)
-    given_ = start, lock, images.projection(g)
-    phase = corner_phase(coarse, coarse.solve(*given_))
-    if phase.broken and lock.any():
-        phase = min(phase, corner_phase(coarse, coarse.solve(*given_, free=True)), key=lambda one: one.broken)
-    phase = phase.times(2**halved_.most)
-    phase = replace(phase, singular=images.of_any(phase.singular))
-    whole = surface.areas * ~phase.singular
-    size = np.linalg.norm(phase.gradients(surface), axis=1)
-    grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
-    return _Lines(phase, halved_.most, halved_.wish[surface.F].mean(axis=1), _slope(surface, phase, finest), grown)
+@dataclass(frozen=True, eq=False)
+class _Course:
+    """What a family is whatever its spacing: (n, 3) g where its phase grows to, (n,) u how dense its lines are, how
+    often they are halved, and (n,) start where the phase begins."""
+
+    frames: Frames
+    g: Floats
+    u: Floats
+    halved: Halving
+    start: Floats
+    images: Images
+
+    @classmethod
+    def of(cls, frames: Frames, g: Floats, given: StressDirections, halve: bool, images: Images) -> Self:
+        surface = frames.surface
+        size = vertex_means(surface, np.abs(given.stress).max(axis=1))
+        u = images.mean(log_density(frames, g, given.confidence(surface.areas)))
+        return cls(frames, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK, images)
+
+    def lines(self, spacing: float) -> _Lines:
+        """The family with so many metres between its lines, in the mean."""
+        surface, most = self.frames.surface, self.halved.most
+        finest = density(surface, self.u, spacing, self.halved)
+        coarse = Flow(self.frames, self.g, finest / 2**most)  # counts then close around every loop, after halving too
+        lock = boundary_lines(surface, self.g)
+        given = self.start, lock, self.images.projection(self.g)
+        phase = corner_phase(coarse, coarse.solve(*given))
+        if phase.broken and lock.any():
+            phase = min(phase, corner_phase(coarse, coarse.solve(*given, free=True)), key=lambda one: one.broken)
+        phase = phase.times(2**most)
+        phase = replace(phase, singular=self.images.of_any(phase.singular))
+        whole = surface.areas * ~phase.singular
+        size = np.linalg.norm(phase.gradients(surface), axis=1)
+        grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
+        return _Lines(phase, most, self.halved.wish[surface.F].mean(axis=1), _slope(surface, phase, finest), grown)
 
 
 def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
