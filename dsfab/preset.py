@@ -132,9 +132,12 @@ class Family(Section):
                 raise ValueError("give either frequency or spacing, and leave the other out or set it to 0")
         return values
 
-    def distance(self, area: float) -> float:
-        """Metres between evenly spaced stripes on a surface of that area: a twelfth of its side where not given."""
-        return self.spacing or float(np.sqrt(area)) / STRIPES_ACROSS
+    def distance(self, area: float, edge: float) -> float:
+        """Metres between evenly spaced stripes on a surface of that area: a twelfth of its side where not given.
+
+        edge : metres, the mean one of its mesh: stripes that are closer than that have to be asked for.
+        """
+        return self.spacing or max(float(np.sqrt(area)) / STRIPES_ACROSS, edge)
 
     @property
     def number(self) -> int:

@@ -387,6 +387,24 @@ def test_reactions_are_a_layer(capsys: pytest.CaptureFixture[str], tmp_path: Pat
     assert "--layers 'birds' is not known" in refused(capsys, "preview", "dome", "--layers", "loads,birds")
 
 
+def test_where_loads_are_a_picture_of_their_own_their_arrows_are_on_it_alone(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    blue = {}
+    given: dict[str, tuple[str, ...]] = {"default": (), "asked": ("--layers", "loads")}
+    for name, options in given.items():
+        path = tmp_path / f"{name}.png"
+        shown = "--show", "loads,structure"
+        code, _, err = run(capsys, "preview", "dome", *COARSE, *shown, *options, "-o", str(path), "-q")
+        assert code == 0, err
+        picture = opened(path).astype(int)
+        arrow = picture[:, :, 2] - picture[:, :, 0] > 60
+        blue[name] = [int(half.sum()) for half in np.split(arrow, 2, axis=1)]
+    assert blue["default"][0] > 50
+    assert blue["default"][1] == 0
+    assert min(blue["asked"]) > 50
+
+
 def test_a_watched_file_is_drawn_when_it_is_saved_and_mistakes_are_told(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -261,7 +261,8 @@ def test_no_frequency_needs_to_be_taken_back(changes, spacings, tmp_path):
     """The dome has frequencies in its file; what is set instead of them takes their place."""
     preset = load_preset("dome", {"pattern.method": "stripes", **changes})
     assert (preset.pattern.major.spacing, preset.pattern.minor.spacing) == spacings
-    assert preset.pattern.minor.distance(144.0) == 1.0
+    assert preset.pattern.minor.distance(144.0, 0.3) == 1.0
+    assert preset.pattern.minor.distance(144.0, 1.2) == 1.2  # not closer than triangles are large
     (tmp_path / "again.toml").write_text(preset_toml(preset))
     assert load_preset(tmp_path / "again.toml") == preset
 

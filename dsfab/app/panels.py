@@ -58,13 +58,16 @@ def panels(
 ) -> Bytes:
     """One picture with those of all `names`, each `pixels` large; `options` are those of `Previewer`.
 
+    Where loads are a picture of their own, the others are drawn without their arrows, unless `marks` are given.
     What this design has no answer for is said and left away. Raises DsfabError when nothing is left.
     """
     drawn, refused = [], []
+    alone = "marks" not in options and "loads" in names
     for name in names:
         reporter("preview", f"drawing {name.replace('_', ' ')}")
         try:
-            with Previewer(made, show=name, **options) as previewer:
+            given = {"marks": ("person",)} | options if alone and name != "loads" else options
+            with Previewer(made, show=name, **given) as previewer:
                 drawn.append(previewer.picture(pixels, quality=quality))
         except DsfabError as error:
             refused.append(f"{name}: {error}")

@@ -31,8 +31,9 @@ def preview(
     view: View = "iso",
     show: Show = "structure",
     layers: Annotated[
-        str, Parameter(help="Comma list of loads, supports, reactions, person; or all, none.")
-    ] = "loads,supports,person",
+        str | None,
+        Parameter(help="Comma list of loads, supports, reactions, person; or all, none [loads,supports,person]."),
+    ] = None,
     ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper",
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png].")] = None,
     size_: Annotated[
@@ -59,7 +60,8 @@ def preview(
 
     given = read()
     finished = show.strip() == "fabrication"
-    names, marks = ("structure",) if finished else _names(show, given), _layers(layers)
+    names = ("structure",) if finished else _names(show, given)
+    marked = {} if layers is None else {"marks": _layers(layers)}
     pixels = picture_size(size_ or ("1600x1200" if len(names) == 1 else "800x600"))
     path = output if output is not None else Path(f"{given.name}.png")
     if path.suffix.lower() != ".png":
@@ -69,13 +71,13 @@ def preview(
         raise DsfabError(f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first")
     require_rendering()
     reporter = Reporter(quiet)
-    with Studio(view=view, show=names[0], marks=marks, ground=ground) as studio:
+    with Studio(view=view, show=names[0], ground=ground, **marked) as studio:
 
         def draw(asked: "Preset") -> None:
             if finished:
                 _draw_finished(asked, pixels, path, reporter, view=view, ground=ground)
             else:
-                _draw(studio, asked, names, pixels, path, reporter, view=view, marks=marks, ground=ground)
+                _draw(studio, asked, names, pixels, path, reporter, view=view, ground=ground, **marked)
             if not quiet:
                 out(f"  {path}  {size(path.stat().st_size)}")
 

@@ -26,7 +26,7 @@ from dsfab.pattern import (
 )
 from dsfab.pipeline.directions import followed_stress, load_axes
 from dsfab.pipeline.log import Log
-from dsfab.preset import STRIPES_ACROSS, Pattern, Preset, Width
+from dsfab.preset import Family, Pattern, Preset, Width
 from dsfab.slicing import chart_of, halved
 from dsfab.surface import Surface
 
@@ -90,7 +90,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     for.
     """
     ask = preset.pattern
-    spacings = [family.distance(surface.area) for family in (ask.major, ask.minor)]
+    spacings = [family.distance(surface.area, surface.mean_edge) for family in (ask.major, ask.minor)]
     for name, spacing in zip(("major", "minor"), spacings, strict=True):
         _refuse_impossible(name, spacing, surface)
     symmetry = _symmetry(preset, surface, statics)
@@ -171,9 +171,10 @@ def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
 
 
 def _too_far(name: str, spacing: float, surface: Surface) -> PatternError:
+    default = Family().distance(surface.area, surface.mean_edge)
     return PatternError(
         f"pattern.{name}.spacing = {spacing:.4g} m is too far for this surface, which is {surface.size:.3g} m from "
-        f"corner to corner: not even one stripe and the next fit on it; {np.sqrt(surface.area) / STRIPES_ACROSS:.2g} m "
+        f"corner to corner: not even one stripe and the next fit on it; {default:.2g} m "
         "is the default"
     )
 

@@ -102,7 +102,8 @@ def _coarser(design: Design, made: Fabrication) -> dict[str, Any]:
     pattern = design.preset.pattern
     for name, family in (("major", pattern.major), ("minor", pattern.minor)):
         if family.spacing or design.pattern.even:
-            changes[f"pattern.{name}.spacing"] = _rounded(family.distance(design.surface.area) / by)
+            spacing = family.distance(design.surface.area, design.surface.mean_edge)
+            changes[f"pattern.{name}.spacing"] = _rounded(spacing / by)
         else:
             changes[f"pattern.{name}.frequency"] = _rounded(family.frequency * by)
     return changes

@@ -71,7 +71,7 @@ def _family(name: str, preset: Preset, surface: Surface, reach: float) -> list[C
     return [
         Control(group, key + "mode", "mode", "whole", low=1, high=most, step=1, word="auto", hint=_MODE, method=old),
         Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method=old),
-        replace(apart, instead=Family().distance(surface.area)),
+        replace(apart, instead=Family().distance(surface.area, surface.mean_edge)),
         Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method=old),
         Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
     ]

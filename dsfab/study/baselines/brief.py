@@ -12,7 +12,7 @@ from dsfab.arrays import Bools
 from dsfab.design import Design, DiffusionResult, Draft, EvenStripes, StaticsResult, settled
 from dsfab.pattern import Layer, frequency_for
 from dsfab.pipeline.patterns import kept_regions
-from dsfab.preset import Preset
+from dsfab.preset import Family, Preset
 from dsfab.slicing import Sheet
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
@@ -43,7 +43,7 @@ class Brief:
         frequency = pattern.frequency
         if pattern.even:
             asked, modes = (preset.pattern.major, preset.pattern.minor), (made.diffusion.major, made.diffusion.minor)
-            spacings = [family.distance(made.surface.area) for family in asked]
+            spacings = [family.distance(made.surface.area, made.surface.mean_edge) for family in asked]
             pairs = zip(modes, spacings, strict=True)
             major, minor = (frequency_for(made.surface, family.mode(1), spacing) for family, spacing in pairs)
             frequency = major, minor
@@ -54,12 +54,14 @@ class Brief:
         """The preset with stripes on modes, in the mean as far apart as the design's."""
         if self.even is None:
             return self.preset
-        ask, area = self.preset.pattern, self.surface.area
-        apart = {
-            name: getattr(ask, name).model_copy(update={"spacing": getattr(ask, name).distance(area), "frequency": 0.0})
-            for name in ("major", "minor")
-        }
-        return self.preset.model_copy(update={"pattern": ask.model_copy(update={"method": "modes", **apart})})
+        ask, surface = self.preset.pattern, self.surface
+
+        def apart(family: Family) -> Family:
+            spacing = family.distance(surface.area, surface.mean_edge)
+            return family.model_copy(update={"spacing": spacing, "frequency": 0.0})
+
+        modes = {"method": "modes", "major": apart(ask.major), "minor": apart(ask.minor)}
+        return self.preset.model_copy(update={"pattern": ask.model_copy(update=modes)})
 
     @property
     def share(self) -> float:
