@@ -253,8 +253,9 @@ class Slicing(Section):
     """Cuts closer to a vertex than this share of an edge go through the vertex: no slivers."""
     pinch: Literal["join", "split"] = "join"
     """Where material would meet in a single point: join it with a small disc, or split it."""
-    min_opening: Annotated[float, Ge(0)] = 0.0
-    """Metres; smaller openings, whichever stripes they lie between, are filled. 0 fills none."""
+    min_opening: Annotated[float, Ge(0)] | None = None
+    """Metres; smaller openings, whichever stripes they lie between, are filled. 0 fills none; None: none on modes, and
+    what is under 15 % of their spacing between evenly spaced stripes: specks that an edge leaves."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0

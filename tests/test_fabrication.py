@@ -9,6 +9,7 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.app.fabrication import fabrication_facts, fabrication_lines
 from dsfab.errors import PatternError
+from dsfab.pipeline import geometry
 from dsfab.preset_file import overridden, preset_from
 from dsfab.slicing import cut
 from dsfab.slicing.features import filled_openings
@@ -120,6 +121,26 @@ def test_small_openings_are_filled_and_larger_ones_are_not():
         0.03 * 0.2, rel=1e-9
     )
     assert filled_openings(sheet, 0.02)[1] == 0
+
+
+def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monkeypatch):
+    even = {
+        "pattern.method": "stripes",
+        "surface.edge": 0.12,
+        "pattern.major.spacing": 0.3,
+        "pattern.minor.spacing": 0.3,
+    }
+    design = dsfab.run(dsfab.load_preset("globe", even))
+    assert not any("were filled" in note.text for note in design.notes)
+    small = design.sheet.surface.area
+    monkeypatch.setattr(geometry, "SPECK", 0.7)
+    filled = dsfab.revise(design, overridden(design.preset, {"slicing.min_opening": None, "slicing.snap": 0.06}))
+    assert any("smaller than 0.21 m were filled" in note.text for note in filled.notes)
+    assert filled.sheet.surface.area > 1.005 * small
+    none = dsfab.revise(design, overridden(design.preset, {"slicing.min_opening": 0.0, "slicing.snap": 0.06}))
+    assert not any("were filled" in note.text for note in none.notes)
+    modes = dsfab.revise(design, overridden(design.preset, {"pattern.method": "modes"}))
+    assert not any("were filled" in note.text for note in modes.notes)
 
 
 def test_fix_meets_the_limits_and_names_what_it_changed(plate):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Ints, first
-from dsfab.design import PatternResult, Piece, SlicingResult, StaticsResult
+from dsfab.design import PatternResult, Piece, SlicingResult, StaticsResult, settled
 from dsfab.errors import PatternError, SolidError
 from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
@@ -18,6 +18,9 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Base, Layer, Solid, apart, offsets, thicken, with_extras
 
+SPECK = 0.15
+"""Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
+the surface leaves of an opening that it cuts through."""
 SPRINGS_LOST = 0.005
 """The user is told when a larger share of the stiffness of spring supports lies on removed material."""
 
@@ -31,7 +34,8 @@ def slicing_step(
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-        cells, filled = filled_openings(pinched.sheet, ask.min_opening) if ask.min_opening else (pinched.sheet, 0)
+        smallest = _smallest_opening(settled(preset, pattern), surface)
+        cells, filled = filled_openings(pinched.sheet, smallest) if smallest else (pinched.sheet, 0)
         radius = preset.pattern.fillet
         cells, rounded = rounded_corners(cells, radius) if radius else (cells, 0)
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
@@ -47,12 +51,20 @@ def slicing_step(
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinched.count, lost, log)
     if filled:
-        log.note("slicing", f"{filled} openings smaller than {ask.min_opening:.3g} m were filled")
+        log.note("slicing", f"{filled} openings smaller than {smallest:.3g} m were filled")
     if rounded:
         log.note("slicing", f"{rounded} corners of openings were rounded with {radius:.3g} m, or less for want of room")
     if better:
         log.note("slicing", better.told)
     return SlicingResult(cells, sheet, built, pinched.count)
+
+
+def _smallest_opening(preset: Preset, surface: Surface) -> float:
+    """Metres; smaller ones are filled."""
+    ask, given = preset.pattern, preset.slicing.min_opening
+    if given is not None or ask.method != "stripes":
+        return given or 0.0
+    return SPECK * min(family.distance(surface.area, surface.mean_edge) for family in (ask.major, ask.minor))
 
 
 def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:

@@ -13,6 +13,8 @@ from dsfab.surface.topology import pieces
 
 BINS = 20
 """Bins of the histogram of member widths."""
+SLENDER = 3.0
+"""4 area / perimeter is at most twice the width of a slit, and some more where it widens."""
 LONG_TAIL = 0.99
 """The histogram ends at the width that this share of the walls does not exceed; what is wider is in the last bin."""
 
@@ -97,13 +99,18 @@ def filled_openings(cells: Sheet, size: float) -> tuple[Sheet, int]:
     if not void.any():
         return cells, 0
     part, faces = _part(sheet, void)
-    walls = _inner(part, sheet, faces)
     count, label = pieces(part.F, part.edges)
-    sizes = _round_sizes(part, walls, label, count)
-    across = crossings(part, walls)
-    for k in range(count):
+    sizes = _round_sizes(part, _inner(part, sheet, faces), label, count)
+    near = sizes < SLENDER * size
+    if not near.any():
+        return cells, 0
+    part, left = _part(part, near[label])  # looking across those alone takes a tenth of the time
+    faces, label = faces[left], np.cumsum(near)[label[left]] - 1
+    sizes = sizes[near]
+    across = crossings(part, _inner(part, sheet, faces))
+    for k in range(len(sizes)):
         mine = label[across.face] == k
-        if np.isfinite(sizes[k]) and across.weight[mine].any():
+        if across.weight[mine].any():
             sizes[k] = min(sizes[k], _quantiles(across.width[mine], across.weight[mine], [0.5])[0])
     small = sizes < size
     family = cells.family.copy()

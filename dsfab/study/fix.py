@@ -90,7 +90,7 @@ def _changes(design: Design, made: Fabrication) -> dict[str, Any]:
     if check := failed.get("min_gap"):
         key, old = "pattern.width.min_gap", pattern.width.min_gap
         if old >= check.limit[0]:
-            key, old = "slicing.min_opening", design.preset.slicing.min_opening
+            key, old = "slicing.min_opening", design.preset.slicing.min_opening or 0.0
         changes[key] = _raised(old, check)
     return changes
 
