@@ -1,5 +1,6 @@
 """The measures of a good pattern, of a draft or a design: its phases on a chart, the stress, and the symmetry."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import igl
@@ -13,6 +14,7 @@ from dsfab.errors import PatternError
 from dsfab.pattern import StressDirections
 from dsfab.pipeline.directions import followed_stress
 from dsfab.slicing import Chart
+from dsfab.slicing.arms import arms
 from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
@@ -20,6 +22,8 @@ from dsfab.surface import Surface
 
 TOUCH = 0.1
 """A dead end is still there if material is this near to it, as a share of a mean edge."""
+REACH = 1.5
+"""Widths of a member around a dead end within which it is seen whether it is one."""
 FAMILIES = ("major", "minor")
 LOOKS = 24_000
 """About how many points and images of points are looked at to see whether material is symmetric."""
@@ -42,23 +46,39 @@ def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQual
     parent = chart.parent
     found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent])
     if isinstance(made, Design) and made.pattern.tidy:
-        found = replace(found, major=_built(made, found.major), minor=_built(made, found.minor))
+        major, minor = (_built(made, family, drawn.d[:, k]) for k, family in enumerate((found.major, found.minor)))
+        found = replace(found, major=major, minor=minor)
     group = used_symmetry(made) if symmetry else None
     return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
 
 
-def _built(design: Design, family: FamilyQuality) -> FamilyQuality:
-    """The family without dead ends that were taken off: nothing of the sheet is left there."""
-    sheet = design.sheet.surface
+def _built(design: Design, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
+    """The family without dead ends that are none on the sheet: where nothing is left, as they were taken off, and where
+    the member goes on, as one of the other family does around a singular point of the stress.
 
-    def left(places: Floats) -> Floats:
+    half_width : (n,) of its members, in periods.
+    """
+    sheet = design.sheet.surface
+    width = 2 * float(np.median(half_width)) * family.spacing[1]
+
+    def left(places: Floats, dead: Callable[[Floats], bool]) -> Floats:
         if not len(places):
             return places
         squared = igl.point_mesh_squared_distance(np.ascontiguousarray(places), sheet.V, sheet.F)[0]
-        return np.asarray(places[squared < (TOUCH * design.surface.mean_edge) ** 2])
+        there = squared < (TOUCH * design.surface.mean_edge) ** 2
+        there[there] = [dead(arms(sheet, place, REACH * width)) for place in places[there]]
+        return np.asarray(places[there])
 
     ends = family.dead_ends
-    return replace(family, dead_ends=DeadEnds(left(ends.loose), left(ends.turns)))
+    return replace(family, dead_ends=DeadEnds(left(ends.loose, _tip), left(ends.turns, _hairpin)))
+
+
+def _tip(arms: Floats) -> bool:
+    return len(arms) < 2
+
+
+def _hairpin(arms: Floats) -> bool:
+    return len(arms) < 2 or (len(arms) == 2 and bool(arms[0] @ arms[1] > 0))
 
 
 def pattern_chart(made: Draft | Design) -> Chart:
