@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+
 from dsfab.arrays import Floats
 from dsfab.diffusion import DiffusionTensors, Modes, Symmetry
 from dsfab.pattern import CornerPhase
@@ -57,8 +59,23 @@ class DiffusionResult:
 
 
 @dataclass(frozen=True, eq=False)
+class Steered:
+    """How stripes run that follow a person too.
+
+    along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
+    guided : (m,) what guides weigh; 1 as much as clear stress.
+    told   : what a person should know of it, or ''.
+    """
+
+    along: Floats
+    guided: Floats
+    told: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class EvenStripes:
-    """Where evenly spaced stripes run, whatever their width: the major and the minor ones.
+    """Where evenly spaced stripes run, whatever their width: the major and the minor ones. A family that is not drawn
+    has no phase on any face.
 
     phases  : with every line that may be drawn.
     wanted  : for each level of halving, the finest first, (m,) the share of each face where its lines are drawn.
@@ -66,6 +83,7 @@ class EvenStripes:
     first   : the family whose finer lines are drawn before those of the other.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
     symmetry : the mirrors and turns that they have; None without any.
+    steered  : how they run elsewhere than along the stress; None where they do not.
     """
 
     phases: tuple[CornerPhase, CornerPhase]
@@ -75,6 +93,7 @@ class EvenStripes:
     first: int
     chart: Chart
     symmetry: Symmetry | None = None
+    steered: Steered | None = None
 
 
 class Candidate(NamedTuple):
@@ -117,7 +136,8 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cut`).
+    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cut`); of one family, where
+    only that is drawn.
 
     fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width; evenly
                   spaced ones at corners, a family in several: its coarse lines, then those between them.
@@ -144,6 +164,11 @@ class PatternResult:
     even: EvenStripes | None = None
     tidy: Tidy | None = None
     asked: Pattern | None = None
+
+    def half_width(self, family: str) -> Floats:
+        """(n,) half-widths of a family, in periods; 0 where it is not drawn."""
+        drawn = dict(zip(self.names, self.half_widths, strict=True))
+        return drawn[family] if family in drawn else np.zeros_like(self.half_widths[0])
 
 
 class Piece(NamedTuple):

@@ -13,7 +13,7 @@ from pydantic import Discriminator, Field, Tag, field_validator, model_validator
 from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
-from dsfab.pattern import Rule, Stripes, Widths
+from dsfab.pattern import Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, followed
 from dsfab.preset_surface import AnySurface, Section
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
@@ -192,6 +192,8 @@ class Width(Section):
 
 
 Method = Literal["modes", "stripes", "auto"]
+FAMILIES = ("major", "minor")
+"""Names of the two families of stripes."""
 
 STRIPES_ACROSS = 12
 """Evenly spaced stripes across a square surface, where no spacing is given."""
@@ -205,14 +207,22 @@ class Pattern(Section):
     auto: what is stiffest of both, halved or not, with constant and with graded widths where one of these is asked."""
     halve: bool = True
     """stripes: leave out every second one where they crowd, ended on crossing members; false lets them crowd."""
+    families: Literal["both", "major", "minor"] = "both"
+    """Which families are drawn. One alone has no crossings: it is neither halved nor tidied, and rim and keep hold it
+    together."""
     symmetry: Literal["auto", "none"] = "auto"
     """stripes: the mirrors and turns that surface, supports and loads have, or none of them."""
+    rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
+    """stripes: degrees that both families are turned by from the stress, counter-clockwise as seen from where normals
+    point to (outside, of a closed surface); 90 lets them change places."""
+    guide: tuple[Guide, ...] = ()
+    """stripes: curves and regions in which they run as is said there."""
     major: Family = Family()
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
     """Take off stripes that end in the air or turn back, as far as the member that they cross last. Left out: on for
-    stripes, off on modes (the paper)."""
+    stripes of both families, off on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -233,17 +243,46 @@ class Pattern(Section):
         }
         return {**values, **plain}
 
+    @model_validator(mode="after")
+    def _steers_stripes(self) -> "Pattern":
+        for name in ("guide", "rotate"):
+            if self.method == "modes" and getattr(self, name):
+                raise ValueError(
+                    f"{name} has no effect on method = 'modes', whose stripes run where the modes say; set method = "
+                    "'stripes' or leave it out"
+                )
+        return self
+
+    @property
+    def steered(self) -> bool:
+        """Whether stripes are to run elsewhere than along the stress."""
+        return bool(self.rotate or self.guide)
+
+    @property
+    def family_names(self) -> tuple[str, ...]:
+        """Of the families that are drawn."""
+        return FAMILIES if self.families == "both" else (self.families,)
+
+    @property
+    def drawn(self) -> tuple[Family, ...]:
+        """These families."""
+        both = {"major": self.major, "minor": self.minor}
+        return tuple(both[name] for name in self.family_names)
+
+    @property
+    def halved(self) -> bool:
+        """Whether lines may be left out where they crowd: they end on members of the other family."""
+        return self.halve and self.families == "both"
+
     @property
     def tidied(self) -> bool:
         """Whether loose ends are taken off."""
-        return self.method == "stripes" if self.tidy is None else self.tidy
+        return self.method == "stripes" and self.families == "both" if self.tidy is None else self.tidy
 
     @property
     def auto(self) -> bool:
         """Whether a mode or a phase is to be chosen."""
-        return self.method == "modes" and any(
-            AUTO in (family.mode, family.phase) for family in (self.major, self.minor)
-        )
+        return self.method == "modes" and any(AUTO in (family.mode, family.phase) for family in self.drawn)
 
 
 class Slicing(Section):

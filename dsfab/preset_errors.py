@@ -8,6 +8,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from dsfab.errors import did_you_mean
+from dsfab.pattern import Guide
 from dsfab.preset import Preset
 from dsfab.preset_surface import SHAPE_SECTIONS, FileSurface
 from dsfab.surface import Combination, Load, Picker, Support
@@ -21,7 +22,7 @@ def _by_tag(union: Any, tag: str) -> dict[str, Any]:
 
 PICKERS = _by_tag(Picker, "pick")
 KINDS = {"load": _by_tag(Load, "kind"), "extra": {extra.kind: extra for extra in get_args(Extra)}}
-LISTED: dict[Any, Any] = {"support": Support, "combination": Combination}
+LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide": Guide}
 SURFACES: dict[str, Any] = {"file": FileSurface, **SHAPE_SECTIONS}
 
 

@@ -1,6 +1,7 @@
 """The editor with evenly spaced stripes: what the page gets, shows at once, and leaves to the server."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
@@ -75,7 +76,10 @@ def test_controls_say_which_method_takes_them(dome):
     assert {key for key, control in table.items() if control["method"] == "stripes"} == {
         "pattern.halve",
         "pattern.symmetry",
+        "pattern.rotate",
     }
+    assert table["pattern.families"]["choices"] == ("both", "major", "minor")
+    assert not table["pattern.families"]["method"]
     assert {key.split(".")[-1] for key, control in table.items() if control["method"] == "modes"} == {
         "mode",
         "frequency",
@@ -84,6 +88,27 @@ def test_controls_say_which_method_takes_them(dome):
     apart = table["pattern.major.spacing"]
     assert apart["instead"] == pytest.approx(np.sqrt(dome.surface.area) / 12)
     assert not apart["method"]
+
+
+def test_a_family_that_is_not_drawn_has_no_width_in_the_page():
+    made = draft(load_preset("dome", {**DOME, "pattern.families": "minor"}))
+    arrays = unpacked(packed(*widths(made)))[1]
+    assert not arrays["half"][:, 0].any()
+    assert not arrays["shares"][:, 0].any()
+    assert arrays["half"][:, 1].max() > 0.05
+
+
+def test_what_the_page_saves_has_its_guides():
+    """No control shows them: a change of anything else leaves them as the preset has them."""
+    guides = [
+        {"curve": [[0, 0, 4], [3, 1, 3]], "reach": 1.5, "weight": 3.0},
+        {"at": {"pick": "side", "axis": "x", "end": "max", "depth": 2}, "direction": [0, 0, 1], "family": "minor"},
+    ]
+    given = Opened(load_preset("dome", {**DOME, "pattern.guide": guides}), ("dome",))
+    saved = tomllib.loads(given.toml({"pattern.rotate": 10.0, "pattern.keep": 0.5}))["pattern"]
+    assert saved["rotate"] == 10
+    assert [guide["family"] for guide in saved["guide"]] == ["major", "minor"]
+    assert overridden(given.preset, {"pattern.guide": saved["guide"]}).pattern == given.preset.pattern
 
 
 def test_a_change_of_widths_sends_no_mesh_again():
@@ -212,12 +237,39 @@ def test_only_the_server_knows_where_other_stripes_run(page):
 
 @seen_in_a_page
 @pytest.mark.slow
+def test_one_family_alone_is_seen_by_both(page):
+    """On modes in the same frame: the other one has no width; evenly spaced it is another pattern, which is made."""
+    alone = {"pattern.families": "minor", "pattern.rotate": 15}
+    page.run(f"dsfab.state.set({json.dumps(alone)})")
+    solved(page)
+    ours, theirs = seen_by_both(page, draft(load_preset("dome", {**DOME, **alone})))
+    assert alike(ours, theirs)
+    idle = "[...document.querySelectorAll('#groups .row.idle')].map((row) => row.querySelector('label').htmlFor)"
+    assert {"pattern-halve", "pattern-major-spacing"} <= set(page.run(idle))
+    modes = {"pattern.method": "modes", "pattern.families": "both", "pattern.rotate": 0}
+    modes |= {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0}
+    modes |= {f"pattern.{name}.{key}": value for name in ("major", "minor")
+              for key, value in (("frequency", 6.0), ("spacing", 0.0))}  # fmt: skip
+    page.run(f"dsfab.state.set({json.dumps(modes)})")
+    solved(page)
+    before = page.run(SEEN)
+    page.run("window.asked = dsfab.work.ask; dsfab.work.ask = () => {}; 1")
+    page.run("dsfab.state.set({'pattern.families': 'minor'})")
+    live = page.run(f"({READY}) && {SEEN}")
+    assert live < 0.8 * before
+    page.run("dsfab.work.ask = window.asked; dsfab.solve()")
+    solved(page)
+    assert page.run(SEEN) == pytest.approx(live, rel=0.01)
+
+
+@seen_in_a_page
+@pytest.mark.slow
 def test_each_method_shows_its_own_controls(page):
     shown = "[...document.querySelectorAll('#groups .row label')].filter(e => e.offsetParent).map(e => e.htmlFor)"
     open_ = "document.querySelectorAll('#groups details').forEach(e => e.open = true)"
     page.run(open_)
     even = set(page.run(shown))
-    assert {"pattern-halve", "pattern-symmetry", "pattern-major-spacing"} <= even
+    assert {"pattern-halve", "pattern-symmetry", "pattern-rotate", "pattern-major-spacing"} <= even
     assert not {"pattern-major-mode", "pattern-minor-frequency", "pattern-major-phase"} & even
     assert page.run("document.querySelector('#colour [value=major]').hidden")
     chosen = "(() => { const e = document.getElementById('pattern-method'); e.value = '%s'; " \
@@ -226,7 +278,7 @@ def test_each_method_shows_its_own_controls(page):
     solved(page)
     page.run(open_)
     modes = set(page.run(shown))
-    assert not {"pattern-halve", "pattern-symmetry"} & modes
+    assert not {"pattern-halve", "pattern-symmetry", "pattern-rotate"} & modes
     assert {"pattern-major-mode", "pattern-minor-frequency", "pattern-major-phase"} <= modes
     assert not page.run("document.querySelector('#colour [value=major]').hidden")
     page.run(chosen % "stripes")

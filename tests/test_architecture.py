@@ -39,7 +39,7 @@ ALLOWED: dict[str, set[str]] = {
     "preset_cases": GROUND | {"surface"},
     "preset_surface": GROUND | {"surface"},
     "preset": GROUND | {"surface", "preset_cases", "preset_surface"} | STAGES,
-    "preset_errors": GROUND | {"preset", "preset_surface", "surface", "thickening"},
+    "preset_errors": GROUND | {"pattern", "preset", "preset_surface", "surface", "thickening"},
     "preset_file": GROUND | {"preset", "preset_errors", "preset_surface"},
     "design": GROUND | {"surface", "preset"} | STAGES,
     "pipeline": GROUND | {"surface", "preset", "design"} | STAGES,

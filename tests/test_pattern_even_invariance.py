@@ -1,6 +1,6 @@
 """Evenly spaced stripes turn, grow and are renumbered with the surface; and on a symmetric mesh they are symmetric."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,12 +25,12 @@ QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A surface with a load, and stripes so far apart, metres."""
+    """A surface with a load, and stripes so far apart, metres; more keys of the preset."""
 
     surface: Surface
     load: LoadCase
     spacing: tuple[float, float]
-    size: float = 1.0
+    more: dict = field(default_factory=dict)
 
     @property
     def preset(self):
@@ -43,7 +43,7 @@ class Case:
         for name, spacing in zip(("major", "minor"), self.spacing, strict=True):
             asked |= {f"pattern.{name}.spacing": spacing, f"pattern.{name}.frequency": 0.0, f"pattern.{name}.mode": 1}
             asked |= {f"pattern.{name}.phase": 0.0, f"pattern.{name}.threshold": 0.5}
-        return overridden(load_preset("dome"), asked)
+        return overridden(load_preset("dome"), asked | self.more)
 
     @cached_property
     def statics(self) -> StaticsResult:

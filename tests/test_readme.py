@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -83,11 +84,16 @@ def test_the_python_example_runs(desk):
 
 
 def test_the_preset_of_the_readme_builds(tmp_path):
-    (text,) = blocks("toml")
+    text, steered = blocks("toml")
     (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
     design = dsfab.run(dsfab.load_preset(tmp_path / "canopy.toml"))
     assert len(design.slicing.pieces) == 1
     assert design.preset.name == "canopy"
+    more = {f"pattern.{key}": value for key, value in tomllib.loads(steered)["pattern"].items()}
+    guided = dsfab.revise(design, dsfab.load_preset(tmp_path / "canopy.toml", more))
+    assert len(guided.preset.pattern.guide) == 2
+    assert any("guides break the rest" in note.text for note in guided.notes)
+    assert len(guided.slicing.pieces) == 1
 
 
 def test_pictures_and_files_that_it_names_exist():

@@ -105,6 +105,17 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     ),
     "supports that let it slide": (["--set", "surface.support.0.hold=z"], "move along"),
     "a mesh of a billion triangles": (["--set", "surface.edge=0.0001"], "edge"),
+    "a guide in the air": (
+        ["--set", "pattern.method=stripes", "--set", "pattern.guide=[{curve=[[0, 0, 9], [1, 0, 9]]}]"],
+        "pattern.guide.0: the curve is 5 m from the nearest vertex",
+    ),
+    "a guide of one point": (["--set", "pattern.guide=[{curve=[[0, 0, 4]]}]"], "two different points"),
+    "a guide for modes": (
+        ["--set", "pattern.guide=[{at={pick='all'}, direction=[1, 0, 0]}]"],
+        "guide has no effect on method = 'modes'",
+    ),
+    "turned modes": (["--set", "pattern.rotate=45"], "rotate has no effect on method = 'modes'"),
+    "a third family": (["--set", "pattern.families=third"], "'both', 'major' or 'minor'"),
     "an unknown format": (["--format", "skp"], "skp"),
     "STEP over its budget": (["--format", "step", "--set", "export.step_faces=10"], "more than step_faces = 10"),
 }

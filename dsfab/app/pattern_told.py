@@ -20,6 +20,7 @@ def quality_facts(found: "PatternQuality") -> dict[str, Any]:
 
 def _family(found: "FamilyQuality") -> dict[str, Any]:
     return {
+        "drawn": found.drawn,
         "spacing_m": dict(zip(QUANTILES, found.spacing, strict=True)),
         "clear_opening_m": dict(zip(QUANTILES, found.opening, strict=True)),
         "deviation_deg": found.deviation,
@@ -35,6 +36,8 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """What is told of a pattern: dead ends, slits and directions; then the openings of each family and their spread."""
     yield f"pattern: {facts['summary']}"
     for name in ("major", "minor"):
+        if not facts[name].get("drawn", True):
+            continue
         opening, spacing = ([facts[name][key][at] for at in QUANTILES] for key in ("clear_opening_m", "spacing_m"))
         if not opening[2] > 0:
             yield f"{name} members: no opening between them"

@@ -33,7 +33,7 @@ from dsfab.sparse import give_back
 NOMINAL = (1600, 1200)
 """Pixels of a picture when nothing else is asked for."""
 
-FAMILIES = ("major", "minor", "kept")
+COLOURED = ("major", "minor", "kept")
 """Names of what the colours of families tell apart."""
 
 TRIAL = (96, 72)
@@ -95,7 +95,9 @@ class Previewer:
         blue = show in ("stress", "directions")  # is compression there
         drawn = replace(palette, load=palette.text) if blue else palette
         self._palette = drawn
-        self._swatches = tuple(zip(FAMILIES, tints, strict=True)) if tints else ()
+        known = ("kept", *design.preset.pattern.family_names)
+        pairs = zip(COLOURED, tints, strict=True) if tints else ()
+        self._swatches = tuple((name, tint) for name, tint in pairs if name in known)
         self._stage = staged(body, self._side, up, half, shape, load, drawn, NOMINAL, layers, reaction)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])

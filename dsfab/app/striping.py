@@ -15,7 +15,7 @@ from dsfab.app.shader import BY_VERTEX, FAR, NO_REACH, Settings
 from dsfab.arrays import Floats
 from dsfab.design import Design, Draft, EvenStripes, PatternResult
 from dsfab.pattern.even_family import finest_half_widths
-from dsfab.preset import AUTO, STAGES, Pattern, Preset
+from dsfab.preset import AUTO, FAMILIES, STAGES, Pattern, Preset
 from dsfab.surface import Surface
 
 
@@ -100,8 +100,7 @@ class StripedMesh:
 
     def half_widths(self, pattern: PatternResult) -> Floats:
         """(n', 2) of both families, in periods of `phases`."""
-        half = dict(zip(pattern.names, pattern.half_widths, strict=True))
-        local = half["major"], half["minor"]
+        local = [pattern.half_width(name) for name in FAMILIES]
         if self.even is None:
             return np.stack(local, axis=1)
         even, finest = self.even, list[Floats]()
@@ -142,7 +141,8 @@ def numbers(preset: Preset, made: PatternResult, show: str) -> Settings:
     """The numbers of a preset, with those that were solved for or chosen when its pattern was made."""
     ask = preset.pattern
     pair, width = (ask.major, ask.minor), ask.width
-    reach, drawn = (ask.keep or NO_REACH, ask.rim or NO_REACH), _SHOWN.get(show, (1.0, 1.0))
+    reach, shown = (ask.keep or NO_REACH, ask.rim or NO_REACH), _SHOWN.get(show, (1.0, 1.0))
+    drawn = (shown[0] * ("major" in ask.family_names), shown[1] * ("minor" in ask.family_names))
     if made.even:
         return Settings(half_width=(BY_VERTEX, BY_VERTEX), reach=reach, shown=drawn)
     by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary

@@ -7,6 +7,7 @@ from dsfab.pattern.density import Halving, density, halving, log_density
 from dsfab.pattern.even_family import EvenFamily
 from dsfab.pattern.evening import evened
 from dsfab.pattern.frames import Frames
+from dsfab.pattern.guides import Guidance, Guide
 from dsfab.pattern.images import Images
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.layers import Drawable, Family, Layer, mean_duty_factor, stripe_layers
@@ -23,6 +24,8 @@ __all__ = [
     "Family",
     "Flow",
     "Frames",
+    "Guidance",
+    "Guide",
     "Halving",
     "Images",
     "Layer",

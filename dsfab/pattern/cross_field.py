@@ -4,6 +4,7 @@ Principal directions are noise where both stresses are equal. There the field is
 the smoothest, weighed by how clear the stress is [Knoeppel et al. 2013, eq. 14].
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.sparse import diags_array
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import PatternError
 from dsfab.pattern.frames import Frames, corner_sums, dots
+from dsfab.pattern.guides import Guidance
 from dsfab.sparse import factorise
 
 UNCLEAR = 0.3
@@ -44,21 +46,30 @@ class StressDirections:
         return np.asarray(differ / (differ + UNCLEAR * reference))
 
 
-def cross_field(frames: Frames, given: StressDirections, length: float) -> Floats:
+def cross_field(
+    frames: Frames, given: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
+) -> Floats:
     """(n, 3) unit directions at the vertices, along the major stripes.
 
-    length : metres over which unclear stress is smoothed. Signs are without meaning: a stripe runs both ways.
+    length   : metres over which unclear stress is smoothed. Signs are without meaning: a stripe runs both ways.
+    turn     : radians that they are turned by from the stress, counter-clockwise as seen from where normals point to.
+    guidance : what else they follow; it is not turned.
 
     In each frame the direction is the square z^2 of a complex number, which a half turn leaves alone. Minimised is
-    length^2 |grad z^2|^2 + c |z^2 - e^2|^2, e the first principal direction, c its confidence.
+    length^2 |grad z^2|^2 + c |z^2 - e^2|^2, e the first principal direction, c its confidence; and see `Guidance`.
     Raises PatternError where nothing is stressed.
     """
     surface = frames.surface
     share = (surface.areas * given.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
     e = given.direction[:, 0]
     z = np.stack([_complex(frames, surface.F[:, c], e) ** 2 for c in range(3)], axis=1)
+    z = z * np.exp(2j * turn) if turn else z
     right = np.concatenate([corner_sums(surface, share * z.real), corner_sums(surface, share * z.imag)])
     weight = corner_sums(surface, share) + FLOOR * surface.vertex_areas
+    for guide in guidance:
+        asked = surface.vertex_areas * guide.square
+        right += np.concatenate([asked.real, asked.imag])
+        weight += surface.vertex_areas * guide.weight
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
     K = length**2 * frames.laplacian(2 * frames.turning) + diags_array(np.tile(weight, 2))
     x = factorise(K.tocsr(), surface.V, np.tile(np.arange(surface.n), 2))(right)

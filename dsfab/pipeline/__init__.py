@@ -90,6 +90,8 @@ def _drafted(preset: Preset, log: Log, old: Draft | Design | None, start: str) -
             asked, even = method_step(preset, surface, statics, diffusion, log)
         elif preset.pattern.method == "stripes":
             even = _even(preset, surface, statics, log, old, start)
+        if even and even.steered and even.steered.told:
+            log.note("pattern", even.steered.told)
         choice = choice_step(asked, surface, statics, diffusion, log) if asked.pattern.auto else None
         given = asked, surface, statics, diffusion, log, choice
         grading = stressed_step(*given, even) if asked.pattern.width.rule == "stressed" else None

@@ -11,7 +11,7 @@ from dsfab.design import Candidate, Choice, DiffusionResult, StaticsResult
 from dsfab.errors import PatternError
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.trial import Trial
-from dsfab.preset import AUTO, Preset
+from dsfab.preset import AUTO, FAMILIES, Preset
 from dsfab.surface import Surface
 
 MODES = 4
@@ -86,11 +86,13 @@ def _rank(candidate: Candidate) -> tuple[bool, bool, float, Numbers]:
 def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> Iterator[Iterable[Numbers]]:
     """What to try next, given what was `found` up to then."""
     both = (preset.pattern.major, preset.pattern.minor)
+    shown = [name in preset.pattern.family_names for name in FAMILIES]
     every = range(1, min(MODES, computed) + 1)
-    major, minor = (every if family.mode == AUTO else (family.number,) for family in both)
-    free = [family.phase == AUTO for family in both]
+    any_mode = [shown[k] and both[k].mode == AUTO for k in (0, 1)]
+    major, minor = (every if any_mode[k] else (both[k].number,) for k in (0, 1))
+    free = [shown[k] and both[k].phase == AUTO for k in (0, 1)]
     given = (both[0].shift, both[1].shift)
-    unknown = sum(family.mode == AUTO for family in both)
+    unknown = sum(any_mode)
     yield [(mode, p) for mode in product(major, minor) for p in _first_phases(mode, free, given, unknown)]
     if not any(free):
         return

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import EvenStripes, StaticsResult
+from dsfab.design import EvenStripes, StaticsResult, Steered
 from dsfab.diffusion import Symmetry, found_symmetry, principal_stresses
 from dsfab.errors import PatternError
 from dsfab.pattern import (
@@ -26,7 +26,8 @@ from dsfab.pattern import (
 )
 from dsfab.pipeline.directions import followed_stress, load_axes
 from dsfab.pipeline.log import Log
-from dsfab.preset import Family, Pattern, Preset, Width
+from dsfab.pipeline.steering import steering
+from dsfab.preset import FAMILIES, Family, Pattern, Preset, Width
 from dsfab.slicing import chart_of, halved
 from dsfab.surface import Surface
 
@@ -76,7 +77,7 @@ def same_stripes(old: Pattern, new: Pattern) -> bool:
     def middles(ask: Pattern) -> Pattern:
         both = {
             name: getattr(ask, name).model_copy(update={"threshold": 0.0, "frequency": 0.0, "mode": 1, "phase": 0.0})
-            for name in ("major", "minor")
+            for name in FAMILIES
         }
         return ask.model_copy(update={"width": Width(), "keep": 0.0, "rim": 0.0, "tidy": None, **both})
 
@@ -84,35 +85,30 @@ def same_stripes(old: Pattern, new: Pattern) -> bool:
 
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
-    """Both families of stripes as `[pattern]` asks.
+    """The families of stripes as `[pattern]` asks.
 
     Raises PatternError where nothing is stressed, and for spacings that the mesh is too coarse or the surface too small
     for.
     """
     ask = preset.pattern
     spacings = [family.distance(surface.area, surface.mean_edge) for family in (ask.major, ask.minor)]
-    for name, spacing in zip(("major", "minor"), spacings, strict=True):
-        _refuse_impossible(name, spacing, surface)
-    symmetry = _symmetry(preset, surface, statics)
-    sigma = followed_stress(preset, surface, statics)
-    given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
-    frames = Frames.of(surface)
-    images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
-    along = images.directions(frames, cross_field(frames, given, SMOOTHING * min(spacings)))
-    gradients = np.cross(frames.normal, along), along  # stripes run square to them
-    courses = [_Course.of(frames, g, given, ask.halve, images) for g in gradients]
-    both = [course.lines(h) for course, h in zip(courses, spacings, strict=True)]
-    for name, lines, spacing in zip(("major", "minor"), both, spacings, strict=True):
+    shown = [FAMILIES.index(name) for name in ask.family_names]
+    for k in shown:
+        _refuse_impossible(FAMILIES[k], spacings[k], surface)
+    follow = _Follow.of(preset, surface, statics, min(spacings[k] for k in shown))
+    courses = {k: _Course.of(follow, follow.gradients[k], ask.halved) for k in shown}
+    both = [courses[k].lines(h) if k in courses else _no_lines(surface, h) for k, h in enumerate(spacings)]
+    for name, lines, spacing in zip(FAMILIES, both, spacings, strict=True):
         if lines.grown < LEAST_GROWN:
             raise _too_far(name, spacing, surface)
     found = _divided(surface, *both)
     off = _off(surface, found, spacings)
     if (again := [lines.most > 0 and abs(miss) > HOLDS for lines, miss in zip(both, off, strict=True)]) and any(again):
-        for k in np.flatnonzero(again):  # levels follow whole openings: what they leave is known afterwards
+        for k in np.flatnonzero(again).tolist():  # levels follow whole openings: what they leave is known afterwards
             both[k] = courses[k].lines(spacings[k] * float(np.exp(off[k])))
         other = _divided(surface, *both)
         found = min(found, other, key=lambda one: float(np.abs(_off(surface, one, spacings)).max()))
-    return replace(found, symmetry=symmetry)
+    return replace(found, symmetry=follow.symmetry, steered=follow.steered)
 
 
 def _off(surface: Surface, found: EvenStripes, spacings: list[float]) -> Floats:
@@ -122,40 +118,84 @@ def _off(surface: Surface, found: EvenStripes, spacings: list[float]) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
+class _Follow:
+    """What both families follow.
+
+    along : (n, 3) directions of the major stripes.    confidence : (m,) how clear these are, 0 to 1.
+    """
+
+    frames: Frames
+    given: StressDirections
+    along: Floats
+    confidence: Floats
+    images: Images
+    symmetry: Symmetry | None
+    steered: Steered | None
+
+    @classmethod
+    def of(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacing: float) -> Self:
+        """Of a preset; spacing is the smaller one that is drawn, metres."""
+        symmetry = _symmetry(preset, surface, statics)
+        sigma = followed_stress(preset, surface, statics)
+        given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
+        frames = Frames.of(surface)
+        steer = steering(preset.pattern, frames, symmetry, spacing)
+        symmetry = steer.symmetry
+        images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
+        field = cross_field(frames, given, SMOOTHING * spacing, steer.turn, steer.guidance)
+        along = images.directions(frames, field)
+        confidence = steer.confidence(surface, given.confidence(surface.areas))
+        steered = steer.steered(surface, along, given) if steer.turn or steer.guidance else None
+        return cls(frames, given, along, confidence, images, symmetry, steered)
+
+    @property
+    def gradients(self) -> tuple[Floats, Floats]:
+        """(n, 3) of both phases: stripes run square to them."""
+        return np.cross(self.frames.normal, self.along), self.along
+
+
+@dataclass(frozen=True, eq=False)
 class _Course:
     """What a family is whatever its spacing: (n, 3) g where its phase grows to, (n,) u how dense its lines are, how
     often they are halved, and (n,) start where the phase begins."""
 
-    frames: Frames
+    follow: _Follow
     g: Floats
     u: Floats
     halved: Halving
     start: Floats
-    images: Images
 
     @classmethod
-    def of(cls, frames: Frames, g: Floats, given: StressDirections, halve: bool, images: Images) -> Self:
-        surface = frames.surface
-        size = vertex_means(surface, np.abs(given.stress).max(axis=1))
-        u = images.mean(log_density(frames, g, given.confidence(surface.areas)))
-        return cls(frames, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK, images)
+    def of(cls, follow: _Follow, g: Floats, halve: bool) -> Self:
+        surface = follow.frames.surface
+        size = vertex_means(surface, np.abs(follow.given.stress).max(axis=1))
+        u = follow.images.mean(log_density(follow.frames, g, follow.confidence))
+        return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK)
 
     def lines(self, spacing: float) -> _Lines:
         """The family with so many metres between its lines, in the mean."""
-        surface, most = self.frames.surface, self.halved.most
+        frames, images, most = self.follow.frames, self.follow.images, self.halved.most
+        surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(self.frames, self.g, finest / 2**most)  # counts then close around every loop, after halving too
+        coarse = Flow(frames, self.g, finest / 2**most)  # counts then close around every loop, after halving too
         lock = boundary_lines(surface, self.g)
-        given = self.start, lock, self.images.projection(self.g)
+        given = self.start, lock, images.projection(self.g)
         phase = corner_phase(coarse, coarse.solve(*given))
         if phase.broken and lock.any():
             phase = min(phase, corner_phase(coarse, coarse.solve(*given, free=True)), key=lambda one: one.broken)
         phase = phase.times(2**most)
-        phase = replace(phase, singular=self.images.of_any(phase.singular))
+        phase = replace(phase, singular=images.of_any(phase.singular))
         whole = surface.areas * ~phase.singular
         size = np.linalg.norm(phase.gradients(surface), axis=1)
         grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
         return _Lines(phase, most, self.halved.wish[surface.F].mean(axis=1), _slope(surface, phase, finest), grown)
+
+
+def _no_lines(surface: Surface, spacing: float) -> _Lines:
+    """A family that is not drawn: without a phase on any face."""
+    sides = (surface.m, 3)
+    phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
+    return _Lines(phase, 0, np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
 
 
 def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:

@@ -44,7 +44,7 @@ def slicing_step(
         listed, label = _pieces(sheet, statics.load)
         built, held = listed, np.array([p.held for p in listed])
         if ask.loose == "refuse":
-            _refuse_loose(sheet, listed, label)
+            _refuse_loose(preset, sheet, listed, label)
         carried = sheet.kept(held[label]) if held.any() and not held.all() else sheet
         lost = lost_load(surface, sheet, carried, [case.load for case in statics.cases.values()])
         if ask.loose == "drop" and carried is not sheet:
@@ -64,7 +64,7 @@ def _smallest_opening(preset: Preset, surface: Surface) -> float:
     ask, given = preset.pattern, preset.slicing.min_opening
     if given is not None or ask.method != "stripes":
         return given or 0.0
-    return SPECK * min(family.distance(surface.area, surface.mean_edge) for family in (ask.major, ask.minor))
+    return SPECK * min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
 
 
 def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
@@ -78,7 +78,13 @@ def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
     return listed, label
 
 
-def _refuse_loose(sheet: Sheet, listed: tuple[Piece, ...], label: Ints) -> None:
+def _alone(preset: Preset) -> str:
+    """Why pieces are loose, where one family is drawn."""
+    name = preset.pattern.families
+    return "" if name == "both" else f": the {name} family alone has no crossings; set pattern.rim, or draw both"
+
+
+def _refuse_loose(preset: Preset, sheet: Sheet, listed: tuple[Piece, ...], label: Ints) -> None:
     """Raise PatternError for pieces that reach no support."""
     loose = [k for k, piece in enumerate(listed) if not piece.held]
     if loose:
@@ -86,7 +92,8 @@ def _refuse_loose(sheet: Sheet, listed: tuple[Piece, ...], label: Ints) -> None:
         x, y, z = sheet.surface.centroids[int((label == largest).argmax())]
         raise PatternError(
             f"{len(loose)} of {len(listed)} pieces reach no support, the largest ({listed[largest].area:.3g} m2) near "
-            f"({x:.3g}, {y:.3g}, {z:.3g}) m; lower the thresholds, set pattern.rim or pattern.keep, or slicing.loose"
+            f"({x:.3g}, {y:.3g}, {z:.3g}) m"
+            + (_alone(preset) or "; lower the thresholds, set pattern.rim or pattern.keep, or slicing.loose")
         )
 
 
@@ -97,7 +104,8 @@ def _note_slicing(
     if loose:
         area = sum(piece.area for piece in loose)
         done = "dropped" if preset.slicing.loose == "drop" and len(loose) < len(listed) else "kept"
-        log.note("slicing", f"{len(loose)} of {len(listed)} pieces reach no support and were {done} ({area:.3g} m2)")
+        told = f"{len(loose)} of {len(listed)} pieces reach no support and were {done} ({area:.3g} m2)"
+        log.note("slicing", f"{told}{_alone(preset)}")
     if pinches:
         log.note("slicing", f"{pinches} point contacts were {'joined' if preset.slicing.pinch == 'join' else 'split'}")
     bare = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))

@@ -13,6 +13,7 @@ from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
 from dsfab.errors import PatternError
 from dsfab.pattern import StressDirections
 from dsfab.pipeline.directions import followed_stress
+from dsfab.preset import FAMILIES
 from dsfab.slicing import Chart
 from dsfab.slicing.arms import arms
 from dsfab.slicing.dead_ends import DeadEnds
@@ -24,7 +25,8 @@ TOUCH = 0.1
 """A dead end is still there if material is this near to it, as a share of a mean edge."""
 REACH = 1.5
 """Widths of a member around a dead end within which it is seen whether it is one."""
-FAMILIES = ("major", "minor")
+GUIDED = 0.1
+"""Guides of this weight, beside clear stress of 1, may make members turn back."""
 LOOKS = 24_000
 """About how many points and images of points are looked at to see whether material is symmetric."""
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
@@ -44,7 +46,10 @@ def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQual
     except PatternError:  # nothing is stressed
         confidence = np.zeros(made.surface.m)
     parent = chart.parent
-    found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent])
+    steered = made.pattern.even.steered if made.pattern.even else None
+    guided = steered.guided[parent] > GUIDED if steered else None
+    found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent], guided=guided)
+    found = replace(found, turned=made.preset.pattern.rotate if steered else 0.0)
     if isinstance(made, Design) and made.pattern.tidy:
         major, minor = (_built(made, family, drawn.d[:, k]) for k, family in enumerate((found.major, found.minor)))
         found = replace(found, major=major, minor=minor)
@@ -102,7 +107,7 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
 
 def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Drawn:
     """What is drawn, on a chart."""
-    d = np.stack([pattern.half_widths[pattern.names.index(name)] for name in FAMILIES], axis=1)
+    d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
         if name not in FAMILIES and isinstance(x, np.ndarray):
@@ -111,12 +116,17 @@ def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Dra
 
 
 def _followed(made: Draft | Design) -> StressDirections:
-    """What the members of both families were to run along."""
+    """What the members of both families were to run along, but for guides."""
     ask = made.preset
     stress, direction = principal_stresses(made.surface, followed_stress(ask, made.surface, made.statics))
     if made.pattern.even is None and ask.diffusion.labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
         stress[swap], direction[swap] = stress[swap, ::-1], direction[swap, ::-1]
+    if made.pattern.even is not None and ask.pattern.rotate:
+        a = np.radians(ask.pattern.rotate)
+        square = np.cross(made.surface.normals[:, None], direction)
+        direction = np.cos(a) * direction + np.sin(a) * square
+        stress = np.cos(a) ** 2 * np.abs(stress) + np.sin(a) ** 2 * np.abs(stress[:, ::-1])
     return StressDirections(stress, direction)
 
 

@@ -56,8 +56,9 @@ def method_step(
 
 
 def _methods(preset: Preset) -> list[tuple[str, bool]]:
-    halved = [("stripes", True)] if preset.pattern.halve else []
-    return [*halved, ("stripes", False), ("modes", preset.pattern.halve)]
+    halved = [("stripes", True)] if preset.pattern.halved else []
+    modes = [] if preset.pattern.steered else [("modes", preset.pattern.halve)]  # they follow nothing but the stress
+    return [*halved, ("stripes", False), *modes]
 
 
 def _attempts(

@@ -27,7 +27,7 @@ from dsfab.pattern import (
 )
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.tidying import tidy_of
-from dsfab.preset import Preset
+from dsfab.preset import FAMILIES, Preset
 from dsfab.slicing import material_area
 from dsfab.surface import LoadCase, Surface
 
@@ -61,7 +61,8 @@ def pattern_step(
         kept = kept_regions(settled, surface, statics.load)
         widths = ask.width.widths(np.sqrt(surface.area))
         families = striped_families(settled, surface, diffusion, widths.radius, grading, even)
-        for family, asked in zip(families, (ask.major, ask.minor), strict=True):
+        for family in families:
+            asked = getattr(ask, family.name)
             if asked.spacing and not even:
                 told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
                 log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
@@ -76,7 +77,8 @@ def pattern_step(
         if ask.width.solid_fraction:
             log.note("pattern", _solved(settled, widths, factor))
     names, fields, levels, half_widths = zip(*layers, strict=True)
-    major, minor = (family.stripes for family in families)
+    stripes = {family.name: family.stripes for family in families}
+    major, minor = (stripes.get(name, getattr(ask, name).stripes) for name in FAMILIES)
     return PatternResult(
         names,
         fields,
@@ -146,25 +148,26 @@ def striped_families(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[Drawable]:
-    """Both families of stripes; the major one runs along the primary stress, the minor one along the secondary.
+    """The families that are drawn; the major one runs along the primary stress, the minor one along the secondary.
 
     radius  : metres over which slopes are averaged, see `Widths.radius`.
-    grading : (n, 2) relative half-widths for the rule `stressed`; without it they are those of `graded`.
+    grading : (n, f) relative half-widths of these for the rule `stressed`; without it they are those of `graded`.
     even    : where evenly spaced stripes run; None for stripes on modes.
 
     Raises PatternError for a mode that was not computed.
     """
     ask, families = preset.pattern, list[Drawable]()
-    stress: list[Floats | None] = [None, None]
+    stress: list[Floats | None] = [None] * len(ask.family_names)
     if ask.width.rule in ("graded", "stressed"):
-        sizes = relative_stresses(surface, diffusion.tensors.principal)
+        sizes = stripe_stresses(surface, diffusion, even)
+        sizes = sizes[:, [FAMILIES.index(name) for name in ask.family_names]]
         if ask.width.rule == "stressed":
             sizes = sizes**ask.width.q if grading is None else grading
         stress = list(sizes.T)
     if even is not None:
         return _even_families(preset, surface, even, stress)
-    pairs = (("major", ask.major, diffusion.major), ("minor", ask.minor, diffusion.minor))
-    for (name, family, modes), along in zip(pairs, stress, strict=True):
+    for name, along in zip(ask.family_names, stress, strict=True):
+        family, modes = getattr(ask, name), getattr(diffusion, name)
         if family.number > len(modes.lam):
             raise PatternError(
                 f"pattern.{name}.mode = {family.number} but only diffusion.modes = {len(modes.lam)} are computed; "
@@ -177,14 +180,26 @@ def striped_families(
     return families
 
 
+def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
+    """(n, 2) sizes of the stress along both families, over their common mean: what graded widths follow.
+
+    Raises PatternError when there is no stress.
+    """
+    sizes = np.abs(diffusion.tensors.principal)
+    if even is not None and even.steered:
+        along = even.steered.along[:, None]
+        sizes = along * sizes + (1 - along) * sizes[:, ::-1]
+    return relative_stresses(surface, sizes)
+
+
 def _even_families(
     preset: Preset, surface: Surface, even: EvenStripes, stress: Sequence[Floats | None]
 ) -> list[Drawable]:
-    """The major and the minor stripes."""
+    """The stripes of the families that are drawn."""
     made: list[Drawable] = []
-    for k, (name, asked) in enumerate((("major", preset.pattern.major), ("minor", preset.pattern.minor))):
-        stripes, along = Stripes(1.0, 0.0, asked.threshold), stress[k]
-        along = np.ones(surface.n) if along is None else along
+    for name, given in zip(preset.pattern.family_names, stress, strict=True):
+        k, stripes = FAMILIES.index(name), Stripes(1.0, 0.0, getattr(preset.pattern, name).threshold)
+        along = np.ones(surface.n) if given is None else given
         columns = even.slope[:, k], even.density[:, k], along
         made.append(EvenFamily(name, stripes, even.phases[k], even.wanted[k], *columns, int(k != even.first)))
     return made
@@ -196,8 +211,9 @@ def _solved(preset: Preset, widths: Widths, factor: float) -> str:
     if widths.rule == "constant":
         became = f"members are {factor * widths.member:.3g} m wide"
     elif widths.rule == "plain":
-        major, minor = (family.stripes.widened(factor).threshold for family in (ask.major, ask.minor))
-        became = f"the thresholds became {major:.3f} and {minor:.3f}"
+        drawn = [family.stripes.widened(factor).threshold for family in ask.drawn]
+        became = f"the thresholds became {' and '.join(f'{one:.3f}' for one in drawn)}"
+        became = became if len(drawn) > 1 else became.replace("thresholds", "threshold")
     else:
         became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
     return f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"

@@ -7,7 +7,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats
 from dsfab.design import DiffusionResult
 from dsfab.pattern import Layer
-from dsfab.preset import Preset
+from dsfab.preset import FAMILIES, Preset
 from dsfab.slicing import Tidy
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.corner_field import CornerField
@@ -15,7 +15,6 @@ from dsfab.surface.hats import hat_gradients
 
 ASTRAY = float(np.cos(np.radians(45)))
 """Stripes go astray where they run nearer to the other direction of the stress than to their own."""
-FAMILIES = ("major", "minor")
 
 
 def tidy_of(

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.bays import Bays, bays
 from dsfab.slicing.dead_ends import OFF, DeadEnds, dead_ends
 from dsfab.slicing.drawn import Drawn
@@ -27,6 +27,7 @@ class FamilyQuality:
     dead_ends  : see `dsfab.slicing.dead_ends`.
     slits      : openings narrower than the members beside them, counted by bays, see `Bays`.
     slit_share : share of the length of members beside such an opening.
+    drawn      : whether there are such members; without them the other numbers are 0.
     """
 
     spacing: Quantiles
@@ -36,10 +37,13 @@ class FamilyQuality:
     dead_ends: DeadEnds = field(repr=False)
     slits: int
     slit_share: float
+    drawn: bool = True
 
     @property
     def evenness(self) -> float:
         """P95 over P5 of the spacing: 1 where all are the same."""
+        if not self.drawn:
+            return 1.0
         return self.spacing[2] / self.spacing[0] if self.spacing[0] > 0 else float("inf")
 
     @property
@@ -55,12 +59,14 @@ class PatternQuality:
     crossing_angle : degrees, the smallest between two members that cross; 90 where none do.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
                      largest over all of them; None without any.
+    turned         : degrees that members were to be off the stress: deviations are those from there.
     """
 
     major: FamilyQuality
     minor: FamilyQuality
     crossing_angle: float
     symmetry_error: float | None = None
+    turned: float = 0.0
 
     @property
     def families(self) -> tuple[tuple[str, FamilyQuality], tuple[str, FamilyQuality]]:
@@ -90,28 +96,40 @@ class PatternQuality:
     @property
     def summary(self) -> str:
         """One line in plain words."""
-        crooked = f"members {self.deviation:.1f} degrees off the stress, crossing at {self.crossing_angle:.0f} or more"
+        crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
+        turned = f" turned by {self.turned:g}" if self.turned else ""
+        crooked = f"members {self.deviation:.1f} degrees off the stress{turned}{crossing}"
         same = "" if self.symmetry_error is None else f", {self.symmetry_error:.2%} not symmetric"
         return f"{_count(self.dead_ends, 'dead end')}, {_count(self.slits, 'slit')}, {crooked}{same}"
 
 
 def pattern_quality(
-    drawn: Drawn, stress: Floats, direction: Floats, confidence: Floats, symmetry_error: float | None = None
+    drawn: Drawn,
+    stress: Floats,
+    direction: Floats,
+    confidence: Floats,
+    symmetry_error: float | None = None,
+    guided: Bools | None = None,
 ) -> PatternQuality:
     """The measures of a pattern.
 
     stress     : (m, 2) principal stresses of which the major and minor members run along the first and the second.
     direction  : (m, 2, 3) their unit directions.    confidence : (m,) how clear these are, 0 to 1.
+    guided     : (m,) faces where members follow something else, and no turn counts; None where they nowhere do.
     """
-    found = [_family(drawn, k, stress[:, k], direction, confidence) for k in (0, 1)]
+    turning = confidence if guided is None else np.where(guided, 0.0, confidence)
+    found = [_family(drawn, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in found])
     (major, _), (minor, _) = found
     return PatternQuality(major, minor, float(angles.min(initial=90.0)), symmetry_error)
 
 
-def _family(drawn: Drawn, k: int, stress: Floats, direction: Floats, confidence: Floats) -> tuple[FamilyQuality, Bays]:
+def _family(
+    drawn: Drawn, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
+) -> tuple[FamilyQuality, Bays]:
     """Of family k: its members should run along direction k, and its phase grow along the other one."""
-    area, known, slope = drawn.surface.areas, drawn.steep(k), drawn.slope[k]
+    shown = bool((drawn.d[:, k] > 0).any())
+    area, known, slope = drawn.surface.areas, drawn.steep(k) & shown, drawn.slope[k]
     spacing = 1 / slope
     opening = (1 - 2 * drawn.corners(drawn.d[:, k]).mean(axis=0)) * spacing
     cosine = np.abs(np.einsum("mx,mx->m", drawn.gradients[k], direction[:, 1 - k])) / slope
@@ -125,9 +143,10 @@ def _family(drawn: Drawn, k: int, stress: Floats, direction: Floats, confidence:
         _quantiles(opening, area * drawn.void * known),
         float(weight @ deviation) / total,
         float(weight @ (deviation > OFF)) / total,
-        dead_ends(lines, direction[:, k], deviation, confidence),
+        dead_ends(lines, direction[:, k], deviation, turning),
         cut.slits,
         cut.slit_share,
+        shown,
     )
     return found, cut
 

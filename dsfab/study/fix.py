@@ -100,7 +100,7 @@ def _coarser(design: Design, made: Fabrication) -> dict[str, Any]:
     short = min((c.value[0] / c.limit[0] for c in made.failed if c.name == "min_member"), default=COARSER)
     by, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()
     pattern = design.preset.pattern
-    for name, family in (("major", pattern.major), ("minor", pattern.minor)):
+    for name, family in zip(pattern.family_names, pattern.drawn, strict=True):
         if family.spacing or design.pattern.even:
             spacing = family.distance(design.surface.area, design.surface.mean_edge)
             changes[f"pattern.{name}.spacing"] = _rounded(spacing / by)

@@ -79,20 +79,22 @@ def structure_table(found: Findings, number: Numbers) -> Table:
 
 def pattern_table(found: PatternQuality, number: Numbers) -> Table:
     """How even both families of members are, how they end, and how they follow the stress."""
-    (_, major), (_, minor) = found.families
+    drawn = [(name, one) for name, one in found.families if one.drawn]
     rows = [
-        ("Distance of members, median", *(length(one.spacing[1]) for one in (major, minor))),
-        ("Clear opening, on nine tenths of the area", _between(major), _between(minor)),
-        ("Widest over narrowest distance (P95/P5)", *(f"{one.evenness:.2f}" for one in (major, minor))),
-        ("Dead ends", str(major.dead), str(minor.dead)),
-        ("Openings narrower than the members beside them", str(major.slits), str(minor.slits)),
-        ("Off the stress, mean", *(f"{one.deviation:.1f}°" for one in (major, minor))),
-        ("Off the stress by over 30°", *(percent(one.off) for one in (major, minor))),
+        ("Distance of members, median", *(length(one.spacing[1]) for _, one in drawn)),
+        ("Clear opening, on nine tenths of the area", *(_between(one) for _, one in drawn)),
+        ("Widest over narrowest distance (P95/P5)", *(f"{one.evenness:.2f}" for _, one in drawn)),
+        ("Dead ends", *(str(one.dead) for _, one in drawn)),
+        ("Openings narrower than the members beside them", *(str(one.slits) for _, one in drawn)),
+        ("Off the stress, mean", *(f"{one.deviation:.1f}°" for _, one in drawn)),
+        ("Off the stress by over 30°", *(percent(one.off) for _, one in drawn)),
     ]
-    told = f"Members cross at {found.crossing_angle:.0f}° or more."
+    told = f"Members cross at {found.crossing_angle:.0f}° or more." if len(drawn) == 2 else "One family of members."
     if found.symmetry_error is not None:
         told += f" {percent(found.symmetry_error)} of the surface differs from its image under the design's symmetry."
-    return Table(number.table("The pattern."), ("Measure", "Major members", "Minor members"), rows, 3, told, (3, 2, 2))
+    heads = [f"{name.capitalize()} members" for name, _ in drawn]
+    widths = (3, *(2 for _ in drawn))
+    return Table(number.table("The pattern."), ("Measure", *heads), rows, 1 + len(drawn), told, widths)
 
 
 def _between(one: FamilyQuality) -> str:

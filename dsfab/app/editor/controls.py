@@ -49,19 +49,25 @@ def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
 
 def _method() -> list[Control]:
     group, fields, even = "stripes", Pattern.model_fields, "stripes"
-    methods, symmetries = (get_args(fields[name].annotation) for name in ("method", "symmetry"))
+    methods, shown, symmetries = (get_args(fields[name].annotation) for name in ("method", "families", "symmetry"))
     return [
         Control(group, "pattern.method", "method", "choice", choices=methods, live=False, hint=_METHOD),
+        Control(group, "pattern.families", "families", "choice", choices=shown, hint=_FAMILIES),
         Control(group, "pattern.halve", "halve", "switch", live=False, hint=_HALVE, method=even),
         Control(
             group, "pattern.symmetry", "symmetry", "choice", choices=symmetries, live=False, hint=_ALIKE, method=even
+        ),
+        Control(
+            group, "pattern.rotate", "turn", unit="°", low=-90, high=90, step=1, live=False, hint=_TURN, method=even
         ),
     ]
 
 
 _METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes: evenly spaced, along the stress."
+_FAMILIES = "One family alone has no crossings: rim and kept regions hold it together."
 _HALVE = "Leave out every second stripe where they crowd, ended on the members that cross."
 _ALIKE = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
+_TURN = "Degrees that both families are turned by from the stress; 90 lets them change places."
 
 
 def _family(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:

@@ -22,10 +22,10 @@ from dsfab.pattern import (
     distance_to_boundary,
     distance_to_vertices,
     frequency_for,
-    relative_stresses,
     slopes,
     vertex_means,
 )
+from dsfab.pipeline.patterns import stripe_stresses
 from dsfab.surface import LoadCase, Surface
 
 FAR = 1e9
@@ -171,7 +171,7 @@ def _stress(draft: Draft) -> Floats:
 def _along(draft: Draft) -> Floats:
     """(n, 2) relative stress along both families, for graded widths; 1 where nothing is stressed."""
     try:
-        return relative_stresses(draft.surface, draft.diffusion.tensors.principal)
+        return stripe_stresses(draft.surface, draft.diffusion, draft.pattern.even)
     except DsfabError:
         return np.ones((draft.surface.n, 2))
 

@@ -54,6 +54,8 @@ def _min_width(made: Design | Making) -> float:
     families = (("major", draft.diffusion.major), ("minor", draft.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
     for (name, modes), number, frequency in zip(families, pattern.mode, pattern.frequency, strict=True):
+        if name not in pattern.names:
+            continue
         index = pattern.names.index(name)
         cells = made.sheet.family == index
         faces = made.sheet.parent[cells]

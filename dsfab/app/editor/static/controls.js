@@ -140,7 +140,10 @@ export class Controls {
 /** Why a control has no effect now, or ''. */
 function why(key, pattern) {
   const { rule, solid_fraction: fraction } = pattern.width;
-  const name = key.split('.').pop();
+  const parts = key.split('.');
+  const [family, name] = [parts[1], parts.at(-1)];
+  if (['major', 'minor'].includes(family) && !['both', family].includes(pattern.families)) return `Only the ${pattern.families} family is drawn.`;
+  if (key === 'pattern.halve' && pattern.families !== 'both') return 'One family alone has no members to end on.';
   if (name === 'threshold' && rule === 'constant') return 'The rule constant takes its width in metres instead.';
   if (name === 'threshold' && fraction > 0 && rule === 'plain') return 'Scaled until the solid fraction is met.';
   if (name === 'member' && rule !== 'constant') return 'Only with the rule constant.';

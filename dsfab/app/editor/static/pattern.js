@@ -53,7 +53,8 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   const model = { facts, arrays };
   const { mode, frequency, phase, reach } = told;
   const width = pattern.width;
-  const plain = [pattern.major, pattern.minor].map((family) => (1 - family.threshold) / 4);
+  const drawn = ['major', 'minor'].map((name) => ['both', name].includes(pattern.families));
+  const plain = [pattern.major, pattern.minor].map((family, k) => (drawn[k] ? (1 - family.threshold) / 4 : 0));
   const rules = width.rule !== 'plain' || width.min_width > 0 || width.max_width > 0 || width.min_gap > 0;
   if (rules && mode.some((number, k) => number !== facts.mode[k])) return null;
   const vary = rules || Boolean(arrays.shares);
@@ -62,7 +63,7 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   const n = arrays.V.length / 3;
   const member = width.member || Math.sqrt(facts.area) / 100;
   const halves = (factor) =>
-    vary ? halfWidths({ ...width, member }, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
+    vary ? halfWidths({ ...width, member, drawn }, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
   const start = width.rule === 'graded' ? facts.factor : 1;
   const factor = width.solid_fraction ? solved((f) => sampler.share(halves(f)), width.solid_fraction, start) : start;
   const half = halves(factor);
@@ -75,11 +76,12 @@ function exact(told, plain, vary, model, sampler) {
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
 }
 
-/** (n, 2) half-widths in periods. */
+/** (n, 2) half-widths in periods; 0 of a family that is not drawn. */
 function halfWidths(rule, plain, frequency, arrays, n, factor) {
   const half = new Float32Array(2 * n);
   const { shares } = arrays; // of evenly spaced stripes: periods differ from one side of a line to the other
   for (let i = 0; i < 2 * n; i += 1) {
+    if (!rule.drawn[i % 2]) continue;
     const slope = arrays.slope[i] * frequency[i % 2];
     let d;
     if (rule.rule === 'constant') d = slope * factor * (rule.member / 2);

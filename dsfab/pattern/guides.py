@@ -1,0 +1,153 @@
+"""`Guide`: where a person says which way stripes run, `[[pattern.guide]]` in a preset; and `Guidance`, what all of them
+ask of the direction field."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from annotated_types import Ge, Gt
+from numpy.typing import NDArray
+
+from dsfab.arrays import Floats, from_segments
+from dsfab.errors import PatternError, SurfaceError
+from dsfab.pattern.frames import Frames, unit
+from dsfab.surface.mesh import Surface
+from dsfab.surface.pickers import STRICT, Picker, Real, Vector
+
+SQUARE = 0.1
+"""A direction within this sine of the normal, 6 degrees, says nothing about where stripes run on the surface."""
+TIE = 0.1
+"""Pieces of a curve that are nearest, or farther than the nearest by less than this share of its reach, count."""
+LOOKED = 1_000_000
+"""Pairs of a vertex and a piece of a curve that are looked at together."""
+
+
+Complexes = NDArray[np.complex128]
+
+
+class GuideError(PatternError, ValueError):
+    """A guide that contradicts itself; being a ValueError too, pydantic collects it with the key that it is at."""
+
+
+@dataclass(frozen=True)
+class Guide:
+    """Stripes run along a curve, or along a direction in a region, as far as the weight says.
+
+    curve     : points of a polyline on the surface or near it, metres.
+    reach     : metres to both sides of the curve, straight through space, at which its weight has fallen to 0; left
+                out, the smaller spacing of the stripes.
+    at        : the region, instead of a curve.    direction : of the stripes in it; what of it is tangent counts.
+    weight    : 1 counts as much as stress that is clear; 0 nothing; 100 and more is obeyed.
+    family    : whose stripes run along it; those of the other one run across.
+
+    Raises GuideError for less or more than either a curve or a region, and for either without a direction.
+    """
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+    curve: tuple[Vector, ...] | None = None
+    reach: Annotated[Real, Gt(0)] | None = None
+    at: Picker | None = None
+    direction: Vector | None = None
+    weight: Annotated[Real, Ge(0)] = 1.0
+    family: Literal["major", "minor"] = "major"
+
+    def __post_init__(self) -> None:
+        if (self.curve is None) == (self.at is None):
+            raise GuideError("give either curve = [[x, y, z], ...] or at = { pick = ... } with a direction")
+        if self.at is not None and self.reach is not None:
+            raise GuideError("reach is for a curve; a region ends where its pick does")
+        if self.curve is not None and self.direction is not None:
+            raise GuideError("a curve has directions of its own; leave direction out")
+        if self.curve is not None and len(set(self.curve)) < 2:
+            raise GuideError("curve needs two different points or more")
+        if self.at is not None and not any(self.direction or ()):
+            raise GuideError("a region needs a direction that is not zero, such as [1.0, 0.0, 0.0]")
+
+
+@dataclass(frozen=True, eq=False)
+class Guidance:
+    """What guides ask of a cross field z: weight |z^2 - square / weight|^2 is added to what it minimises.
+
+    weight : (n,) at the vertices.    square : (n,) complex, in their frames: weight times the square of the direction
+    of the major stripes.
+    """
+
+    weight: Floats
+    square: Complexes
+
+    @classmethod
+    def of(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
+        """Of each guide that weighs anything.
+
+        spacing : reach of curves that have none, metres.
+
+        Raises PatternError for a guide that acts nowhere.
+        """
+        asked = [(guide, _square(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
+        found = [guide.weight * square * (1 if guide.family == "major" else -1) for guide, square in asked]
+        return tuple(cls(np.abs(square), square) for square in found if np.abs(square).any())
+
+    def tensors(self, frames: Frames) -> Floats:
+        """(n, 3, 3) the same in space, symmetric and of trace 0, for comparing vertices that lie apart.
+
+        Of size 1 where the guide is obeyed: twice the weight there makes little difference to the field.
+        """
+        one, two = frames.t1[:, :, None], frames.t2[:, :, None]
+        x, y = one.transpose(0, 2, 1), two.transpose(0, 2, 1)
+        held = self.square / (1 + self.weight)
+        tensor = held.real[:, None, None] * (one * x - two * y) + held.imag[:, None, None] * (one * y + two * x)
+        return np.asarray(tensor / np.sqrt(2))
+
+
+def _square(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
+    """(n,) complex: the square of a guide's direction in the frames, at most 1 in size; 0 where it does not act."""
+    surface = frames.surface
+    if guide.at is not None:
+        assert guide.direction is not None
+        try:
+            inside = guide.at.vertices(surface)
+        except SurfaceError as error:
+            raise PatternError(f"pattern.guide.{number}: {error}") from None
+        found = np.where(inside, _tangent(frames, unit(np.array(guide.direction))) ** 2, 0.0)
+    else:
+        found = _along_curve(frames, number, guide, guide.reach or spacing)
+    if np.abs(found).max() < SQUARE**2:
+        what = "the direction is" if guide.at is not None else "the curve is"
+        raise PatternError(
+            f"pattern.guide.{number}: {what} square to the surface wherever the guide acts, so it says nothing about "
+            "where stripes run; give one that lies along the surface"
+        )
+    return np.asarray(found)
+
+
+def _along_curve(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
+    """(n,) complex: of the nearest piece of the curve, less with the distance from it."""
+    surface, points = frames.surface, np.array(guide.curve)
+    points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
+    start, step = points[:-1], np.diff(points, axis=0)
+    square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
+    some = max(LOOKED // len(step), 1)
+    for first in range(0, surface.n, some):
+        rows = np.arange(first, min(first + some, surface.n))
+        off = from_segments(surface.V[rows, None], start, start + step)
+        near = off.min(axis=1)
+        nearest = min(nearest, float(near.min()))
+        share = np.maximum(1 - (off - near[:, None]) / (TIE * reach), 0.0)
+        z = np.stack([_tangent(frames, t, rows) for t in unit(step)], axis=1)
+        mean = (share * z**2).sum(axis=1) / share.sum(axis=1)
+        square[rows] = np.maximum(1 - (near / reach) ** 2, 0.0) ** 2 * mean
+    if not nearest < reach:
+        raise _too_far(surface, number, nearest, reach)
+    return square
+
+
+def _too_far(surface: Surface, number: int, nearest: float, reach: float) -> PatternError:
+    return PatternError(
+        f"pattern.guide.{number}: the curve is {nearest:.3g} m from the nearest vertex of the surface, and acts up to "
+        f"{reach:.3g} m from it only; move it onto the surface, or raise reach (edges are {surface.mean_edge:.3g} m)"
+    )
+
+
+def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Complexes:
+    """(r,) a direction (3,) in the frames at some vertices, complex; shorter where it leaves the surface."""
+    return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
