@@ -7,6 +7,8 @@ import pytest
 
 import dsfab
 from dsfab import pipeline
+from dsfab.app.compliance.document import Numbers
+from dsfab.app.compliance.tables import pattern_table
 from dsfab.app.pattern_told import quality_facts, quality_lines
 from dsfab.design import CaseResult, StaticsResult
 from dsfab.diffusion import symmetry_of
@@ -21,10 +23,11 @@ from dsfab.preset_file import load_preset, overridden, preset_toml
 from dsfab.slicing import material_area
 from dsfab.study.archive import keep, kept
 from dsfab.study.baselines import Brief
+from dsfab.study.baselines.striped import isotropic
 from dsfab.study.lines import design_lines
 from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
-from dsfab.surface import Ball, LoadCase, Surface
+from dsfab.surface import All, Ball, LoadCase, Surface
 from tests.test_pattern_even_invariance import TURN, Case, difference
 from tests.test_pattern_even_invariance import case as zoo_case
 from tests.zoo import grid, jittered, moebius
@@ -128,7 +131,8 @@ def test_left_out_a_reach_is_the_smaller_spacing():
     same = plate(guide=[{**curve, "reach": 0.3}], **{"major.spacing": 0.6, "minor.spacing": 0.3})
     assert np.array_equal(given.even.phases[0].value, same.even.phases[0].value)
     alone = plate(guide=[curve], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.3})
-    assert not np.array_equal(alone.even.phases[0].value, same.even.phases[0].value)
+    wide = plate(guide=[{**curve, "reach": 0.6}], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.9})
+    assert np.array_equal(alone.even.phases[0].value, wide.even.phases[0].value)  # of those that are drawn
 
 
 def test_where_a_curve_bends_no_side_is_preferred():
@@ -247,6 +251,9 @@ def test_guides_are_compared_with_their_images():
     assert same(curve((0.0, 1.5), (2.0, 1.5))) == [True, False]
     assert same(curve((0.0, 1.5), (2.0, 1.5)), curve((0.0, 0.5), (2.0, 0.5))) == [True, True]
     assert same(curve((0.0, 0.0), (2.0, 2.0))) == [False, False]
+    diagonal = Guide(at=All(), direction=(1.0, 1.0, 0.0))
+    assert same(diagonal) == [False, False]
+    assert same(diagonal, replace(diagonal, direction=(1.0, -1.0, 0.0))) == [True, True]  # and nothing is asked
     small = Guide(at=Ball((1.5, 1.5, 0.0), 0.3), direction=(1.0, 0.0, 0.0))
     assert same(curve((0.0, 1.0), (2.0, 1.0)), small) == [False, False]
 
@@ -388,6 +395,9 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     assert "crossing" not in found.summary
     told = list(quality_lines(quality_facts(found)))
     assert [line.split()[0] for line in told[1:]] == ["minor"]
+    table = pattern_table(found, Numbers())
+    assert table.head == ("Measure", "Minor members")
+    assert {len(row) for row in table.rows} == {2}
     member = float(next(n.text.split()[2] for n in ribs.notes if n.text.startswith("members are")))
     assert measured("min_width", Making.of(ribs.preset)) == pytest.approx(member, rel=0.2)
     assert not ribs.pattern.tidy
@@ -492,3 +502,6 @@ def test_competitors_on_modes_know_nothing_of_guides():
     given = Brief.of(made, 60.0).on_modes
     assert (given.pattern.rotate, given.pattern.guide, given.pattern.method) == (0.0, (), "modes")
     assert overridden(given, {"pattern.width.solid_fraction": 0.3}).pattern.method == "modes"
+    assert [one.says for one in isotropic(Brief.of(made, 60.0))][:2] == ["modes 1, 1", "modes 1, 2"]
+    ribs = Brief.of(drafted(families="minor"), 60.0)
+    assert [one.says for one in isotropic(ribs)] == ["modes 1, 1", "modes 1, 2", "modes 1, 3"]

@@ -11,7 +11,7 @@ from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operato
 from dsfab.pattern import Family, Stripes, vertex_means
 from dsfab.pipeline.directions import diffusion_step, load_axes
 from dsfab.pipeline.log import Log
-from dsfab.preset import Preset
+from dsfab.preset import FAMILIES, Preset
 from dsfab.preset_file import overridden
 from dsfab.study.baselines.brief import Brief, Structure, Variant
 from dsfab.study.baselines.matching import striped, widened
@@ -121,7 +121,9 @@ def _pairs(
     def made(pair: tuple[int, int]) -> Structure:
         return striped(brief, preset.settled(pair, phases), diffusion())
 
-    return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in pairs]
+    drawn = [FAMILIES.index(name) for name in preset.pattern.family_names]
+    different = {tuple(pair[k] for k in drawn): pair for pair in reversed([*pairs])}  # the first of each
+    return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in reversed([*different.values()])]
 
 
 def _plain(brief: Brief, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
