@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 import dsfab
 from dsfab.errors import PatternError, PresetError
 from dsfab.pattern import (
+    CornerPhase,
+    EvenFamily,
     Family,
     Stripes,
     Widths,
@@ -387,3 +389,19 @@ def test_widths_restart_at_the_pattern_and_give_the_fresh_design(coarse):
 def test_impossible_presets_are_refused_with_their_key(changes, says):
     with pytest.raises(PresetError, match=says):
         dsfab.load_preset("dome", {"pattern.width": changes})
+
+
+def test_evenly_spaced_members_of_one_width_leave_no_slit_where_they_crowd():
+    """Three quarters of the lines are 1 m apart, the others 0.35 m."""
+    density = np.where(np.arange(400) < 300, 1.0, 1 / 0.35)
+    nothing = np.zeros((0, 3))
+    phase = CornerPhase(np.zeros(400), nothing, nothing, np.zeros(0, dtype=bool))
+    family = EvenFamily("major", Stripes(1.0), phase, (), density, density, np.ones(400))
+    thin, wide, closed = (family.half_widths(Widths("constant", member=member)) for member in (0.15, 0.7, 1.2))
+    assert thin == pytest.approx(density * 0.075)
+    assert (2 * family.half_widths(Widths("constant", member=0.3)) / density)[[0, -1]] == pytest.approx([0.3, 0.175])
+    assert wide[0] == 0.35
+    assert wide[-1] == pytest.approx(1.25 * 0.35)
+    assert closed[-1] == 0.5
+    graded = family.half_widths(Widths("graded"), 1.2)
+    assert (graded == graded[0]).all()

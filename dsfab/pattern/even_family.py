@@ -12,6 +12,11 @@ from dsfab.pattern.stripes import Stripes
 from dsfab.pattern.width import SOLID, Widths
 from dsfab.surface.corner_field import CornerField
 
+OPEN = 0.25
+"""Half-width, in periods, at which an opening is as wide as the members beside it: a narrower one is a slit."""
+CLOSER = 1.25
+"""Where members leave no such openings anyway, the half-width is at most so many times the median one."""
+
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
@@ -38,8 +43,13 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """(n,) d in periods of the lines that are drawn."""
-        return widths.half_widths(self.stripes.half_width, self.density, self.stress, factor)
+        """(n,) d in periods of the lines that are drawn; members of one width are thinner where they would close up."""
+        plain = self.stripes.half_width
+        if widths.rule != "constant":
+            return widths.half_widths(plain, self.density, self.stress, factor)
+        d = replace(widths, min_gap=0.0).half_widths(plain, self.density, self.stress, factor)
+        d = np.minimum(d, max(OPEN, CLOSER * float(np.median(d))))
+        return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
     def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:
         """The coarse stripes, which are drawn everywhere, then finer and finer ones."""
