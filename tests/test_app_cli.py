@@ -119,6 +119,7 @@ def test_bench_prints_the_table_and_json_with_the_agreed_keys(capsys):
     assert row["peak_mb"] > 50
 
 
+@pytest.mark.slow
 def test_bench_scaling_runs_one_preset_at_several_sizes(capsys, monkeypatch):
     monkeypatch.setattr(bench_module, "SCALING", (300, 900))
     code, out, _ = run(capsys, "bench", "dome", "--scaling", "--repeat", "1", "--json", "--set", "export.formats=[]")
@@ -158,6 +159,7 @@ def test_compare_prints_the_competitors_and_the_gain_and_writes_them(capsys, tmp
     assert float(table[1]["compliance_J"]) == rows["design"]["compliance_J"]
 
 
+@pytest.mark.slow
 def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
     arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "thinner", "--volumes", "0.5:0.7:2"]
     code, out, err = run(capsys, *arguments, "--no-report", "--json", "-o", str(tmp_path / "c"))

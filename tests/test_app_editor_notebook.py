@@ -159,10 +159,6 @@ def of(tab, identifier):
     return f"{PAGE}.document.getElementById('{identifier}')"
 
 
-slow = pytest.mark.slow
-
-
-@slow
 def test_a_slider_in_a_cell_changes_the_picture_and_python_sees_it(tab, editor):
     before = tab.run(SEEN)
     assert before > 1000
@@ -174,7 +170,7 @@ def test_a_slider_in_a_cell_changes_the_picture_and_python_sees_it(tab, editor):
     until(lambda: tab.run(f"{of(tab, 'f-share')}.textContent") == "75.0 %")  # measured in Python
 
 
-@slow
+@pytest.mark.slow
 def test_what_python_changes_is_drawn(tab, editor):
     editor.changes = {"pattern.width.solid_fraction": 0.3}
     until(lambda: tab.run(f"{of(tab, 'pattern-width-solid_fraction')}.value") == "0.3")
@@ -185,7 +181,7 @@ def test_what_python_changes_is_drawn(tab, editor):
     assert tab.run(SEEN) > 1.2 * few
 
 
-@slow
+@pytest.mark.slow
 def test_a_mistake_of_the_page_is_told_there(tab, editor):
     at = of(tab, "diffusion-r")
     tab.run(f"{at}.value = '0.5'; {at}.dispatchEvent(new Event('change'))")
@@ -197,7 +193,7 @@ def test_a_mistake_of_the_page_is_told_there(tab, editor):
     until(lambda: tab.run(f"{of(tab, 'notice')}.hidden"))
 
 
-@slow
+@pytest.mark.slow
 def test_a_solid_is_built_and_its_file_arrives(tab, editor):
     import trimesh
 
@@ -211,7 +207,7 @@ def test_a_solid_is_built_and_its_file_arrives(tab, editor):
     assert until(lambda: tab.run("taken[0]")) == editor.files[0].stat().st_size
 
 
-@slow
+@pytest.mark.slow
 def test_the_cell_may_be_shown_again_and_taken_away(tab, editor):
     editor.changes = {"pattern.keep": 0.5}
     until(lambda: tab.run(f"JSON.stringify({PAGE}.dsfab.state.changes)") == '{"pattern.keep":0.5}')
@@ -223,7 +219,6 @@ def test_the_cell_may_be_shown_again_and_taken_away(tab, editor):
     until(lambda: tab.run("heard['msg:custom'].size") == 0)
 
 
-@slow
 def test_nothing_went_wrong_and_nobody_else_was_asked(tab):
     assert tab.errors == []
     assert [url for url in tab.requests if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:"))] == []

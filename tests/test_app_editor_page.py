@@ -15,10 +15,7 @@ from dsfab.preset_file import load_preset
 from tests.browser import browser, opened
 from tests.test_app_editor import serving
 
-pytestmark = [
-    pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed"),
-    pytest.mark.slow,  # most of it is drawing without a graphics card
-]
+pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
 
 SIZE = (900, 560)
 READY = "!!(window.dsfab && dsfab.model && !document.querySelector('#picture').classList.contains('outdated'))"
@@ -157,6 +154,7 @@ def test_a_load_makes_the_picture_outdated_until_it_is_solved(tab):
     assert tab.run("dsfab.model.facts.version") > version
 
 
+@pytest.mark.slow
 def test_the_mouse_turns_the_picture_and_nothing_is_drawn_at_rest(tab):
     before = tab.run("dsfab.viewer.eye.numbers")
     x, y = place_of(tab, 0, 0, 0)
@@ -170,6 +168,7 @@ def test_the_mouse_turns_the_picture_and_nothing_is_drawn_at_rest(tab):
     assert tab.run("dsfab.viewer.frames") == frames
 
 
+@pytest.mark.slow
 def test_parallel_keeps_the_size(tab):
     before = tab.run(SEEN)
     tab.run("document.getElementById('parallel').click()")
@@ -179,6 +178,7 @@ def test_parallel_keeps_the_size(tab):
     assert tab.run(SEEN) == pytest.approx(before, rel=0.002)
 
 
+@pytest.mark.slow
 def test_a_section_leaves_half_of_it(tab):
     tab.run("dsfab.views.look('top'); dsfab.views.view({layers: ['sheet']})")
     before = tab.run(SEEN)
@@ -204,6 +204,7 @@ def test_pick_a_support_and_it_is_solved(tab):
     assert tab.run(highest) > low + 1
 
 
+@pytest.mark.slow
 def test_a_lasso_becomes_a_force(tab):
     tab.run("document.getElementById('loads').open = true; document.querySelector('[data-way=lasso]').click()")
     x, y = place_of(tab, 0, 0, 2)
@@ -223,6 +224,7 @@ def test_a_lasso_becomes_a_force(tab):
     solved(tab)
 
 
+@pytest.mark.slow
 def test_springs_and_lines_in_a_case_of_their_own(tab):
     tab.run("document.getElementById('loads').open = true; document.querySelector('[data-way=edge]').click()")
     tab.run("dsfab.views.view({layers: ['sheet']})")
@@ -250,6 +252,7 @@ def test_springs_and_lines_in_a_case_of_their_own(tab):
     assert tab.run("dsfab.model.facts.limits.displacement") < 0.7 * sunk  # it stands on springs
 
 
+@pytest.mark.slow
 def test_fingers_turn_move_and_zoom(tab):
     """One finger turns, two move and zoom, as on a telephone."""
 
@@ -290,6 +293,7 @@ def test_fingers_turn_move_and_zoom(tab):
         tab.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
+@pytest.mark.slow
 def test_a_reload_restores_everything(tab, server):
     type_into(tab, "pattern-major-frequency", "11")
     tab.run("dsfab.views.look('front'); dsfab.views.view({colour: 'stress'})")
@@ -305,6 +309,7 @@ def test_a_reload_restores_everything(tab, server):
     assert tab.run(SEEN) == pytest.approx(before, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
     import trimesh
 
@@ -342,6 +347,7 @@ def test_what_cannot_be_is_said_and_can_be_undone(tab):
     assert tab.run("document.getElementById('notice').hidden")
 
 
+@pytest.mark.slow
 def test_a_load_twice_as_large_moves_the_sheet_twice_as_far(tab):
     tab.run("dsfab.state.set({'surface.load': [dsfab.state.get('surface.load')[1]]})")
     solved(tab)
@@ -358,6 +364,7 @@ def test_the_command_is_told(tab):
     assert told == "dsfab build dome --set pattern.minor.frequency=12"
 
 
+@pytest.mark.slow
 def test_the_browser_widens_stripes_as_the_server_does(tab):
     """Both copies of the rule for widths, at every vertex, for every rule."""
     for changes in (
@@ -377,6 +384,7 @@ def test_the_browser_widens_stripes_as_the_server_does(tab):
         assert np.abs(live - exact).mean() < 0.004, changes
 
 
+@pytest.mark.slow
 def test_every_control_has_a_name_and_every_text_is_readable(tab):
     nameless = tab.run("""[...document.querySelectorAll('input, select, button, progress, a, canvas, img')].filter(e =>
         !e.closest('[hidden]') && !(e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim() || e.alt
@@ -410,6 +418,7 @@ CONTRAST = """(() => {
 """Texts under 4.5 to 1 against what is behind them (WCAG 2.2, 1.4.3); controls without effect may be fainter."""
 
 
+@pytest.mark.slow
 def test_it_fits_a_telephone(tab):
     tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=True)
     try:
@@ -472,12 +481,14 @@ VARIANTS = """(() => {
     return [wrong, sheet.materials.size]; })()"""
 
 
+@pytest.mark.slow
 def test_every_variant_of_the_shader_compiles(tab):
     wrong, count = tab.run(VARIANTS)
     assert wrong == []
     assert count > 25
 
 
+@pytest.mark.slow
 def test_light_on_a_crease_is_that_of_its_faces(tab):
     """By vertices where all is smooth; the shader for creases gives nearly the same colours there."""
     script = """(() => { const { viewer } = dsfab, { gl, canvas } = viewer;
@@ -498,6 +509,7 @@ def test_light_on_a_crease_is_that_of_its_faces(tab):
     assert far < 0.02 * other
 
 
+@pytest.mark.slow
 def test_stripes_cost_little_more_than_the_plain_mesh(tab):
     """The least of many frames, drawn in turns; tests/benchmarks/editor_frames.py measures larger meshes."""
     from tests.benchmarks.editor_frames import MEASURE
@@ -521,6 +533,7 @@ DROP = """(() => {
 })()"""
 
 
+@pytest.mark.slow
 def test_a_mesh_is_dropped_and_its_unit_asked(tab):
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
@@ -537,6 +550,7 @@ def test_nothing_went_wrong_and_nobody_else_was_asked(tab, server):
     assert [url for url in tab.requests if not url.startswith((home, "data:", "blob:"))] == []
 
 
+@pytest.mark.slow
 def test_without_webgl_the_server_draws(server, tmp_path):
     with page_of(server, tmp_path, ("--disable-3d-apis",)) as tab:
         tab.open(server.address, "!!(window.dsfab && document.getElementById('drawn').src)")

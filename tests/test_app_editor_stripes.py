@@ -166,22 +166,20 @@ seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Ch
 
 
 @seen_in_a_page
-@pytest.mark.slow
 def test_the_browser_sees_what_the_previewer_sees(page, dome):
     ours, theirs = seen_by_both(page, dome)
     assert alike(ours, theirs)
 
 
 @seen_in_a_page
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "value"),
     [
         ("width.solid_fraction", 0.6),
-        ("width.rule", "graded"),
-        ("rim", 0.8),
-        ("width", {"rule": "constant", "member": 0.2, "solid_fraction": 0.0}),
-        ("width", {"rule": "plain", "solid_fraction": 0.0}),
+        pytest.param("width.rule", "graded", marks=pytest.mark.slow),
+        pytest.param("rim", 0.8, marks=pytest.mark.slow),
+        pytest.param("width", {"rule": "constant", "member": 0.2, "solid_fraction": 0.0}, marks=pytest.mark.slow),
+        pytest.param("width", {"rule": "plain", "solid_fraction": 0.0}, marks=pytest.mark.slow),
     ],
 )
 def test_widths_follow_in_the_same_frame(page, key, value):
@@ -315,7 +313,6 @@ def test_the_measured_share_is_the_wanted_one(page):
 
 
 @seen_in_a_page
-@pytest.mark.slow
 def test_nothing_went_wrong(page):
     until(page, READY)
     assert page.errors == []

@@ -247,6 +247,7 @@ def test_a_previewed_mode_follows_its_number_and_directions_need_a_new_one(dome)
             previewer.display(changed)
 
 
+@pytest.mark.slow
 def test_the_claim_on_the_sphere_is_written_as_data_and_a_chart(tmp_path):
     """In rough; the recorded files in outputs/paper are those of the preset's own mesh."""
     sphere_volumes(tmp_path, Reporter(quiet=True), coarser=3.5, shares=(0.5,))

@@ -216,6 +216,7 @@ def test_a_folded_sheet_is_refused_and_says_why(tmp_path, here):
         written(surface, sheet, tmp_path / "b.step")
 
 
+@pytest.mark.slow
 def test_auto_leaves_many_walls_faceted_and_says_why(tmp_path, monkeypatch):
     surface = dome(2.0, 0.6, edge=0.3)
     sheet = holed(surface, [[0, 0, 0.6]], 0.3)

@@ -69,6 +69,7 @@ def test_corners_of_the_mesh_that_are_farther_from_an_edge_than_the_solid_may_be
     assert astray(piece, corners, limits).tolist() == corners[[1, 2, 5]].tolist()
 
 
+@pytest.mark.slow
 def test_seams_that_cross_at_a_corner_of_the_domes_charts_are_followed_more_closely():
     """OCCT made no triangles of that skin, and said of no edge that it was the reason."""
     design = dsfab.run(dsfab.load_preset("dome"))

@@ -31,6 +31,9 @@ RECORDED: dict[str, tuple[float, int, int, float, float]] = {
 }
 """Share kept, pieces, genus of the solid, first eigenvalue of both families times the area."""
 
+LONG = ("boys_surface", "bridge", "pirate", "turkey")
+"""They take longest, by their many members or a surface that crosses itself."""
+
 
 @pytest.mark.parametrize("figure", [f for f in FIGURES if f.row], ids=lambda f: f.preset)
 def test_presets_hold_the_row_of_table_1(figure):
@@ -58,7 +61,10 @@ def test_a_stand_in_says_so_in_the_preset(figure):
     assert f"({figure.timings.vertices})" in file.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("figure", FIGURES, ids=lambda f: f.preset)
+@pytest.mark.parametrize(
+    "figure",
+    [pytest.param(f, marks=[pytest.mark.slow] * (f.preset in LONG), id=f.preset) for f in FIGURES],
+)
 def test_figures_keep_their_recorded_numbers_on_a_coarser_mesh(figure):
     name = figure.preset
     edge = dsfab.load_preset(name).surface.edge

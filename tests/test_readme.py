@@ -30,6 +30,9 @@ COMMANDS = [
     for line in block.splitlines()
     if line.startswith("dsfab ") and not line.startswith(WAITS)
 ]
+LONG = ("dsfab build roof", "dsfab bench", "dsfab verify", "dsfab compare")
+"""Commands that take long, each of which has shorter tests of its own; the first build is always run."""
+
 SETUP = [line for block in blocks("sh") for line in block.splitlines() if ".venv/bin/" in line]
 
 
@@ -42,8 +45,9 @@ def desk(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("line", COMMANDS)
+@pytest.mark.parametrize(
+    "line", [pytest.param(line, marks=[pytest.mark.slow] * line.startswith(LONG)) for line in COMMANDS]
+)
 def test_every_command_runs_as_written(line, desk, capsys):
     words = shlex.split(line, comments=True)
     assert main(words[1:]) == 0, capsys.readouterr().err
@@ -74,7 +78,6 @@ def test_ci_finds_the_commands_it_runs():
         assert after.splitlines()[0], marker
 
 
-@pytest.mark.slow
 def test_the_python_example_runs(desk):
     (code,) = blocks("python")
     names: dict[str, object] = {}

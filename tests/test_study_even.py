@@ -120,7 +120,13 @@ def test_lines_of_a_design_have_names_of_their_own(dome):
     assert rings == sorted(rings, key=lambda line: (line.number, line.part))
 
 
-@pytest.mark.parametrize("suffix", [".dxf", ".svg", ".3dm", ".lines.step", ".csv", ".json"])
+@pytest.mark.parametrize(
+    "suffix",
+    [
+        *(".svg", ".csv", ".json"),
+        *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".dxf", ".3dm", ".lines.step")),
+    ],
+)
 def test_every_format_of_lines_takes_them(suffix, dome, tmp_path):
     """Each is read back as it is written; of two the layers are counted again here."""
     thing, how = delivered(dome, suffix)
@@ -182,25 +188,40 @@ def test_the_archive_keeps_every_array(dome, tmp_path):
         assert (one.id, one.points.tobytes()) == (two.id, two.points.tobytes())
 
 
-def test_another_width_keeps_the_stripes_and_another_distance_makes_them_anew(dome, monkeypatch):
-    for change in (
+@pytest.mark.parametrize(
+    "change",
+    [
         {"pattern.width.solid_fraction": 0.5},
-        {"pattern.width": {"rule": "graded", "solid_fraction": 0.3}},
-        {"pattern.rim": 0.2, "pattern.keep": 0.1, "pattern.minor.threshold": 0.1},
-        {"slicing.snap": 0.1},
-    ):
-        other = dsfab.revise(dome, overridden(dome.preset, change))
-        assert other.pattern.even is dome.pattern.even, change
-        assert other.seconds["stripes"] == dome.seconds["stripes"]
-        assert other.sheet.surface.n != dome.sheet.surface.n
-    for change in ({"pattern.major.spacing": 1.5}, {"pattern.halve": False}, {"pattern.symmetry": "none"}):
-        made = pipeline.draft(overridden(dome.preset, change), old=dome)
-        assert made.pattern.even is not dome.pattern.even, change
-        fresh = pipeline.draft(overridden(dome.preset, change))
-        for ours, theirs in zip(made.pattern.even.phases, fresh.pattern.even.phases, strict=True):
-            assert np.array_equal(ours.value, theirs.value)
-    heavier = pipeline.draft(overridden(dome.preset, {"surface.load.1.force": [0, 0, -9e4]}), old=dome)
-    assert heavier.pattern.even is not dome.pattern.even
+        pytest.param({"pattern.width": {"rule": "graded", "solid_fraction": 0.3}}, marks=pytest.mark.slow),
+        pytest.param({"pattern.rim": 0.2, "pattern.keep": 0.1, "pattern.minor.threshold": 0.1}, marks=pytest.mark.slow),
+        pytest.param({"slicing.snap": 0.1}, marks=pytest.mark.slow),
+    ],
+)
+def test_another_width_keeps_the_stripes(change, dome):
+    other = dsfab.revise(dome, overridden(dome.preset, change))
+    assert other.pattern.even is dome.pattern.even
+    assert other.seconds["stripes"] == dome.seconds["stripes"]
+    assert other.sheet.surface.n != dome.sheet.surface.n
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"pattern.major.spacing": 1.5},
+        pytest.param({"pattern.halve": False}, marks=pytest.mark.slow),
+        pytest.param({"pattern.symmetry": "none"}, marks=pytest.mark.slow),
+        pytest.param({"surface.load.1.force": [0, 0, -9e4]}, marks=pytest.mark.slow),
+    ],
+)
+def test_another_distance_or_load_makes_the_stripes_anew(change, dome):
+    made = pipeline.draft(overridden(dome.preset, change), old=dome)
+    assert made.pattern.even is not dome.pattern.even
+    fresh = pipeline.draft(overridden(dome.preset, change))
+    for ours, theirs in zip(made.pattern.even.phases, fresh.pattern.even.phases, strict=True):
+        assert np.array_equal(ours.value, theirs.value)
+
+
+def test_stripes_come_back_after_modes(dome):
     modes = pipeline.draft(overridden(dome.preset, {"pattern.method": "modes"}), old=dome)
     assert modes.pattern.even is None
     back = pipeline.draft(dome.preset, old=modes)
@@ -220,6 +241,7 @@ def test_competitors_share_the_mean_distance(dome):
     assert on_modes.on_modes is on_modes.preset
 
 
+@pytest.mark.slow
 def test_a_comparison_at_another_mass_widens_the_same_stripes(dome):
     found = compare_at(dome, 0.5, ["isotropic", "grid"])
     assert found.design.area_fraction == pytest.approx(0.5, abs=1e-3)

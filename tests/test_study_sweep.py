@@ -1,6 +1,6 @@
 """Sweeps: every combination, in order, as single builds give it, with shared stages made once and failures recorded."""
 
-from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -79,7 +79,9 @@ def test_metrics_by_name_make_only_the_stages_that_they_need(monkeypatch):
         dsfab.sweep(PRESET, {"pattern.major.phase": [0.1]}, ["mass"])
 
 
-@pytest.mark.parametrize("name", METRICS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith("verdict")) for name in METRICS]
+)
 def test_a_design_in_the_making_measures_as_the_whole_one(name, whole, in_the_making):
     assert METRICS[name](in_the_making) == METRICS[name](whole)
 
@@ -113,11 +115,15 @@ def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
     assert METRICS["ersatz"](Making.of(COARSE)) > 1.2 * whole[""].compliance
 
 
-def test_the_verdict_is_that_of_the_check_and_a_failed_one_is_told(whole, monkeypatch):
+@pytest.mark.slow
+def test_the_verdict_is_that_of_the_check(whole):
     found = check(whole)
     assert METRICS["verdict"](whole) == pytest.approx(found.value)
     assert METRICS["verdict_bound"](whole) == pytest.approx(found.bound)
-    failed = replace(found, status="fail", reason="a load finds no material")
+
+
+def test_a_failed_verdict_is_told(whole, monkeypatch):
+    failed = SimpleNamespace(status="fail", reason="a load finds no material")
     monkeypatch.setattr("dsfab.study.sweeps.metrics.verdict", lambda made: failed)
     with pytest.raises(StaticsError, match="finds no material"):
         METRICS["verdict"](whole)
