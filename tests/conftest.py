@@ -4,7 +4,10 @@ import signal
 
 import pytest
 
-LONGEST = ("test_readme.py", "test_study_sweep_folder.py", "test_thickening_zoo.py", "test_targets.py")
+LONGEST = (
+    *("test_readme.py", "test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py"),
+    *("test_study_sweep_folder.py", "test_targets.py", "test_app_cli.py", "test_paper_presets.py"),
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -34,6 +34,7 @@ from dsfab.export import write
 from dsfab.pipeline import draft, run
 from dsfab.preset_file import load_preset, parse_override, preset_from
 from dsfab.surface import Surface
+from tests.presets import DOME_MODES
 
 COARSE = {"surface.edge": 1.2}
 
@@ -51,7 +52,7 @@ def served_changes(page):
 
 
 def test_the_command_builds_exactly_what_the_page_shows():
-    now = opened("dome", COARSE)
+    now = opened(DOME_MODES, COARSE)
     changes = {
         "pattern.major.frequency": 9.5,
         "pattern.width.rule": "graded",
@@ -90,7 +91,7 @@ def test_the_page_names_no_file_here(tmp_path):
 
 
 def test_a_mesh_stands_and_carries_itself(tmp_path):
-    path = write(load_preset("dome", COARSE).surface.build(), tmp_path / "my mesh.obj")
+    path = write(load_preset(DOME_MODES, COARSE).surface.build(), tmp_path / "my mesh.obj")
     now = opened_mesh(path, "my mesh.obj", "mm")
     assert now.preset.name == "my_mesh"
     made = draft(now.preset)
@@ -112,7 +113,7 @@ def leaves(values, prefix=""):
 
 
 def test_every_number_of_the_pattern_has_a_control():
-    preset = load_preset("dome", COARSE)
+    preset = load_preset(DOME_MODES, COARSE)
     listed = {control["key"] for control in controls(preset, preset.surface.build())}
     assert {f"pattern.{key}" for key in leaves(preset.pattern.model_dump())} - {"pattern.guide"} <= listed
     assert {"diffusion.r", "diffusion.gamma", "statics.thickness"} <= listed
@@ -146,7 +147,7 @@ def test_what_is_packed_comes_out_again():
 
 @pytest.fixture(scope="module")
 def dome():
-    return draft(load_preset("dome", COARSE))
+    return draft(load_preset(DOME_MODES, COARSE))
 
 
 def test_the_page_gets_the_draft(dome):
@@ -171,7 +172,7 @@ def test_creases_are_told():
     V = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
     folded = Surface(V, np.array([[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]]))
     assert creased(folded)
-    assert not creased(load_preset("dome", COARSE).surface.build())
+    assert not creased(load_preset(DOME_MODES, COARSE).surface.build())
 
 
 def test_widths_are_those_that_are_cut(dome):
@@ -296,7 +297,7 @@ def test_a_newer_wish_ends_the_older_one():
 
 
 def test_a_change_of_stripes_solves_nothing_again():
-    with Session(opened("dome", COARSE)) as session:
+    with Session(opened(DOME_MODES, COARSE)) as session:
         first = wait(session.jobs, session.ask_solve({}))
         second = wait(session.jobs, session.ask_solve({"pattern.major.phase": 0.1}))
         third = wait(session.jobs, session.ask_solve({"diffusion.r": 10.0}))
@@ -308,7 +309,7 @@ def test_a_change_of_stripes_solves_nothing_again():
 
 
 def test_a_page_that_begins_gets_what_is_being_solved():
-    with Session(opened("dome", COARSE)) as session:
+    with Session(opened(DOME_MODES, COARSE)) as session:
         assert session.early() == b""  # nobody has asked for anything
         job = session.ask_solve({})
         assert session.ask_solve({}) == job  # by dsfab edit, and then by the page
@@ -320,7 +321,7 @@ def test_a_page_that_begins_gets_what_is_being_solved():
 
 
 def test_what_cannot_be_is_refused_in_a_sentence():
-    with Session(opened("dome", COARSE)) as session:
+    with Session(opened(DOME_MODES, COARSE)) as session:
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
             session.ask_solve({"pattern.major.threshold": 7})
         with pytest.raises(DsfabError, match="not arrive whole"):
@@ -338,12 +339,12 @@ def test_a_build_writes_what_the_command_line_writes(monkeypatch):
 
     monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
 
-    with Session(opened("dome", COARSE)) as session:
+    with Session(opened(DOME_MODES, COARSE)) as session:
         wait(session.jobs, session.ask_solve({}))
         job = wait(session.jobs, session.ask_build({}, ["stl", "3mf"]))
         assert job.state == "done", job.text
         names = [file["name"] for file in job.result["files"]]
-        assert names[:2] == ["dome.stl", "dome.3mf"]
+        assert names[:2] == ["dome_modes.stl", "dome_modes.3mf"]
         assert {"design.json", "preset.toml", "sheet.ply"} < set(names)
         path = session.file(job.result["build"], 0)
         assert trimesh.load(path).is_volume
@@ -365,7 +366,7 @@ def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
     )
     monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", deep)
     monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
-    with Session(opened("dome", COARSE)) as session:
+    with Session(opened(DOME_MODES, COARSE)) as session:
         folder = Path(session._folder.name)
         number = session.ask_build({}, ["step"])
         while not (pids.exists() and pids.read_text().endswith(" ")):
@@ -405,7 +406,7 @@ def alive(pid):
 def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
     monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", program)
     monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
-    with Session(opened("dome", COARSE)) as session:
+    with Session(opened(DOME_MODES, COARSE)) as session:
         job = wait(session.jobs, session.ask_build({}, ["stl"]))
         assert job.state == state
         assert said in job.text
@@ -424,7 +425,7 @@ def test_a_draft_comes_out_of_another_process_as_it_was(dome):
 
 @contextmanager
 def serving(first=None):
-    with Session(first or Opened(load_preset("dome", COARSE), ("dome",))) as session:
+    with Session(first or Opened(load_preset(DOME_MODES, COARSE), ("dome",))) as session:
         server = EditorServer(session)
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
         thread.start()
@@ -556,7 +557,7 @@ def test_what_is_turned_away(server, method, path, body, headers, status):
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are others there")
 def test_ctrl_c_ends_it_cleanly():
-    command = [sys.executable, "-m", "dsfab.app.cli", "edit", "dome", "--no-open"]
+    command = [sys.executable, "-m", "dsfab.app.cli", "edit", DOME_MODES, "--no-open"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             address = process.stdout.readline().split(": ", 1)[1].strip()
@@ -572,7 +573,7 @@ def test_ctrl_c_ends_it_cleanly():
 def test_a_port_in_use_is_told(server, capsys):
     from dsfab.app.cli import main
 
-    assert main(["edit", "dome", "--no-open", "--port", str(server.server_address[1])]) == 1
+    assert main(["edit", DOME_MODES, "--no-open", "--port", str(server.server_address[1])]) == 1
     assert "leave --port out" in capsys.readouterr().err
 
 

@@ -18,6 +18,7 @@ from dsfab.errors import DsfabError, PresetError
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset
 from tests.browser import browser, opened
+from tests.presets import DOME_MODES
 
 COARSE = {"surface.edge": 1.2}
 
@@ -118,7 +119,7 @@ def editor():
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(comm, "create_comm", Wire)
         patched.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
-        made = dsfab.edit(draft(load_preset("dome", COARSE)))
+        made = dsfab.edit(draft(load_preset(DOME_MODES, COARSE)))
         yield made
         made.close()
 

@@ -13,6 +13,7 @@ from dsfab.app.editor.opened import Opened
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset
 from tests.browser import browser, opened
+from tests.presets import DOME_MODES
 from tests.test_app_editor import serving
 
 pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
@@ -24,7 +25,7 @@ SEEN = "dsfab.viewer.mask().seen.reduce((a, b) => a + b, 0)"
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset("dome", {"surface.edge": 0.7}), ("dome",))) as made:
+    with serving(Opened(load_preset(DOME_MODES, {"surface.edge": 0.7}), ("dome",))) as made:
         yield made
 
 
@@ -461,7 +462,7 @@ def test_the_browser_sees_what_the_previewer_sees(tab):
     changes = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.keep": 0.2}
     tab.run(f"dsfab.state.set({json.dumps(changes)})")
     solved(tab)
-    ours, theirs = seen_by_both(tab, draft(load_preset("dome", {"surface.edge": 0.7, **changes})))
+    ours, theirs = seen_by_both(tab, draft(load_preset(DOME_MODES, {"surface.edge": 0.7, **changes})))
     assert (ours != theirs).sum() < 0.002 * theirs.sum()
 
 

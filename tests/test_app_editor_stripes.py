@@ -14,6 +14,7 @@ from dsfab.app.editor.session import Session
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset, overridden
 from tests.browser import browser
+from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving, unpacked, wait
 from tests.test_app_editor_page import (
     READY,
@@ -33,7 +34,7 @@ DOME = {"surface.edge": 0.7, **SPACED}
 
 @pytest.fixture(scope="module")
 def dome():
-    return draft(load_preset("dome", DOME))
+    return draft(load_preset(DOME_MODES, DOME))
 
 
 def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
@@ -50,7 +51,7 @@ def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
     np.testing.assert_allclose(np.linalg.norm(arrays["normals"], axis=1), 1, atol=1e-5)
     assert arrays["loops"].max() < surface.n
     assert sum(facts["loops"]) == len(arrays["loops"]) == len(surface.loops[0])
-    whole = unpacked(packed(*model(draft(load_preset("dome", {"surface.edge": 0.7})))))[1]
+    whole = unpacked(packed(*model(draft(load_preset(DOME_MODES, {"surface.edge": 0.7})))))[1]
     assert "uncut" not in whole
     for name in ("points", "spread", "supports", "reactions"):
         np.testing.assert_array_equal(arrays[name], whole[name])
@@ -112,7 +113,7 @@ def test_what_the_page_saves_has_its_guides():
 
 
 def test_a_change_of_widths_sends_no_mesh_again():
-    preset = load_preset("dome", {**COARSE, **SPACED, "pattern.minor.spacing": 0.8})
+    preset = load_preset(DOME_MODES, {**COARSE, **SPACED, "pattern.minor.spacing": 0.8})
     with Session(Opened(preset, ("dome",))) as session:
         wait(session.jobs, session.ask_solve({}))
         wait(session.jobs, session.ask_solve({"pattern.width.solid_fraction": 0.5}))
@@ -134,7 +135,7 @@ def test_a_change_of_widths_sends_no_mesh_again():
 
 @pytest.fixture(scope="module")
 def server():
-    with serving(Opened(load_preset("dome", DOME), ("dome",))) as made:
+    with serving(Opened(load_preset(DOME_MODES, DOME), ("dome",))) as made:
         yield made
 
 
@@ -229,7 +230,7 @@ def test_only_the_server_knows_where_other_stripes_run(page):
     solved(page)
     assert not page.run(outdated)
     assert page.run(SEEN) != before
-    ours, theirs = seen_by_both(page, draft(load_preset("dome", {**DOME, "pattern.major.spacing": 0.8})))
+    ours, theirs = seen_by_both(page, draft(load_preset(DOME_MODES, {**DOME, "pattern.major.spacing": 0.8})))
     assert alike(ours, theirs)
 
 
@@ -309,7 +310,7 @@ def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
 @pytest.mark.slow
 def test_the_measured_share_is_the_wanted_one(page):
     assert share_measured(page) == pytest.approx(40, abs=0.3)
-    assert overridden(load_preset("dome"), DOME).pattern.width.solid_fraction == 0.4
+    assert overridden(load_preset(DOME_MODES), DOME).pattern.width.solid_fraction == 0.4
 
 
 @seen_in_a_page

@@ -20,6 +20,7 @@ from dsfab.app.panels import shows
 from dsfab.app.variations import best_order, combinations, expected_seconds, short_names, spelled, varied
 from dsfab.errors import DsfabError
 from dsfab.preset_file import load_preset, parse_override, preset_toml
+from tests.presets import DOME_MODES
 
 COARSE = ["--set", "surface.edge=0.9", "--size", "160x120"]
 
@@ -85,7 +86,7 @@ def test_a_contact_sheet_and_a_page_with_every_combination(
         "diffusion.r=1,100",
         "--vary=pattern.major.mode=1,9",
     ]
-    code, out, _ = run(capsys, "explore", "dome", *COARSE, *varies, "-o", str(folder))
+    code, out, _ = run(capsys, "explore", DOME_MODES, *COARSE, *varies, "-o", str(folder))
     assert code == 0
     assert "12 variants, 6 of them impossible" in out
     # one solve serves all; each r needs its modes once
@@ -106,12 +107,12 @@ def test_a_contact_sheet_and_a_page_with_every_combination(
     assert opened(folder / "sheet.png").shape[1] > 4 * 300
     # the command builds what the picture shows
     words = shlex.split(seen.codes[4])
-    assert words[:3] == ["dsfab", "build", "dome"]
+    assert words[:3] == ["dsfab", "build", DOME_MODES]
     changes = dict(parse_override(words[i + 1]) for i, word in enumerate(words) if word == "--set")
     assert changes == {
         "surface.edge": 0.9, "pattern.major.frequency": 8, "diffusion.r": 1, "pattern.major.mode": 1,
     }  # fmt: skip
-    assert load_preset("dome", changes).pattern.major.frequency == 8
+    assert load_preset(DOME_MODES, changes).pattern.major.frequency == 8
 
 
 def _counted(stage, name: str, calls: list[str]):
@@ -127,17 +128,17 @@ def test_exploring_again_leaves_no_picture_of_the_run_before(
 ) -> None:
     (tmp_path / "005.png").write_bytes(b"mine")
     vary = "pattern.major.frequency="
-    assert run(capsys, "explore", "dome", *COARSE, "--vary", vary + "4:12:3", "-o", str(tmp_path), "-q")[0] == 0
+    assert run(capsys, "explore", DOME_MODES, *COARSE, "--vary", vary + "4:12:3", "-o", str(tmp_path), "-q")[0] == 0
     assert (tmp_path / "003.png").is_file()
-    assert run(capsys, "explore", "dome", *COARSE, "--vary", vary + "4,9", "-o", str(tmp_path), "-q")[0] == 0
+    assert run(capsys, "explore", DOME_MODES, *COARSE, "--vary", vary + "4,9", "-o", str(tmp_path), "-q")[0] == 0
     assert sorted(p.name for p in tmp_path.iterdir()) == ["001.png", "002.png", "005.png", "index.html", "sheet.png"]
     assert (tmp_path / "005.png").read_bytes() == b"mine"
 
 
 def test_another_surface_in_each_variant_is_drawn_as_itself(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    code, out, _ = run(capsys, "explore", "dome", *COARSE, "--vary", "surface.rise=2,6,-1", "-o", str(tmp_path))
+    code, out, _ = run(capsys, "explore", DOME_MODES, *COARSE, "--vary", "surface.rise=2,6,-1", "-o", str(tmp_path))
     assert code == 1 or "impossible" in out  # a dome cannot be -1 m high
-    code, out, _ = run(capsys, "explore", "dome", *COARSE, "--vary", "surface.rise=2,6", "-o", str(tmp_path))
+    code, out, _ = run(capsys, "explore", DOME_MODES, *COARSE, "--vary", "surface.rise=2,6", "-o", str(tmp_path))
     assert code == 0, out
     low, high = (_proportion(tmp_path / name) for name in ("001.png", "002.png"))
     assert high > 1.4 * low
@@ -155,7 +156,7 @@ def test_many_variants_are_asked_about_and_nothing_is_written(
 ) -> None:
     folder = tmp_path / "new"
     vary = ["--vary", "pattern.major.frequency=4:24:100", "--vary", "diffusion.r=1:100:100"]
-    told = refused(capsys, "explore", "dome", *COARSE, *vary, "-o", str(folder))
+    told = refused(capsys, "explore", DOME_MODES, *COARSE, *vary, "-o", str(folder))
     assert re.search(r"10,000 variants would take about \d+(\.\d)? (seconds|minutes|hours) and .*--yes", told)
     assert not folder.exists()
 
@@ -165,8 +166,8 @@ def test_more_than_the_limit_are_drawn_after_yes(
 ) -> None:
     monkeypatch.setattr(variants_module, "ASKS", 1)
     vary = ["--vary", "pattern.major.frequency=4,8", "-o", str(tmp_path)]
-    assert "add --yes" in refused(capsys, "explore", "dome", *COARSE, *vary)
-    assert run(capsys, "explore", "dome", *COARSE, *vary, "--yes", "-q") == (0, "", "")
+    assert "add --yes" in refused(capsys, "explore", DOME_MODES, *COARSE, *vary)
+    assert run(capsys, "explore", DOME_MODES, *COARSE, *vary, "--yes", "-q") == (0, "", "")
 
 
 @pytest.mark.parametrize(
@@ -190,7 +191,7 @@ def test_more_than_the_limit_are_drawn_after_yes(
 def test_a_mistake_in_vary_is_told_in_a_sentence(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, vary: str, told: str
 ) -> None:
-    assert told in refused(capsys, "explore", "dome", "--vary", vary, "-o", str(tmp_path / "no"))
+    assert told in refused(capsys, "explore", DOME_MODES, "--vary", vary, "-o", str(tmp_path / "no"))
     assert not (tmp_path / "no").exists()
 
 
@@ -200,7 +201,9 @@ def test_the_same_key_twice_is_refused() -> None:
 
 
 def test_all_variants_impossible_is_a_refusal(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    told = refused(capsys, "explore", "dome", *COARSE, "--vary", "pattern.major.mode=20,21", "-o", str(tmp_path / "no"))
+    told = refused(
+        capsys, "explore", DOME_MODES, *COARSE, "--vary", "pattern.major.mode=20,21", "-o", str(tmp_path / "no")
+    )
     assert "none of the 2 variants can be drawn" in told
     assert not (tmp_path / "no").exists()
 
@@ -213,7 +216,7 @@ def test_a_full_disk_leaves_the_folder_as_it_was(
 
     monkeypatch.setattr("dsfab.app.contact.save", full)
     (tmp_path / "kept.txt").write_text("kept")
-    told = refused(capsys, "explore", "dome", *COARSE, "--vary", "diffusion.r=1,10", "-o", str(tmp_path))
+    told = refused(capsys, "explore", DOME_MODES, *COARSE, "--vary", "diffusion.r=1,10", "-o", str(tmp_path))
     assert "No space left on device" in told
     assert [path.name for path in tmp_path.iterdir()] == ["kept.txt"]
 
@@ -222,7 +225,7 @@ def test_preview_writes_one_picture(capsys: pytest.CaptureFixture[str], tmp_path
     shown = {}
     for show, view in (("structure", "iso"), ("stress", "top"), ("loads", "30,20")):
         path = tmp_path / f"{show}.png"
-        code, out, _ = run(capsys, "preview", "dome", *COARSE, "--show", show, "--view", view, "-o", str(path))
+        code, out, _ = run(capsys, "preview", DOME_MODES, *COARSE, "--show", show, "--view", view, "-o", str(path))
         assert code == 0
         assert str(path) in out
         shown[show] = opened(path)
@@ -245,7 +248,7 @@ def test_preview_writes_one_picture(capsys: pytest.CaptureFixture[str], tmp_path
 def test_a_mistake_in_preview_is_told_in_a_sentence(
     capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
 ) -> None:
-    assert told in refused(capsys, "preview", "dome", "--set", "surface.edge=0.9", *arguments)
+    assert told in refused(capsys, "preview", DOME_MODES, "--set", "surface.edge=0.9", *arguments)
 
 
 def test_ranges_and_lists_are_what_they_say() -> None:
@@ -304,8 +307,8 @@ def test_text_on_a_page_cannot_become_markup() -> None:
 def test_a_film_runs_forth_and_back_over_one_key(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     vary = ["--vary", "pattern.major.frequency=4,8,12", "--fps", "10", "-o", str(tmp_path)]
     for kind in ("gif", "webp"):
-        assert run(capsys, "explore", "dome", *COARSE, *vary, "--animate", kind, "-q")[0] == 0
-        with Image.open(tmp_path / f"dome.{kind}") as film:
+        assert run(capsys, "explore", DOME_MODES, *COARSE, *vary, "--animate", kind, "-q")[0] == 0
+        with Image.open(tmp_path / f"dome_modes.{kind}") as film:
             assert film.n_frames == 4
             frames, long = [], []
             for place in range(4):
@@ -331,25 +334,34 @@ def test_a_film_runs_forth_and_back_over_one_key(capsys: pytest.CaptureFixture[s
 def test_a_film_that_makes_no_sense_is_refused(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, more: list[str], told: str
 ) -> None:
-    assert told in refused(capsys, "explore", "dome", *more, "--animate", "gif", "-o", str(tmp_path / "no"))
+    assert told in refused(capsys, "explore", DOME_MODES, *more, "--animate", "gif", "-o", str(tmp_path / "no"))
 
 
 def test_several_pictures_share_a_page(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     one, page = tmp_path / "one.png", tmp_path / "page.png"
-    assert run(capsys, "preview", "dome", *COARSE, "--show", "major_mode", "-o", str(one), "-q") == (0, "", "")
+    assert run(capsys, "preview", DOME_MODES, *COARSE, "--show", "major_mode", "-o", str(one), "-q") == (0, "", "")
     shown = ["--show", "modes,structure,utilisation"]
-    code, _, err = run(capsys, "preview", "dome", *COARSE, *shown, "-o", str(page))
+    code, _, err = run(capsys, "preview", DOME_MODES, *COARSE, *shown, "-o", str(page))
     assert code == 0
     assert "left out: utilisation: utilisation needs a strength" in err
     assert opened(page).shape == (120, 3 * 160, 3)
     assert np.array_equal(opened(page)[:, :160], opened(one))
     assert "nothing can be shown" in refused(
-        capsys, "preview", "dome", *COARSE, "--show", "directions,utilisation", "--set", "diffusion.r=1", "-o", str(one)
+        capsys,
+        "preview",
+        DOME_MODES,
+        *COARSE,
+        "--show",
+        "directions,utilisation",
+        "--set",
+        "diffusion.r=1",
+        "-o",
+        str(one),
     )
 
 
 def test_all_shows_what_the_preset_asks_for() -> None:
-    plain, strong = load_preset("dome"), load_preset("dome", {"statics.strength": 3e6})
+    plain, strong = load_preset(DOME_MODES), load_preset(DOME_MODES, {"statics.strength": 3e6})
     assert {"structure", "families", "loads", "stress", "displacement"} <= set(shows("all", plain))
     assert set(shows("all", strong)) - set(shows("all", plain)) == {"utilisation"}
     assert shows("deflection,displacement", plain) == ("displacement",)
@@ -359,32 +371,32 @@ def test_all_shows_what_the_preset_asks_for() -> None:
 
 def test_transparent_ground_keeps_the_shadows(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "clear.png"
-    assert run(capsys, "preview", "dome", *COARSE, "--ground", "transparent", "-o", str(path), "-q")[0] == 0
+    assert run(capsys, "preview", DOME_MODES, *COARSE, "--ground", "transparent", "-o", str(path), "-q")[0] == 0
     clear = opened(path).astype(int)
     assert clear.shape == (120, 160, 4)
     assert (clear[0, :, 3] == 0).all()
     shadow = (clear[:, :, 3] > 10) & (clear[:, :, 3] < 200)
     assert 0.02 < shadow.mean() < 0.6
-    assert run(capsys, "preview", "dome", *COARSE, "--ground", "white", "-o", str(path), "-q")[0] == 0
+    assert run(capsys, "preview", DOME_MODES, *COARSE, "--ground", "white", "-o", str(path), "-q")[0] == 0
     white = opened(path).astype(int)
     assert (white[0] == 255).all()
     over = clear[:, :, :3] * (clear[:, :, 3:] / 255) + 255 - clear[:, :, 3:]
     assert np.abs(over - white).mean() < 1.5  # laid on white it is the white one
-    assert "ground 'lawn' is not known" in refused(capsys, "preview", "dome", *COARSE, "--ground", "lawn")
+    assert "ground 'lawn' is not known" in refused(capsys, "preview", DOME_MODES, *COARSE, "--ground", "lawn")
 
 
 def test_reactions_are_a_layer(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     shown = {}
     for layers in ("none", "reactions", "all"):
         path = tmp_path / f"{layers}.png"
-        code, _, err = run(capsys, "preview", "dome", *COARSE, "--layers", layers, "-o", str(path), "-q")
+        code, _, err = run(capsys, "preview", DOME_MODES, *COARSE, "--layers", layers, "-o", str(path), "-q")
         assert code == 0, err
         picture = opened(path).astype(int)
         red, green, blue = (picture[:, :, k] for k in range(3))
         shown[layers] = int(((red - green > 30) & (blue - green > 30)).sum())  # purple
     assert shown["none"] == 0
     assert min(shown["reactions"], shown["all"]) > 20
-    assert "--layers 'birds' is not known" in refused(capsys, "preview", "dome", "--layers", "loads,birds")
+    assert "--layers 'birds' is not known" in refused(capsys, "preview", DOME_MODES, "--layers", "loads,birds")
 
 
 def test_where_loads_are_a_picture_of_their_own_their_arrows_are_on_it_alone(
@@ -409,7 +421,7 @@ def test_a_watched_file_is_drawn_when_it_is_saved_and_mistakes_are_told(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file, path = tmp_path / "mine.toml", tmp_path / "mine.png"
-    good = preset_toml(load_preset("dome", {"surface.edge": 0.9}))
+    good = preset_toml(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     steps = iter(
         [
             lambda: file.write_text(good.replace("frequency = ", "frequenzy = ", 1)),

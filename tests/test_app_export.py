@@ -11,6 +11,7 @@ from dsfab.app.cli import main
 from dsfab.preset_file import load_preset
 from dsfab.study.check_model import uncut_model
 from tests.calculix import ccx, needs_ccx, solved
+from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 from tests.test_app_cli import refused, run
 
 DOME = ["--set", "surface.edge=0.9"]
@@ -26,7 +27,7 @@ def header(path: Path) -> str:
 @pytest.mark.parametrize(
     ("arguments", "within"),
     [
-        (["barrel_vault", *VAULT], 0.03),
+        ([BARREL_VAULT_MODES, *VAULT], 0.03),
         (["cantilever", *CANTILEVER], 1e-3),
         (["cantilever", *CANTILEVER, "--sheet", "cut"], 1e-3),
     ],
@@ -71,7 +72,7 @@ def test_supports_of_a_preset_are_sets_of_their_own(capsys, tmp_path):
 
 def test_cut_curved_sheets_are_written_with_a_warning(capsys, tmp_path):
     path = tmp_path / "cut.inp"
-    code, said, _ = run(capsys, "export", "dome", *DOME, "--to", "calculix", "--sheet", "cut", "-o", str(path))
+    code, said, _ = run(capsys, "export", DOME_MODES, *DOME, "--to", "calculix", "--sheet", "cut", "-o", str(path))
     assert code == 0
     assert "warning: S6 shells are unreliable on cut curved sheets" in said
     assert "WARNING: S6 shells are unreliable" in header(path)
@@ -80,28 +81,28 @@ def test_cut_curved_sheets_are_written_with_a_warning(capsys, tmp_path):
 
 def test_a_preset_goes_to_the_folder_of_its_build(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code, said, err = run(capsys, "export", "dome", *DOME, "--to", "calculix", "--quiet")
+    code, said, err = run(capsys, "export", DOME_MODES, *DOME, "--to", "calculix", "--quiet")
     assert (code, said, err) == (0, "", "")
-    assert [str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")] == ["outputs/dome/dome.inp"]
+    assert [str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*.*")] == ["outputs/dome_modes/dome_modes.inp"]
 
 
 def test_a_built_folder_is_exported_again_in_another_format(capsys, tmp_path):
     built = tmp_path / "built"
-    assert run(capsys, "build", "dome", *DOME, "--format", "stl", "--no-picture", "-o", str(built))[0] == 0
+    assert run(capsys, "build", DOME_MODES, *DOME, "--format", "stl", "--no-picture", "-o", str(built))[0] == 0
     assert run(capsys, "export", str(built), "--to", "obj")[0] == 0
     facts = json.loads((built / "design.json").read_text())
-    volume = trimesh.load(built / "dome.obj").volume / 1e9
+    volume = trimesh.load(built / "dome_modes.obj").volume / 1e9
     assert volume == pytest.approx(facts["solid"]["volume_m3"], rel=1e-3)
     assert run(capsys, "export", str(built), "--to", "stl", "-o", str(tmp_path / "again.stl"))[0] == 0
-    assert (tmp_path / "again.stl").read_bytes() == (built / "dome.stl").read_bytes()
+    assert (tmp_path / "again.stl").read_bytes() == (built / "dome_modes.stl").read_bytes()
     assert run(capsys, "export", str(built), "--to", "calculix")[0] == 0
-    assert "TYPE=S6" in (built / "dome.inp").read_text()
+    assert "TYPE=S6" in (built / "dome_modes.inp").read_text()
 
 
 @pytest.mark.parametrize(("sheet", "share"), [("uncut", 1.0), ("cut", None)])
 def test_sheets_in_place_of_the_solid(sheet, share, capsys, tmp_path):
     path = tmp_path / "sheet.ply"
-    assert run(capsys, "export", "dome", *DOME, "--sheet", sheet, "-o", str(path))[0] == 0
+    assert run(capsys, "export", DOME_MODES, *DOME, "--sheet", sheet, "-o", str(path))[0] == 0
     mesh = trimesh.load(path)
     assert not mesh.is_watertight
     assert 100e6 * 0.3 < mesh.area < 180e6
@@ -120,9 +121,9 @@ def test_sheets_in_place_of_the_solid(sheet, share, capsys, tmp_path):
         (["domme", "--to", "calculix"], "did you mean dome?"),
         (["empty", "--to", "stl"], "empty has no preset.toml, so dsfab did not build it"),
         (["roof", "--to", "calculix"], "roof.obj"),
-        (["dome", "--to", "calculix", "--set", "surface.support.0.hold='z'"], "the supports do not stop it"),
+        ([DOME_MODES, "--to", "calculix", "--set", "surface.support.0.hold='z'"], "the supports do not stop it"),
         (["dome", "--to", "calculix", "--set", "statics.thickness=0"], "statics.thickness"),
-        (["dome", *DOME, "--to", "calculix", "-o", "file/dome.inp"], "cannot make the folder file"),
+        ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "cannot make the folder file"),
     ],
 )  # fmt: skip
 def test_mistakes_are_told_in_one_sentence(arguments, words, capsys, tmp_path, monkeypatch):
@@ -134,7 +135,7 @@ def test_mistakes_are_told_in_one_sentence(arguments, words, capsys, tmp_path, m
 
 
 def test_wrong_words_for_the_sheet_are_wrong_usage(capsys):
-    assert main(["export", "dome", "--to", "calculix", "--sheet", "half"]) == 2
+    assert main(["export", DOME_MODES, "--to", "calculix", "--sheet", "half"]) == 2
     assert "uncut" in capsys.readouterr().err
 
 

@@ -11,12 +11,13 @@ from dsfab.app.previewer import TRIAL, Previewer
 from dsfab.design import Draft
 from dsfab.errors import DsfabError
 from dsfab.pipeline import draft
+from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.7, "diffusion.modes": 5, "statics.bending": "midedge"}
 
 
 def made(**changes) -> Draft:
-    return draft(load_preset("dome", {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
+    return draft(load_preset(DOME_MODES, {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
 
 
 @pytest.fixture(scope="module")

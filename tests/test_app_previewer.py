@@ -23,6 +23,7 @@ from dsfab.pipeline import draft, run
 from dsfab.preset_file import load_preset, overridden
 from dsfab.slicing import cut
 from dsfab.surface import Surface
+from tests.presets import DOME_MODES, GLOBE_MODES
 
 SIZE = (480, 360)
 MOST = 1e-3
@@ -31,7 +32,7 @@ MOST = 1e-3
 
 @pytest.fixture(scope="module")
 def dome() -> Draft:
-    return draft(load_preset("dome", {"surface.edge": 0.5, "pattern.width": {}}))
+    return draft(load_preset(DOME_MODES, {"surface.edge": 0.5, "pattern.width": {}}))
 
 
 def exact(previewer: Previewer, surface: Surface) -> np.ndarray:
@@ -82,7 +83,7 @@ def test_modes_and_phases_that_were_chosen_are_drawn() -> None:
 
 
 def test_a_closed_surface_agrees_too() -> None:
-    made = draft(load_preset("globe", {"pattern.width": {"rule": "graded"}, "pattern.rim": 0.1}))
+    made = draft(load_preset(GLOBE_MODES, {"pattern.width": {"rule": "graded"}, "pattern.rim": 0.1}))
     with Previewer(made, marks=False, view="20,30") as previewer:
         assert difference(made, previewer) < MOST
 
@@ -206,7 +207,7 @@ def test_stress_is_coloured_by_sign_and_again_for_other_loads(dome: Draft) -> No
 
 
 def test_a_finished_design_can_be_previewed_too() -> None:
-    design = run(load_preset("dome", {"surface.edge": 0.9}))
+    design = run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     with Previewer(design, marks=False) as previewer:
         assert previewer.mask(SIZE).any()
         assert previewer._repr_png_().startswith(b"\x89PNG")

@@ -11,6 +11,7 @@ from dsfab.design import Draft
 from dsfab.errors import DsfabError
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset, overridden
+from tests.presets import DOME_MODES, GLOBE_MODES
 from tests.test_app_previewer import MOST, SIZE, difference, exact
 
 EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}
@@ -19,13 +20,13 @@ DOME = {**EVEN, "surface.edge": 0.5, "pattern.major.spacing": 1.1, "pattern.mino
 
 @pytest.fixture(scope="module")
 def dome() -> Draft:
-    return draft(load_preset("dome", DOME))
+    return draft(load_preset(DOME_MODES, DOME))
 
 
 @pytest.fixture(scope="module")
 def globe() -> Draft:
     both = {"pattern.major.spacing": 0.2, "pattern.minor.spacing": 0.2}
-    return draft(load_preset("globe", {**EVEN, **both}))
+    return draft(load_preset(GLOBE_MODES, {**EVEN, **both}))
 
 
 RULES = {
@@ -120,7 +121,7 @@ def test_light_shows_no_seam(globe: Draft) -> None:
 def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Draft) -> None:
     """The picture of normals, bytes, is that of the uncut surface but for rounding."""
     seen = []
-    for made in (dome, draft(load_preset("dome", {"surface.edge": 0.5}))):
+    for made in (dome, draft(load_preset(DOME_MODES, {"surface.edge": 0.5}))):
         with Previewer(made, show="loads", marks=False) as previewer:
             pixels = previewer._scene.pixels(previewer._view(SIZE, True), *SIZE)
             seen.append((np.isfinite(pixels.depth), pixels.normal.astype(int)))
@@ -139,7 +140,7 @@ def test_what_is_on_no_mode_shows_none(dome: Draft) -> None:
 
 @pytest.mark.parametrize("show", ["loads", "displacement", "directions", "vonmises"])
 def test_the_whole_sheet_is_whole(dome: Draft, show: str) -> None:
-    on_modes = draft(load_preset("dome", {"surface.edge": 0.5}))
+    on_modes = draft(load_preset(DOME_MODES, {"surface.edge": 0.5}))
     with Previewer(dome, show=show) as striped, Previewer(on_modes, show=show) as plain:
         one, two = striped.mask(SIZE), plain.mask(SIZE)
         assert (one != two).sum() <= 2e-4 * two.sum()

@@ -27,6 +27,7 @@ from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset, overridden
 from dsfab.study.paper import FIGURES
 from dsfab.surface.hats import voronoi_mass
+from tests.presets import DOME_MODES
 from tests.zoo import grid, sphere
 
 TWO = ("hanging_bar", "sphere")
@@ -220,7 +221,7 @@ def test_a_field_becomes_as_large_as_a_mode():
 
 @pytest.fixture(scope="module")
 def dome():
-    return draft(load_preset("dome", {"surface.edge": 0.7, "statics.bending": "midedge"}))
+    return draft(load_preset(DOME_MODES, {"surface.edge": 0.7, "statics.bending": "midedge"}))
 
 
 @pytest.mark.parametrize("show", ["directions", "major_mode", "minor_mode"])

@@ -20,6 +20,7 @@ from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.plan_file import plan_from
 from dsfab.study.sweeps.worker import Outcome
+from tests.presets import DOME_MODES
 from tests.test_study_sweep_folder import Hands
 
 COARSE = ("--set", "surface.edge=1.2", "--set", "pattern.keep=0.5", "--set", "pattern.width={}")
@@ -51,9 +52,9 @@ def refused(capsys, *words: str) -> str:
 
 
 def test_a_sweep_from_the_command_line(here, capsys):
-    code, out, err = run(capsys, "dome", *COARSE, *PHASES, *CHEAP, "--constraint", "pieces == 1")
+    code, out, err = run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "--constraint", "pieces == 1")
     assert code == 0
-    folder = here / "outputs" / "dome-sweep"
+    folder = here / "outputs" / "dome_modes-sweep"
     assert {path.name for path in folder.iterdir()} >= {
         "sweep.toml",
         "preset.toml",
@@ -70,12 +71,13 @@ def test_a_sweep_from_the_command_line(here, capsys):
 
 def test_a_sweep_file_and_the_command_line_say_the_same(here, capsys):
     Path("mine.toml").write_text(
-        'preset = "dome"\nmetrics = ["kept_share", "pieces"]\nkeep = []\n'
+        f"preset = '{DOME_MODES}'\n"
+        'metrics = ["kept_share", "pieces"]\nkeep = []\n'
         "[set]\nsurface.edge = 1.2\npattern.keep = 0.5\n"
         '"pattern.width" = {}\n[vary]\npattern.major.phase = { from = 0.0, to = 0.6, count = 4 }\n'
     )
     assert run(capsys, "mine.toml", "-o", "one", "-q")[0] == 0
-    assert run(capsys, "dome", *COARSE, *PHASES, *CHEAP, "-o", "two", "-q")[0] == 0
+    assert run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "two", "-q")[0] == 0
     assert Path("one/sweep.toml").read_text() == Path("two/sweep.toml").read_text()
     assert Path("one/preset.toml").read_text() == Path("two/preset.toml").read_text()
     results = [[row.metrics for row in SweepFolder.at(Path(name)).rows()] for name in ("one", "two")]
@@ -83,11 +85,11 @@ def test_a_sweep_file_and_the_command_line_say_the_same(here, capsys):
 
 
 def test_quiet_says_nothing(here, capsys):
-    assert run(capsys, "dome", *COARSE, *PHASES, *CHEAP, "-q") == (0, "", "")
+    assert run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-q") == (0, "", "")
 
 
 def test_the_folder_goes_on_and_can_be_extended(here, capsys):
-    run(capsys, "dome", *COARSE, *PHASES, *CHEAP, "-o", "s")
+    run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s")
     code, out, err = run(capsys, "s")
     assert (code, "4 runs: 4 done" in out) == (0, True)
     assert "4 done, 0 failed, 0 left" in err
@@ -98,7 +100,7 @@ def test_the_folder_goes_on_and_can_be_extended(here, capsys):
 
 def test_pictures_contact_sheet_and_page(here, capsys):
     words = ("--metric", "compliance_quick,sheet_mass,pieces", "--size", "160x120", "--vary", "pattern.major.mode=1,40")
-    assert run(capsys, "dome", *COARSE, *words, "-o", "s")[0] == 0
+    assert run(capsys, DOME_MODES, *COARSE, *words, "-o", "s")[0] == 0
     with Image.open("s/pictures/00001.png") as picture:
         assert picture.size == (160, 120)
         assert len(set(picture.convert("L").resize((16, 12)).tobytes())) > 5
@@ -121,7 +123,7 @@ def test_designs_of_one_surface_are_drawn_at_one_place():
     drawer, masks = SheetDrawer((160, 120), "top"), []
     for share in (0.3, 0.6):
         changes = {"surface.edge": 1.2, "pattern.keep": 0.5, "pattern.width": {"solid_fraction": share}}
-        image = Image.open(io.BytesIO(drawer(Making.of(load_preset("dome", changes)))))
+        image = Image.open(io.BytesIO(drawer(Making.of(load_preset(DOME_MODES, changes)))))
         masks.append(np.asarray(image.convert("L")) < 200)
     edges = [[(mask.any(axis=a).argmax(), mask.any(axis=a)[::-1].argmax()) for a in (0, 1)] for mask in masks]
     assert np.abs(np.array(edges[0]) - edges[1]).max() <= 2
@@ -130,7 +132,7 @@ def test_designs_of_one_surface_are_drawn_at_one_place():
 @pytest.mark.slow
 def test_the_best_runs_and_the_build_of_one(here, capsys):
     only_stl = ("--set", "export.formats=['stl']")
-    run(capsys, "dome", *COARSE, *only_stl, *PHASES, *CHEAP, "-o", "s", "--constraint", "kept_share <= 0.999")
+    run(capsys, DOME_MODES, *COARSE, *only_stl, *PHASES, *CHEAP, "-o", "s", "--constraint", "kept_share <= 0.999")
     code, out, _ = run(capsys, "s", "--best", "2", "--by", "kept_share")
     assert code == 0
     lines = out.splitlines()
@@ -144,13 +146,17 @@ def test_the_best_runs_and_the_build_of_one(here, capsys):
     built = Path("s/built") / f"{number:05}"
     facts = json.loads((built / "design.json").read_text())
     assert facts["sheet"]["kept_share"] == rows[number - 1].metrics["kept_share"]
-    assert (built / "dome.stl").is_file()
+    assert (built / "dome_modes.stl").is_file()
 
 
 def test_kept_solids_and_sheets(here, capsys):
     words = ("--metric", "area", "--keep", "sheet", "--export", "stl,glb", "--vary", "pattern.major.phase=0.1")
-    assert run(capsys, "dome", *COARSE, *words, "-o", "s")[0] == 0
-    assert sorted(path.name for path in Path("s/designs/00001").iterdir()) == ["dome.glb", "dome.stl", "sheet.ply"]
+    assert run(capsys, DOME_MODES, *COARSE, *words, "-o", "s")[0] == 0
+    assert sorted(path.name for path in Path("s/designs/00001").iterdir()) == [
+        "dome_modes.glb",
+        "dome_modes.stl",
+        "sheet.ply",
+    ]
 
 
 REFUSALS = {
@@ -180,7 +186,7 @@ def test_refusals(what, here, capsys):
 
 
 def test_questions_that_a_sweep_cannot_answer(here, capsys):
-    run(capsys, "dome", *COARSE, *PHASES, *CHEAP, "-o", "s", "--constraint", "pieces == 99")
+    run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s", "--constraint", "pieces == 99")
     assert "there is no run 9; s has runs 1 to 4" in refused(capsys, "s", "--build", "9")
     assert "'mass' was not measured" in refused(capsys, "s", "--best", "1", "--by", "mass")
     assert "no run of s is done and meets pieces == 99" in refused(capsys, "s", "--best", "1", "--by", "kept_share")

@@ -12,9 +12,10 @@ from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan_file import plan_from
 from dsfab.study.sweeps.store import Row
 from tests.browser import browser, opened
+from tests.presets import DOME_MODES
 
 ASKED = {
-    "preset": "dome",
+    "preset": DOME_MODES,
     "vary": {
         "pattern.major.frequency": {"from": 4.0, "to": 12.0},
         "pattern.width.rule": ["plain", "constant", "graded"],
@@ -47,7 +48,7 @@ def rows(count: int) -> list[Row]:
 
 
 def folder_at(path) -> SweepFolder:
-    return SweepFolder(path, plan_from(ASKED), load_preset("dome"))
+    return SweepFolder(path, plan_from(ASKED), load_preset(DOME_MODES))
 
 
 def test_the_page_holds_every_run_and_asks_nobody_for_anything(tmp_path):
@@ -100,7 +101,7 @@ def shown(tab) -> int:
 
 @needs_browser
 def test_it_begins_with_the_best_and_shows_what_failed(tab):
-    assert tab.run("document.getElementById('title').textContent") == "dome"
+    assert tab.run("document.getElementById('title').textContent") == "dome_modes"
     line = tab.run("document.getElementById('line').textContent")
     assert line == "5000 runs: 4900 done, 100 failed; 4400 meet pieces == 1"
     assert tab.run("document.querySelector('#detail h2').textContent") == "Run 7"

@@ -19,6 +19,7 @@ from dsfab.slicing import cut
 from dsfab.slicing.lines import centre_lines, edge_lines
 from dsfab.study.delivery import delivered
 from dsfab.surface.lines import Line, _from_segment, polyline_length
+from tests.presets import DOME_MODES
 from tests.zoo import grid, lifted
 
 
@@ -163,7 +164,7 @@ def test_a_line_that_lies_elsewhere_or_has_another_name_is_noticed():
 
 
 def test_a_design_gives_curves_its_exact_lines_and_tables_simplified_ones():
-    design = run(load_preset("dome", {"surface.edge": 0.9}))
+    design = run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {suffix for suffix, form in FORMATS.items() if form.curves} == {".dxf", ".3dm", ".lines.step"}
     exact, fewer = (delivered(design, suffix)[1]["details"] for suffix in (".dxf", ".csv"))
     assert exact.tolerance == fewer.tolerance > 0

@@ -15,6 +15,7 @@ from dsfab.study.delivery import delivered
 from dsfab.study.fields import design_fields
 from dsfab.study.lines import design_lines
 from dsfab.surface.lines import Line
+from tests.presets import DOME_MODES
 from tests.test_export import box
 from tests.test_export_lines import ARCHED, FLAT
 from tests.zoo import grid
@@ -29,7 +30,7 @@ def design():
 
 @pytest.fixture(scope="module")
 def dome():
-    return run(load_preset("dome", {"surface.edge": 0.9}))
+    return run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
 
 
 @pytest.fixture
@@ -84,7 +85,7 @@ def test_without_rhino3dm_one_sentence_says_how_to_install_it_before_any_work(tm
     with pytest.raises(ExportError) as caught:
         write(box(), tmp_path / "a.3dm")
     assert str(caught.value) == said
-    for command in (["export", "dome", "--to", "3dm"], ["build", "dome", "--format", "stl,3dm"]):
+    for command in (["export", DOME_MODES, "--to", "3dm"], ["build", "dome", "--format", "stl,3dm"]):
         assert main([*command, "-o", str(tmp_path / "a.3dm")]) == 1
         out, err = capsys.readouterr()
         assert (out, err) == ("", f"dsfab: {said}\n")
@@ -155,15 +156,13 @@ def test_a_vtu_file_with_other_values_is_not_kept(tmp_path, monkeypatch):
 
 
 def test_stresses_of_every_case_have_a_name():
-    from dsfab.preset_file import load_preset as load
-
     cases = {
         "surface.load": [
             {"kind": "self_weight", "case": "dead"},
             {"kind": "pressure", "pressure": 500.0, "case": "snow"},
         ]
     }
-    fields = design_fields(run(load("dome", {"surface.edge": 1.2, **cases})))
+    fields = design_fields(run(load_preset(DOME_MODES, {"surface.edge": 1.2, **cases})))
     assert {"displacement dead [m]", "displacement snow [m]", "stress snow [Pa]"} <= set(fields)
     assert "displacement [m]" not in fields
 

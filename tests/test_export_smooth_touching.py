@@ -17,6 +17,7 @@ from dsfab.export.smooth.solid import Piece, Skin
 from dsfab.export.smooth.splines import Spline, straight
 from dsfab.export.smooth.touching import crossings
 from dsfab.study.curved import curved_design
+from tests.presets import DOME_MODES
 
 
 def outline(*corners):
@@ -72,7 +73,7 @@ def test_corners_of_the_mesh_that_are_farther_from_an_edge_than_the_solid_may_be
 @pytest.mark.slow
 def test_seams_that_cross_at_a_corner_of_the_domes_charts_are_followed_more_closely():
     """OCCT made no triangles of that skin, and said of no edge that it was the reason."""
-    design = dsfab.run(dsfab.load_preset("dome"))
+    design = dsfab.run(dsfab.load_preset(DOME_MODES))
     built = plan_of(design)
     piece, level = built.model.pieces[0], {}
     assert 1 <= len(crossings(piece)) <= 4

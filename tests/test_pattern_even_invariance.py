@@ -17,6 +17,7 @@ from dsfab.slicing import cut
 from dsfab.statics import Material, solve_statics, stress
 from dsfab.surface import LoadCase, Surface, read_surface
 from tests.meshes import mesh_file
+from tests.presets import DOME_MODES
 from tests.zoo import grid, jittered, sphere
 
 TURN = Rotation.from_euler("xyz", [31, -57, 123], degrees=True).as_matrix()
@@ -43,7 +44,7 @@ class Case:
         for name, spacing in zip(("major", "minor"), self.spacing, strict=True):
             asked |= {f"pattern.{name}.spacing": spacing, f"pattern.{name}.frequency": 0.0, f"pattern.{name}.mode": 1}
             asked |= {f"pattern.{name}.phase": 0.0, f"pattern.{name}.threshold": 0.5}
-        return overridden(load_preset("dome"), asked | self.more)
+        return overridden(load_preset(DOME_MODES), asked | self.more)
 
     @cached_property
     def statics(self) -> StaticsResult:

@@ -23,6 +23,7 @@ from dsfab.slicing.pattern_quality import pattern_quality
 from dsfab.study import compare
 from dsfab.study.sweeps import METRICS
 from dsfab.surface import Surface
+from tests.presets import DOME_MODES
 
 EVEN = {
     "pattern.method": "stripes",
@@ -205,12 +206,12 @@ def test_nothing_drawn_is_no_mistake():
 
 @pytest.fixture(scope="module")
 def modes():
-    return draft(load_preset("dome"))
+    return draft(load_preset(DOME_MODES))
 
 
 @pytest.fixture(scope="module")
 def even():
-    return draft(load_preset("dome", EVEN))
+    return draft(load_preset(DOME_MODES, EVEN))
 
 
 def test_the_dome_on_modes_has_houses_and_slits(modes):
@@ -247,13 +248,13 @@ def test_measures_are_metrics_of_sweeps(modes, even):
 
 def test_even_stripes_have_their_width():
     wide = {**EVEN, "pattern.width": {"rule": "constant", "member": 0.25}}
-    assert METRICS["min_width"](draft(load_preset("dome", wide))) == pytest.approx(0.25, rel=0.1)
+    assert METRICS["min_width"](draft(load_preset(DOME_MODES, wide))) == pytest.approx(0.25, rel=0.1)
 
 
 def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsys):
     folder = tmp_path / "out"
     few = ("surface.edge=0.8", "pattern.keep=0.5")
-    assert build("dome", set_=few, output=folder, format_="stl", picture=False) == 0
+    assert build(DOME_MODES, set_=few, output=folder, format_="stl", picture=False) == 0
     told = capsys.readouterr().out.split("\n")
     facts = json.loads((folder / "design.json").read_text())["pattern"]
     lines = list(quality_lines(facts))
@@ -265,7 +266,7 @@ def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsy
 
 
 def test_reports_and_the_editor_have_them_too(modes):
-    compared = compare(run(load_preset("dome", {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
+    compared = compare(run(load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
     assert compared.pattern is not None
     table = pattern_table(compared.pattern, Numbers())
     assert [len(row) for row in table.rows] == [3] * 7

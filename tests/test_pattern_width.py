@@ -23,6 +23,7 @@ from dsfab.pattern import (
     wave,
 )
 from dsfab.slicing import cut
+from tests.presets import DOME_MODES, GLOBE_MODES, on_modes
 from tests.zoo import ZOO, grid, jittered, zoo
 
 COARSE = {
@@ -34,11 +35,11 @@ COARSE = {
 
 @pytest.fixture(scope="module")
 def coarse():
-    return {name: dsfab.run(dsfab.load_preset(name, changes)) for name, changes in COARSE.items()}
+    return {name: dsfab.run(dsfab.load_preset(on_modes(name), changes)) for name, changes in COARSE.items()}
 
 
 def with_width(design, name, **width):
-    return dsfab.revise(design, dsfab.load_preset(name, {**COARSE[name], "pattern.width": width}))
+    return dsfab.revise(design, dsfab.load_preset(on_modes(name), {**COARSE[name], "pattern.width": width}))
 
 
 def kept_share(design) -> float:
@@ -337,7 +338,7 @@ def test_cells_agree_with_the_wave_and_the_carried_half_widths(coarse, width):
     """What a shader draws: material where p(z) > 1 - 4 d, z and d linear over each face."""
     design = coarse["globe"]
     changes = {f"pattern.width.{k}": v for k, v in width.items()} | {"slicing.snap": 0.0, "pattern.keep": 0.0}
-    design = dsfab.revise(design, dsfab.load_preset("globe", COARSE["globe"] | changes))
+    design = dsfab.revise(design, dsfab.load_preset(GLOBE_MODES, COARSE["globe"] | changes))
     cells, pattern = design.slicing.cells, design.pattern
     assert pattern.names == ("major", "minor")
     value = []
@@ -388,7 +389,7 @@ def test_widths_restart_at_the_pattern_and_give_the_fresh_design(coarse):
 )
 def test_impossible_presets_are_refused_with_their_key(changes, says):
     with pytest.raises(PresetError, match=says):
-        dsfab.load_preset("dome", {"pattern.width": changes})
+        dsfab.load_preset(DOME_MODES, {"pattern.width": changes})
 
 
 def test_evenly_spaced_members_of_one_width_leave_no_slit_where_they_crowd():

@@ -1,5 +1,7 @@
 """The whole line: every preset to a proven solid, revisions that reuse, and the numbers recorded for each preset."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,6 +11,15 @@ from dsfab.errors import DsfabError
 from dsfab.pipeline import PARTS, ROWS, TIMED
 from dsfab.preset import STAGES
 from tests.meshes import mesh_file
+from tests.presets import (
+    BARREL_VAULT_MODES,
+    DOME_MODES,
+    FIGURINE_MODES,
+    GLOBE_MODES,
+    ROOF_MODES,
+    SPHERE_GRADED_MODES,
+    on_modes,
+)
 
 SMALL = {
     "dome": {"surface.edge": 0.5, "pattern.width": {}},
@@ -30,7 +41,7 @@ TORUS = {
 
 @pytest.fixture(scope="module")
 def small():
-    return {name: dsfab.run(dsfab.load_preset(name, changes)) for name, changes in SMALL.items()}
+    return {name: dsfab.run(dsfab.load_preset(on_modes(name), changes)) for name, changes in SMALL.items()}
 
 
 def judged(design) -> None:
@@ -50,10 +61,18 @@ def test_every_shape_gives_a_closed_solid_whose_volume_is_area_times_thickness(s
     judged(small[name])
 
 
+def _stem(value) -> str | None:
+    return Path(value).stem if isinstance(value, str) else None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "vertices", "kept", "genus"),
     [
+        (DOME_MODES, 2509, 0.400, 300),
+        (GLOBE_MODES, 2892, 0.450, 316),
+        (BARREL_VAULT_MODES, 2464, 0.369, 56),
+        (SPHERE_GRADED_MODES, 4002, 0.500, 552),
         ("dome", 2509, 0.400, 300),
         ("globe", 2892, 0.450, 316),
         ("barrel_vault", 2464, 0.369, 56),
@@ -63,8 +82,9 @@ def test_every_shape_gives_a_closed_solid_whose_volume_is_area_times_thickness(s
         ("sphere_graded", 4002, 0.500, 552),
         ("snow_vault", 2623, 0.450, 169),
     ],
+    ids=_stem,
 )
-def test_shipped_presets_keep_their_recorded_numbers(name, vertices, kept, genus):
+def test_presets_keep_their_recorded_numbers(name, vertices, kept, genus):
     design = dsfab.run(dsfab.load_preset(name))
     judged(design)
     assert design.surface.n == vertices
@@ -80,19 +100,22 @@ def test_shipped_presets_keep_their_recorded_numbers(name, vertices, kept, genus
 @pytest.mark.parametrize(
     ("preset", "file", "changes"),
     [
+        (FIGURINE_MODES, "bob.obj", {}),
+        (ROOF_MODES, "hypar.obj", {}),
         ("figurine", "bob.obj", {}),
         ("figurine", "spot.obj", {}),
         ("roof", "hypar.obj", {}),
         ("roof", "roof_with_opening.obj", {}),
         ("roof", "Botanic.obj", {"statics.thickness": 0.1}),
     ],
+    ids=_stem,
 )
 def test_real_surfaces_give_proven_solids(preset, file, changes):
     judged(dsfab.run(dsfab.load_preset(preset, changes, mesh=mesh_file(file))))
 
 
 def test_same_preset_same_solid(small):
-    again = dsfab.run(dsfab.load_preset("dome", SMALL["dome"]))
+    again = dsfab.run(dsfab.load_preset(DOME_MODES, SMALL["dome"]))
     assert np.array_equal(again.solid.V, small["dome"].solid.V)
     assert np.array_equal(again.solid.F, small["dome"].solid.F)
 
@@ -110,7 +133,7 @@ def test_same_preset_same_solid(small):
     ],
 )
 def test_revise_remakes_the_changed_stage_and_reuses_all_before(small, changes, first):
-    old, preset = small["dome"], dsfab.load_preset("dome", {**SMALL["dome"], **changes})
+    old, preset = small["dome"], dsfab.load_preset(DOME_MODES, {**SMALL["dome"], **changes})
     new = dsfab.revise(old, preset)
     made = len(STAGES) if first is None else STAGES.index(first)
     for i, stage in enumerate(("surface", "statics", "diffusion", "pattern", "slicing")):
@@ -124,7 +147,7 @@ def test_revise_remakes_the_changed_stage_and_reuses_all_before(small, changes, 
 
 def test_every_stage_is_announced_in_order_and_timed(small):
     said = []
-    design = dsfab.run(dsfab.load_preset("dome", SMALL["dome"]), lambda stage, doing: said.append((stage, doing)))
+    design = dsfab.run(dsfab.load_preset(DOME_MODES, SMALL["dome"]), lambda stage, doing: said.append((stage, doing)))
     assert [stage for stage, _ in said] == ["surface", "statics", "diffusion", "pattern", "slicing", "thickening"]
     assert all(doing for _, doing in said)
     rows = {row for rows in (*ROWS.values(), *PARTS.values()) for row in rows}
@@ -150,15 +173,15 @@ def test_kept_share_without_kept_regions_is_that_of_two_independent_families():
 @pytest.mark.parametrize("threshold", [-1.0, 1.0])
 def test_one_family_can_be_all_or_nothing(threshold):
     changes = {**SMALL["dome"], "pattern.minor.threshold": threshold, "slicing.loose": "keep"}
-    design = dsfab.run(dsfab.load_preset("dome", changes))
+    design = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     whole = design.sheet.surface.area == pytest.approx(design.surface.area, rel=1e-12)
     assert whole == (threshold == -1.0)
 
 
 def test_loose_pieces_are_dropped_and_told_or_kept_on_request():
     changes = {**SMALL["dome"], "pattern.minor.threshold": 1.0, "pattern.keep": 0.3}
-    dropped = dsfab.run(dsfab.load_preset("dome", changes))
-    kept = dsfab.run(dsfab.load_preset("dome", {**changes, "slicing.loose": "keep"}))
+    dropped = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
+    kept = dsfab.run(dsfab.load_preset(DOME_MODES, {**changes, "slicing.loose": "keep"}))
     assert all(piece.held for piece in dropped.slicing.pieces)
     assert len(kept.slicing.pieces) > len(dropped.slicing.pieces)
     assert not all(piece.held for piece in kept.slicing.pieces)
@@ -174,7 +197,7 @@ def test_a_load_on_removed_material_is_told():
     seen = set()
     for phase in (0.0, 0.25, 0.5, 0.75):
         phases = {"pattern.major.phase": phase, "pattern.minor.phase": 0.3}
-        design = dsfab.run(dsfab.load_preset("dome", {**changes, **phases}))
+        design = dsfab.run(dsfab.load_preset(DOME_MODES, {**changes, **phases}))
         seen.add(any("loaded points lie on removed material" in note.text for note in design.notes))
     assert seen == {True, False}
 
@@ -197,22 +220,22 @@ def test_a_load_on_removed_material_is_told():
 )
 def test_designs_that_cannot_be_built_are_refused_with_a_sentence(changes, says):
     with pytest.raises(DsfabError, match=says) as caught:
-        dsfab.run(dsfab.load_preset("dome", {**SMALL["dome"], **changes}))
+        dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], **changes}))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 400
 
 
 def test_a_coarse_mesh_is_told_with_a_better_size(small):
     assert any("coarse for r = 100" in note.text for note in small["dome"].notes)
-    fine = dsfab.run(dsfab.load_preset("dome", {**SMALL["dome"], "diffusion.r": 2.0}))
+    fine = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "diffusion.r": 2.0}))
     assert not any("coarse" in note.text for note in fine.notes)
 
 
 def test_an_unusual_thickness_is_told():
-    thick = dsfab.run(dsfab.load_preset("dome", {**SMALL["dome"], "statics.thickness": 2.0}))
+    thick = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "statics.thickness": 2.0}))
     assert any("thin-sheet statics hold for ratios" in note.text for note in thick.notes)
 
 
 def test_a_load_too_large_for_the_sheet_is_told():
-    soft = dsfab.run(dsfab.load_preset("dome", {**SMALL["dome"], "statics.young": 1e5}))
+    soft = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "statics.young": 1e5}))
     assert any("over a tenth of its size" in note.text for note in soft.notes)

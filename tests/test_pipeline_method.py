@@ -7,13 +7,14 @@ import pytest
 
 import dsfab
 from dsfab.design import settled
+from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.8, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.6}
 
 
 @pytest.fixture(scope="module")
 def chosen():
-    return dsfab.run(dsfab.load_preset("dome", {**SMALL, "pattern.method": "auto"}))
+    return dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL, "pattern.method": "auto"}))
 
 
 def test_the_stiffest_is_taken_and_all_are_told(chosen):
@@ -36,7 +37,7 @@ def test_the_settled_preset_makes_the_same_sheet(chosen):
 
 def test_a_plain_width_is_not_exchanged():
     made = dsfab.pipeline.draft(
-        dsfab.load_preset("dome", {**SMALL, "pattern.method": "auto", "pattern.width": {"rule": "plain"}})
+        dsfab.load_preset(DOME_MODES, {**SMALL, "pattern.method": "auto", "pattern.width": {"rule": "plain"}})
     )
     note = next(note.text for note in made.notes if note.text.startswith("method auto took"))
     assert note.count(", plain") >= 3

@@ -17,6 +17,7 @@ from dsfab.errors import StaticsError
 from dsfab.pipeline import draft
 from dsfab.statics import factor, solve
 from dsfab.surface import Surface
+from tests.presets import DOME_MODES, ROOF_MODES
 from tests.zoo import grid, sphere
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -141,16 +142,18 @@ def test_bad_meshes_are_refused(what, tmp_path, monkeypatch, capsys):
     else:
         Path(name).write_text(content)
     before = sorted(tmp_path.rglob("*"))
-    assert main(["build", "roof", "--mesh", name, "--no-picture", "--format", "stl"]) == 1
+    assert main(["build", ROOF_MODES, "--mesh", name, "--no-picture", "--format", "stl"]) == 1
     assert says in sentence(capsys)
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize("what", OPTIONS)
+@pytest.mark.parametrize(
+    "what", [pytest.param(what, marks=[pytest.mark.slow] * what.startswith("STEP")) for what in OPTIONS]
+)
 def test_bad_options_are_refused(what, tmp_path, monkeypatch, capsys):
     options, says = OPTIONS[what]
     monkeypatch.chdir(tmp_path)
-    command = options if options[0] == "build" else ["build", "dome", "--set", "surface.edge=0.8", *options]
+    command = options if options[0] == "build" else ["build", DOME_MODES, "--set", "surface.edge=0.8", *options]
     assert main([*command, "--no-picture"]) == 1
     assert says in sentence(capsys)
     if "STEP" not in what:  # there the other files are whole, and are kept
@@ -164,7 +167,7 @@ def test_a_mechanism_is_named_with_its_piece_and_its_motion(tmp_path, monkeypatc
     both = Surface(np.concatenate([one.V, one.V + [3, 0, 0]]), np.concatenate([one.F, one.F + one.n]))
     Path("two.obj").write_text(obj(both))
     supports = "[{at={pick='box', min=[0,0,0], max=[0.3,1,0]}}, {at={pick='side', axis='x', end='max'}}]"
-    command = ["build", "roof", "--mesh", "two.obj", "--no-picture", "--set", f"surface.support={supports}"]
+    command = ["build", ROOF_MODES, "--mesh", "two.obj", "--no-picture", "--set", f"surface.support={supports}"]
     assert main(command) == 1
     assert "piece 2 of 2 can turn about y" in sentence(capsys)
 
@@ -173,7 +176,9 @@ def drafted(surface: Surface, path: Path, **changes: object) -> str:
     """The notes of the statics of a plate that is held along its boundary."""
     path.write_text(obj(surface))
     return " | ".join(
-        n.text for n in draft(load_preset("roof", {"pattern.width": {}, **changes}, path)).notes if n.stage == "statics"
+        n.text
+        for n in draft(load_preset(ROOF_MODES, {"pattern.width": {}, **changes}, path)).notes
+        if n.stage == "statics"
     )
 
 

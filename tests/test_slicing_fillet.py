@@ -12,6 +12,7 @@ from dsfab.slicing.arcs import CHORD
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
+from tests.presets import BARREL_VAULT_MODES
 from tests.test_slicing import check_laws, material_area
 from tests.zoo import ZOO, grid, jittered, sphere
 
@@ -136,7 +137,7 @@ def test_chords_are_short_enough():
 
 
 def test_a_design_has_its_fillets_in_sheet_and_solid():
-    preset = dsfab.load_preset("barrel_vault", {"pattern.fillet": 0.0})
+    preset = dsfab.load_preset(BARREL_VAULT_MODES, {"pattern.fillet": 0.0})
     rounded = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"fillet": 0.03})})
     sharp = dsfab.run(preset)
     said: list[str] = []

@@ -14,6 +14,7 @@ from dsfab.slicing.improve import Improved, improved
 from dsfab.slicing.quality import quality
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
+from tests.presets import DOME_MODES
 from tests.test_slicing import cases, check_laws
 from tests.zoo import ZOO, grid, jittered, sphere
 
@@ -107,7 +108,7 @@ def test_a_sheet_that_cannot_be_better_comes_back_itself():
 
 
 def test_a_preset_asks_for_it():
-    plain = dsfab.load_preset("dome", {"surface.edge": 0.8})
+    plain = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8})
     one = dsfab.run(plain)
     two = dsfab.revise(one, overridden(plain, {"slicing.improve": True, "slicing.tolerance": 0.04}))
     assert two.sheet.surface.m < one.sheet.surface.m

@@ -26,6 +26,7 @@ from dsfab.statics import (
 )
 from dsfab.statics.modes import _normalised
 from dsfab.units import GRAVITY
+from tests.presets import DOME_MODES
 from tests.test_statics_modes import STEEL, hold, rim
 from tests.zoo import grid
 
@@ -48,7 +49,7 @@ def factorisations(monkeypatch):
 
 
 def small(**changes):
-    return draft(load_preset("dome", {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
+    return draft(load_preset(DOME_MODES, {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
 
 
 def test_midedge_answers_everything_from_the_one_factor_of_the_statics(factorisations):
@@ -140,7 +141,7 @@ def test_modes_that_cannot_be_found_are_notes_and_the_design_is_made():
     assert any("the surface can turn about y" in n.text and "solved in its plane" in n.text for n in made.notes)
     point = {"kind": "force", "at": {"pick": "nearest", "points": [[0.0, 0.0, 4.0]]}, "force": [0.0, 0.0, -5e4]}
     asked = {**SMALL, "surface.load": [point], "statics.density": 0.0, "statics.frequencies": 1}
-    light = draft(load_preset("dome", asked))
+    light = draft(load_preset(DOME_MODES, asked))
     assert any("need a material with a density" in note.text for note in light.notes)
 
 
@@ -184,12 +185,12 @@ def test_a_load_beyond_strength_or_buckling_is_told():
 )
 def test_presets_ask_within_reason(key, value):
     with pytest.raises(PresetError, match=key):
-        load_preset("dome", {f"statics.{key}": value})
+        load_preset(DOME_MODES, {f"statics.{key}": value})
 
 
 def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, **ALL, "export.formats": ["stl"]}.items()]
-    assert build("dome", set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
+    assert build(DOME_MODES, set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
     facts = json.loads((tmp_path / "out" / "design.json").read_text())["statics"]
     assert facts["answered_by"] == "hybrid+hhj"
     assert facts["utilisation"] == pytest.approx(facts["largest_von_mises_Pa"] / 235e6)
@@ -209,7 +210,7 @@ def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
 
 def test_a_build_that_asks_nothing_tells_no_stress_by_hinges(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, "export.formats": ["stl"]}.items()]
-    assert build("dome", set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
+    assert build(DOME_MODES, set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
     facts = json.loads((tmp_path / "out" / "design.json").read_text())["statics"]
     assert facts["answered_by"] == "constant+hinge"
     assert "utilisation" not in facts

@@ -14,6 +14,7 @@ from dsfab.preset_file import overridden, preset_toml
 from dsfab.statics import Elements, Material, factor, solve, solve_cases, solve_statics, spread_load, stress
 from dsfab.study.comparison import compare
 from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, load_cases, together
+from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, zoo
 
 STEEL = Material(210e9, 0.3, 7850.0)
@@ -185,7 +186,7 @@ STORM = {"name": "storm", "factors": {"dead": 1.0, "wind": 1.5}}
 
 @pytest.fixture(scope="module")
 def design():
-    return run(load_preset("dome", {**CASES, "surface.combination": [WINTER, STORM]}))
+    return run(load_preset(DOME_MODES, {**CASES, "surface.combination": [WINTER, STORM]}))
 
 
 def test_a_design_of_several_cases_follows_its_combinations(design):
@@ -248,20 +249,22 @@ def principal_in_plane(surface, sigma):
 
 
 def test_one_case_is_followed_as_it_is_and_combined_when_asked():
-    preset = load_preset("dome")
+    preset = load_preset(DOME_MODES)
     assert preset.followed == {"load": 1.0}
     assert not preset.combines
-    asked = load_preset("dome", {"diffusion.follow": "combined"})
+    asked = load_preset(DOME_MODES, {"diffusion.follow": "combined"})
     assert asked.combines
-    named = load_preset("dome", {**CASES, "diffusion.follow": "snow"})
+    named = load_preset(DOME_MODES, {**CASES, "diffusion.follow": "snow"})
     assert named.followed == {"snow": 1.0}
     assert not named.combines
-    some = load_preset("dome", {**CASES, "diffusion.weights": {"back": 0, "wind": 3}})
+    some = load_preset(DOME_MODES, {**CASES, "diffusion.weights": {"back": 0, "wind": 3}})
     assert some.followed == {"dead": 1.0, "snow": 1.0, "wind": 3.0}
 
 
 def test_cases_are_written_and_read_again(tmp_path):
-    preset = load_preset("dome", {**CASES, "surface.combination": [WINTER, STORM], "diffusion.weights": {"storm": 0.5}})
+    preset = load_preset(
+        DOME_MODES, {**CASES, "surface.combination": [WINTER, STORM], "diffusion.weights": {"storm": 0.5}}
+    )
     (tmp_path / "again.toml").write_text(preset_toml(preset))
     assert load_preset(tmp_path / "again.toml") == preset
 
@@ -291,7 +294,7 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         {"diffusion.follow": "snow"},
         {"diffusion.weights": {"wind": 0, "back": 0, "snow": 3.0}},
     ):
-        full.append(compare(run(load_preset("dome", {**changes, **more})), against=()).full.compliance)
+        full.append(compare(run(load_preset(DOME_MODES, {**changes, **more})), against=()).full.compliance)
     assert full[2] == pytest.approx(full[0] + 3 * full[1], rel=1e-10)
 
 
@@ -324,10 +327,10 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
 )
 def test_mistakes_in_the_names_of_cases_are_told(changes, says):
     with pytest.raises(PresetError, match=says):
-        load_preset("dome", {**CASES, **changes})
+        load_preset(DOME_MODES, {**CASES, **changes})
 
 
 def test_all_mistakes_are_told_at_once():
     changes = {**CASES, "surface.combination": [{"name": "u", "factors": {"ded": 1}}], "diffusion.follow": "v"}
     with pytest.raises(PresetError, match=r"factors\.ded = 1.*; diffusion\.follow = 'v'"):
-        load_preset("dome", changes)
+        load_preset(DOME_MODES, changes)

@@ -34,6 +34,7 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.loads import Force, Pressure, SelfWeight, Support
 from dsfab.surface.pickers import Boundary, Box
 from dsfab.units import GRAVITY
+from tests.presets import DOME_MODES
 from tests.test_statics import STEEL, H, case
 from tests.zoo import ZOO, grid, jittered, lifted, sphere
 
@@ -431,10 +432,10 @@ def test_mkl_is_found_without_a_search_of_the_installation(monkeypatch):
     assert solution == pytest.approx([0.5] * 3)
 
 
-@pytest.mark.parametrize("preset", ["cantilever", "dome"])
+@pytest.mark.parametrize("preset", ["cantilever", DOME_MODES])
 def test_presets_name_their_elements(preset):
     """A flat sheet loaded in its plane (no bending) and a curved one; edges longer, to be quick."""
-    coarse = {"surface.edge": 0.6 if preset == "dome" else 0.1}
+    coarse = {"surface.edge": 0.6 if preset == DOME_MODES else 0.1}
     designs = [
         run(load_preset(preset, {**coarse, **more}))
         for more in ({}, {"statics.membrane": "quadratic", "statics.bending": "hhj"})
@@ -448,7 +449,7 @@ def test_presets_name_their_elements(preset):
     )
     assert answer.compliance == pytest.approx(again.compliance, rel=1e-12)
     assert np.allclose(rich.sigma, stress(surface, asked.material, again.u, asked.law, again.bubbles), rtol=1e-9)
-    assert set(rich.equilibrium.on_edges) == set((VERDICT if preset == "dome" else VERDICT.in_plane).on_edges)
+    assert set(rich.equilibrium.on_edges) == set((VERDICT if preset == DOME_MODES else VERDICT.in_plane).on_edges)
     assert not plain.equilibrium.on_edges
     assert rich.sigma.shape == plain.sigma.shape
     assert rich.equilibrium.compliance == pytest.approx(plain.equilibrium.compliance, rel=0.5)

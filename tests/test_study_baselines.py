@@ -12,6 +12,7 @@ from dsfab.study.baselines import BASELINES, SAME_MASS, Brief, Structure
 from dsfab.study.baselines.matching import area_share, matched, sliced
 from dsfab.study.baselines.striped import principal_axes, scaled, turned
 from dsfab.surface.hats import voronoi_mass
+from tests.presets import SPHERE_GRADED_MODES
 
 CHANGES = {"surface.edge": 0.07}
 
@@ -64,7 +65,7 @@ def test_tensors_turn_in_the_tangent_plane_and_keep_their_values(brief):
 
 
 def test_tensors_turn_on_curved_surfaces_too():
-    ball = draft(dsfab.load_preset("sphere_graded", {"surface.edge": 0.2}))
+    ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     once = turned(ball.surface, ball.diffusion.tensors, np.pi / 4)
     assert np.abs(once.major @ ball.surface.normals[:, :, None]).max() < 1e-9
     assert turned(ball.surface, once, np.pi / 4).major == pytest.approx(ball.diffusion.tensors.minor, abs=1e-9)
@@ -72,7 +73,7 @@ def test_tensors_turn_on_curved_surfaces_too():
 
 def test_a_grid_follows_the_longest_axis_first_and_the_load_where_there_is_none(brief):
     assert np.abs(principal_axes(brief)) == pytest.approx(np.eye(3)[:2], abs=1e-3)
-    ball = draft(dsfab.load_preset("sphere_graded", {"surface.edge": 0.2}))
+    ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     assert np.abs(principal_axes(Brief.of(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)
 
 
@@ -138,7 +139,7 @@ def test_a_design_that_does_not_carry_at_a_share_is_told_beside_its_competitors(
 @pytest.mark.slow
 def test_on_the_sphere_the_design_has_under_a_quarter_of_the_best_isotropic_compliance():
     """5.1 times as stiff at half of the material on this mesh, 5.75 on the preset's own."""
-    ball = draft(dsfab.load_preset("sphere_graded", {"surface.edge": 0.08}))
+    ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.08}))
     found = compare_at(ball, 0.5, ["isotropic"])
     assert found.gain("isotropic") > 4
     assert found["isotropic"].spread.carried >= 4

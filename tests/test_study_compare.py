@@ -17,6 +17,7 @@ from dsfab.study import compare_at
 from dsfab.study.baselines import Brief, Structure
 from dsfab.study.judging import quick
 from dsfab.surface import LoadCase
+from tests.presets import DOME_MODES, SPHERE_GRADED_MODES
 from tests.zoo import grid
 
 CHANGES = {"surface.edge": 0.05}
@@ -168,7 +169,7 @@ def test_the_record_is_plain_and_its_ratios_are_those_of_the_compliances(compare
 
 def test_competitors_that_fall_apart_are_told_and_do_not_count():
     """Stripes of one field on a sphere are rings that do not touch."""
-    sphere = draft(dsfab.load_preset("sphere_graded", {"surface.edge": 0.2}))
+    sphere = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     compared = compare_at(sphere, 0.5, ["von_mises"])
     rings = compared["von_mises"]
     assert rings.error.startswith("none of 4 variants carries the loads; the first: falls apart")
@@ -185,7 +186,7 @@ def test_a_name_of_no_competitor_is_refused(cantilever):
 
 def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
     """The most accurate elements answer for both; buckling differs by the membrane stress of the quick ones."""
-    made = draft(dsfab.load_preset("dome", {"surface.edge": 1.2, "statics.frequencies": 1, "statics.buckling": 1}))
+    made = draft(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "statics.frequencies": 1, "statics.buckling": 1}))
     brief = Brief.of(made, made.surface.area / 2)
     whole = Structure.uncut(made.surface, made.preset.statics.thickness)
     (case,) = quick(brief, whole, Ask(frequencies=1, buckling=1)).cases.values()

@@ -26,6 +26,7 @@ from dsfab.study.fix import _coarser
 from dsfab.study.lines import design_lines
 from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
+from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.6, "pattern.method": "stripes", "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.0}
 
@@ -36,7 +37,7 @@ NEAR = 0.05
 
 @pytest.fixture(scope="module")
 def dome() -> Design:
-    return dsfab.run(load_preset("dome", SMALL))
+    return dsfab.run(load_preset(DOME_MODES, SMALL))
 
 
 @pytest.fixture(scope="module")
@@ -237,7 +238,7 @@ def test_competitors_share_the_mean_distance(dome):
     given = brief.on_modes.pattern
     assert (given.method, given.major.spacing, given.minor.spacing) == ("modes", 1.6, 1.0)
     assert given.width == dome.preset.pattern.width
-    on_modes = Brief.of(pipeline.draft(load_preset("dome", {"surface.edge": 1.2})), 60.0)
+    on_modes = Brief.of(pipeline.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)
     assert on_modes.on_modes is on_modes.preset
 
 
@@ -255,7 +256,7 @@ def test_a_comparison_at_another_mass_widens_the_same_stripes(dome):
 def test_a_sweep_varies_the_distance_and_measures_widths():
     made, width = None, []
     for spacing in (2.0, 1.2):
-        preset = load_preset("dome", SMALL | {"pattern.major.spacing": spacing, "pattern.width.solid_fraction": 0.0,
+        preset = load_preset(DOME_MODES, SMALL | {"pattern.major.spacing": spacing, "pattern.width.solid_fraction": 0.0,
                                               "pattern.width.member": 0.3})  # fmt: skip
         made = Making.of(preset, made)
         width.append(measured("min_width", made))
@@ -281,7 +282,7 @@ def test_fabrication_asks_for_more_distance(dome):
 )
 def test_no_frequency_needs_to_be_taken_back(changes, spacings, tmp_path):
     """The dome has frequencies in its file; what is set instead of them takes their place."""
-    preset = load_preset("dome", {"pattern.method": "stripes", **changes})
+    preset = load_preset(DOME_MODES, {"pattern.method": "stripes", **changes})
     assert (preset.pattern.major.spacing, preset.pattern.minor.spacing) == spacings
     assert preset.pattern.minor.distance(144.0, 0.3) == 1.0
     assert preset.pattern.minor.distance(144.0, 1.2) == 1.2  # not closer than triangles are large
@@ -290,14 +291,14 @@ def test_no_frequency_needs_to_be_taken_back(changes, spacings, tmp_path):
 
 
 def test_one_of_two_keys_takes_the_place_of_the_other_and_both_are_refused():
-    spaced = overridden(load_preset("dome"), {"pattern.major.spacing": 0.8})
+    spaced = overridden(load_preset(DOME_MODES), {"pattern.major.spacing": 0.8})
     assert (spaced.pattern.major.spacing, spaced.pattern.major.frequency) == (0.8, 0.0)
     back = overridden(spaced, {"pattern.major.frequency": 7.0})
-    assert back.pattern == load_preset("dome").pattern
+    assert back.pattern == load_preset(DOME_MODES).pattern
     both = {"pattern.major.spacing": 0.8, "pattern.major.frequency": 7.0}
     for method in ("modes", "stripes"):
         with pytest.raises(PresetError, match=r"pattern\.major: give either frequency or spacing"):
-            load_preset("dome", both | {"pattern.method": method})
+            load_preset(DOME_MODES, both | {"pattern.method": method})
 
 
 @pytest.mark.parametrize(
@@ -318,4 +319,4 @@ def test_one_of_two_keys_takes_the_place_of_the_other_and_both_are_refused():
 )
 def test_what_is_typed_wrong_is_told_in_a_sentence(changes, told):
     with pytest.raises(DsfabError, match=told):
-        pipeline.draft(load_preset("dome", SMALL | changes))
+        pipeline.draft(load_preset(DOME_MODES, SMALL | changes))

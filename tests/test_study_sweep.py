@@ -9,10 +9,11 @@ from dsfab.errors import PresetError, StaticsError
 from dsfab.study.sweeps import BASIC, METRICS
 from dsfab.study.sweeps.making import Making
 from dsfab.study.verdict import check
+from tests.presets import DOME_MODES
 
 COARSE_KEYS = {"surface.edge": 1.2, "pattern.keep": 0.5}
-COARSE = dsfab.load_preset("dome", COARSE_KEYS)
-PRESET = dsfab.load_preset("dome", {"surface.edge": 0.8, "pattern.keep": 0.5})
+COARSE = dsfab.load_preset(DOME_MODES, COARSE_KEYS)
+PRESET = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})
 
 
 def test_a_sweep_is_every_combination_in_the_order_given():
@@ -28,7 +29,7 @@ def test_a_swept_design_is_the_one_that_is_built_alone():
     vary = {"pattern.minor.threshold": [0.0, 0.5], "diffusion.gamma": [1.0, 5.0]}
     runs = dsfab.sweep(PRESET, vary, keep=lambda changes, design: kept.update({tuple(changes.values()): design}))
     for run in runs:
-        alone = dsfab.run(dsfab.load_preset("dome", {"surface.edge": 0.8, "pattern.keep": 0.5, **run.changes}))
+        alone = dsfab.run(dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, **run.changes}))
         assert run.metrics == {name: METRICS[name](alone) for name in BASIC}
         assert (kept[tuple(run.changes.values())].solid.V == alone.solid.V).all()
 
@@ -93,7 +94,7 @@ def whole():
 
 @pytest.fixture(scope="module")
 def in_the_making():
-    return Making.of(COARSE, Making.of(dsfab.load_preset("dome", {"surface.edge": 1.2, "pattern.keep": 0.6})))
+    return Making.of(COARSE, Making.of(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.6})))
 
 
 def test_compliance_is_that_of_the_comparison(whole):
@@ -106,7 +107,7 @@ def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
     from dsfab.statics import solve_cases
 
     full = dsfab.load_preset(
-        "dome", {**COARSE_KEYS, "pattern.width": {"rule": "plain"}, "pattern.major.threshold": -1.0}
+        DOME_MODES, {**COARSE_KEYS, "pattern.width": {"rule": "plain"}, "pattern.major.threshold": -1.0}
     )
     made, statics = Making.of(full), full.statics
     loads = {"": made.load}
@@ -132,7 +133,7 @@ def test_a_failed_verdict_is_told(whole, monkeypatch):
 def test_members_of_constant_width_have_that_width():
     """Stripes of constant width in metres: min_width finds it again."""
     wide = {"surface.edge": 0.4, "pattern.width": {"rule": "constant", "member": 0.25}, "pattern.keep": 0.5}
-    made = Making.of(dsfab.load_preset("dome", wide))
+    made = Making.of(dsfab.load_preset(DOME_MODES, wide))
     assert METRICS["min_width"](made) == pytest.approx(0.25, rel=0.1)
 
 
@@ -141,20 +142,22 @@ def test_the_sheets_mass_is_nearly_that_of_the_solid(whole):
 
 
 def test_what_a_later_section_does_not_change_is_made_once():
-    thinner = Making.of(dsfab.load_preset("dome", {"surface.edge": 0.8, "pattern.keep": 0.5, "export.step_faces": 9}))
+    thinner = Making.of(
+        dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, "export.step_faces": 9})
+    )
     solid = thinner.solid
     after = Making.of(thinner.preset, thinner)
     assert after.solid is solid
     assert Making.of(PRESET, after).slicing is thinner.slicing
-    other = dsfab.load_preset("dome", {"surface.edge": 0.8, "pattern.keep": 0.5, "slicing.snap": 0.1})
+    other = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, "slicing.snap": 0.1})
     assert "slicing" not in vars(Making.of(other, after))
 
 
 def test_stripes_by_their_spacing_are_as_wide_as_by_the_frequency_that_it_means():
     asked = {**COARSE_KEYS, "pattern.major.frequency": 0.0, "pattern.major.spacing": 0.8}
-    spaced = Making.of(dsfab.load_preset("dome", asked))
+    spaced = Making.of(dsfab.load_preset(DOME_MODES, asked))
     frequency = spaced.draft.pattern.frequency[0]
-    same = Making.of(dsfab.load_preset("dome", {**COARSE_KEYS, "pattern.major.frequency": frequency}))
+    same = Making.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "pattern.major.frequency": frequency}))
     assert METRICS["min_width"](spaced) == pytest.approx(METRICS["min_width"](same))
 
 
@@ -163,7 +166,7 @@ def test_several_load_cases_count_as_in_the_comparison():
 
     force = {"kind": "force", "at": {"pick": "nearest", "points": [[0.0, 0.0, 4.0]]}}
     loads = [{**force, "case": "down", "force": [0.0, 0.0, -5e4]}, {**force, "case": "aside", "force": [4e4, 0.0, 0.0]}]
-    made = Making.of(dsfab.load_preset("dome", {**COARSE_KEYS, "surface.load": loads}))
+    made = Making.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "surface.load": loads}))
     assert set(made.carried) == {"down", "aside"}
     assert METRICS["compliance"](made) == compare(made.design, against=()).design.compliance
     assert METRICS["displacement"](made) == max(answer.largest_displacement for answer in made.carried.values())

@@ -16,6 +16,7 @@ from dsfab.study.sweeps.cluster import DaskFleet
 from dsfab.study.sweeps.folder import SweepFolder, made, prepare
 from dsfab.study.sweeps.lock import only_coordinator
 from dsfab.study.sweeps.worker import execute
+from tests.presets import ROOF_MODES
 from tests.test_study_sweep_folder import measured, plan, swept
 from tests.zoo import ZOO
 
@@ -95,7 +96,7 @@ def test_a_mesh_travels_to_workers_that_cannot_read_it(tmp_path):
     path = tmp_path / "roof.obj"
     trimesh.Trimesh(dome.V * 8000, dome.F, process=False).export(path)
     asked = plan(
-        preset="roof",
+        preset=ROOF_MODES,
         mesh=str(path),
         set={"surface.unit": "mm", "pattern.keep": 0.3},
         vary={"pattern.major.phase": [0.0, 0.5]},

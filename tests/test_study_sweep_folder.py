@@ -25,6 +25,7 @@ from dsfab.study.sweeps.plan_file import load_plan, plan_from
 from dsfab.study.sweeps.results import best, pareto, records, write_tables
 from dsfab.study.sweeps.store import Row, Store
 from dsfab.study.sweeps.worker import Outcome, execute
+from tests.presets import DOME_MODES
 
 PHASES = [0.0, 0.2, 0.4, 0.6]
 
@@ -33,7 +34,7 @@ def plan(**changes) -> Plan:
     """A sweep whose runs take a few hundredths of a second each."""
     coarse = {"surface.edge": 1.2, "pattern.keep": 0.5, "pattern.width": {}}
     values = {
-        "preset": "dome",
+        "preset": DOME_MODES,
         "set": coarse,
         "vary": {"diffusion.r": [10.0, 30.0], "pattern.major.phase": PHASES},
         "metrics": ["kept_share", "pieces"],

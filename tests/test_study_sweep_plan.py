@@ -11,6 +11,7 @@ from dsfab.study.sweeps.constraints import Constraint
 from dsfab.study.sweeps.plan_file import load_plan, plan_from, plan_toml, read_plan
 from dsfab.study.sweeps.sampling import check_points, digest, points
 from dsfab.study.sweeps.values import Range
+from tests.presets import DOME_MODES
 
 BASE = {"preset": "dome", "vary": {"pattern.major.phase": [0.0, 0.5]}}
 
@@ -187,7 +188,7 @@ def test_the_same_run_twice_is_made_once():
 
 
 def test_values_that_presets_do_not_allow_are_told_before_anything_is_built():
-    preset = dsfab.load_preset("dome")
+    preset = dsfab.load_preset(DOME_MODES)
     check_points(preset, [{"pattern.major.phase": 0.5}])
     with pytest.raises(PresetError) as refused:
         check_points(preset, [{"pattern.major.frequncy": 1.0}, {"pattern.major.frequency": -1.0}])

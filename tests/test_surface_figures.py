@@ -1,6 +1,7 @@
 """Stand-ins of the paper's surfaces: topology, even triangles, the field they lie on, Boy's formula, refusals."""
 
 import inspect
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,23 +26,32 @@ TOPOLOGY = {
 """Boundary loops and Euler characteristic; all others are closed, of genus 0."""
 
 
-@pytest.fixture(scope="module")
-def made():
-    return {name: SHAPES[name]() for name in FIGURES}
+LONG = ("pirate", "turkey", "bridge", "twisty_tower")
+"""Half of the time of all figures, by the same means as the others."""
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_figures_have_the_topology_of_the_papers_meshes(made, name):
-    s = made[name]
+@cache
+def made(name):
+    return SHAPES[name]()
+
+
+every_figure = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in FIGURES]
+)
+
+
+@every_figure
+def test_figures_have_the_topology_of_the_papers_meshes(name):
+    s = made(name)
     assert manifold_faults(s.F, s.edges, s.n) == ()
     assert pieces(s.F, s.edges)[0] == 1
     assert (len(s.loops), euler_characteristic(s.F, s.edges)) == TOPOLOGY.get(name, (0, 2))
     assert s.volume > 0 or not s.is_closed
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_figures_have_even_triangles_as_wide_as_asked(made, name):
-    s = made[name]
+@every_figure
+def test_figures_have_even_triangles_as_wide_as_asked(name):
+    s = made(name)
     smallest = angles(s).min(axis=1)
     assert smallest.min() > 20
     assert np.quantile(smallest, 0.01) > 35
@@ -51,20 +61,20 @@ def test_figures_have_even_triangles_as_wide_as_asked(made, name):
 
 
 @pytest.mark.parametrize("name", ["mouse", "duck_ring", "boys_surface"])
-def test_the_same_call_gives_the_same_figure(made, name):
+def test_the_same_call_gives_the_same_figure(name):
     again = SHAPES[name]()
-    assert_array_equal(again.V, made[name].V)
-    assert_array_equal(again.F, made[name].F)
+    assert_array_equal(again.V, made(name).V)
+    assert_array_equal(again.F, made(name).F)
 
 
 @pytest.mark.parametrize(
     ("name", "size"), [("mouse", "length"), ("climbing_hold", "width"), ("boys_surface", "height")]
 )
-def test_figures_scale_with_their_size(made, name, size):
+def test_figures_scale_with_their_size(name, size):
     defaults = {k: p.default for k, p in inspect.signature(SHAPES[name]).parameters.items()}
     twice = SHAPES[name](**{size: 2 * defaults[size], "edge": 2 * defaults["edge"]})
-    assert twice.n == made[name].n
-    assert_allclose(twice.V, 2 * made[name].V, rtol=1e-6, atol=1e-6 * twice.size)
+    assert twice.n == made(name).n
+    assert_allclose(twice.V, 2 * made(name).V, rtol=1e-6, atol=1e-6 * twice.size)
 
 
 def test_a_skin_lies_on_its_field_and_has_its_area():
@@ -133,7 +143,7 @@ def test_boys_surface_glues_opposite_points_and_has_a_threefold_axis_and_its_pea
     assert_allclose(disc.place(np.zeros((1, 2))), [[0, 0, 3.0]], atol=1e-12)
 
 
-def test_boys_surface_is_conformal_and_stands_on_the_ground(made):
+def test_boys_surface_is_conformal_and_stands_on_the_ground():
     disc, small = _Disc(1.0), 1e-6
     turns = ring_turns(np.array([1, 6, 12, 18]))
     angle = 2 * np.pi * np.concatenate(turns)
@@ -143,13 +153,13 @@ def test_boys_surface_is_conformal_and_stands_on_the_ground(made):
     metric = np.swapaxes(J, 1, 2) @ J
     assert_allclose(metric[:, 0, 1] / metric[:, 0, 0], 0, atol=1e-6)
     assert_allclose(metric[:, 1, 1] / metric[:, 0, 0], 1, atol=1e-6)
-    z = made["boys_surface"].V[:, 2]
+    z = made("boys_surface").V[:, 2]
     assert z.min() == pytest.approx(0, abs=0.01)
     assert z.max() == pytest.approx(3, abs=0.01)
 
 
-def test_the_camel_stands_on_its_neck_and_faces_forward(made):
-    s = made["camel_head"]
+def test_the_camel_stands_on_its_neck_and_faces_forward():
+    s = made("camel_head")
     assert_allclose(s.V[s.loops[0], 2], 0, atol=1e-12)
     assert s.V[:, 2].max() == pytest.approx(1, abs=0.02)
     nose = s.V[s.V[:, 0].argmax()]

@@ -11,6 +11,7 @@ from dsfab.errors import SurfaceError
 from dsfab.surface import SHAPES, Surface, refined
 from dsfab.surface.cover import one_sided_pieces
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
+from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
 
 
@@ -179,11 +180,11 @@ def test_a_length_that_takes_too_many_triangles_is_refused_in_time(smooth, monke
 
 
 def test_a_preset_refines_its_shape():
-    preset = dsfab.load_preset("dome", {"surface.edge": 2.0, "surface.refine": 0.5})
+    preset = dsfab.load_preset(DOME_MODES, {"surface.edge": 2.0, "surface.refine": 0.5})
     coarse = SHAPES["dome"](span=12.0, rise=4.0, oculus=0.0, edge=2.0)
     surface = preset.surface.build()
     assert lengths(surface).max() <= 0.5 < lengths(coarse).max()
     assert surface.area == pytest.approx(coarse.area, rel=1e-12)
-    assert dsfab.load_preset("dome", {"surface.edge": 2.0}).surface.build().m == coarse.m
-    round_ = dsfab.load_preset("dome", {"surface.edge": 2.0, "surface.refine": 0.5, "surface.smooth": True})
+    assert dsfab.load_preset(DOME_MODES, {"surface.edge": 2.0}).surface.build().m == coarse.m
+    round_ = dsfab.load_preset(DOME_MODES, {"surface.edge": 2.0, "surface.refine": 0.5, "surface.smooth": True})
     assert round_.surface.build().area != pytest.approx(coarse.area, rel=1e-6)

@@ -22,6 +22,7 @@ from dsfab.statics import (
     support_reactions,
 )
 from dsfab.surface import All, Boundary, Box, Force, Line, LoadCase, Nearest, Side, Snow, Support, Surface, Vertices
+from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, zoo
 
 E, H = 10e9, 0.02
@@ -158,7 +159,7 @@ def test_hinges_cannot_be_clamped():
     with pytest.raises(StaticsError, match=r'2 edges are clamped, but `hinge`.*bending = "midedge" or "hhj"'):
         solved(s, [Support(Side("x", "min"), clamp=True)], [Snow(10.0)], PAIRS[0])
     with pytest.raises(StaticsError, match="hinge"):
-        run(load_preset("dome", {"surface.edge": 1.0, "surface.support.0.clamp": True}))
+        run(load_preset(DOME_MODES, {"surface.edge": 1.0, "surface.support.0.clamp": True}))
 
 
 def test_clamped_edges_are_those_with_both_ends_picked_but_not_across_ears():
@@ -215,7 +216,7 @@ def test_a_clamped_sheet_cut_but_kept_whole_is_as_stiff():
 def test_a_dome_on_springs_is_built_and_tells_their_reactions():
     base = {"at": {"pick": "boundary"}, "spring": [4e7, 4e7, 9e7], "clamp": True}
     changes = {"surface.edge": 0.9, "surface.support": [base], "statics.bending": "midedge", "pattern.keep": 0.0}
-    design = run(load_preset("dome", changes))
+    design = run(load_preset(DOME_MODES, changes))
     (told,) = facts(design, {}, [], [])["statics"]["supports"]
     assert (told["hold"], told["spring_N_per_m"], told["clamp"]) == ("", [4e7, 4e7, 9e7], True)
     assert told["reaction_N"] == pytest.approx((-design.load.force.sum(axis=0)).tolist(), abs=1.0)
@@ -250,7 +251,7 @@ def test_impossible_supports_are_refused(table, says):
     with pytest.raises(ValidationError, match=says):
         TypeAdapter(Support).validate_python({"at": {"pick": "all"}, **table})
     with pytest.raises(PresetError, match=r"surface\.support\.0.*" + says):
-        load_preset("dome", {"surface.support.0": {"at": {"pick": "all"}, **table}})
+        load_preset(DOME_MODES, {"surface.support.0": {"at": {"pick": "all"}, **table}})
 
 
 def test_springs_on_vertices_without_faces_are_refused():
@@ -283,10 +284,10 @@ def test_a_strip_that_its_support_clamps_buckles_as_eulers_flagpole():
 
 def test_modes_of_a_preset_know_its_springs_and_clamped_edges():
     changes = {"surface.edge": 1.2, "statics.bending": "midedge", "statics.frequencies": 1, "statics.buckling": 1}
-    stiff = draft(load_preset("dome", {**changes, "surface.support.0.clamp": True})).statics.answers
-    hinged = draft(load_preset("dome", changes)).statics.answers
+    stiff = draft(load_preset(DOME_MODES, {**changes, "surface.support.0.clamp": True})).statics.answers
+    hinged = draft(load_preset(DOME_MODES, changes)).statics.answers
     soft = {"surface.support.0.hold": "xy", "surface.support.0.spring": [0.0, 0.0, 1e6]}
-    on_springs = draft(load_preset("dome", {**changes, **soft})).statics.answers
+    on_springs = draft(load_preset(DOME_MODES, {**changes, **soft})).statics.answers
     # a dome stands on its membrane: turning at the base matters little, giving way a lot
     assert stiff.vibration.hertz[0] > 1.0005 * hinged.vibration.hertz[0] > 1.5 * on_springs.vibration.hertz[0]
     assert not np.isclose(hinged.buckling.factor[0], on_springs.buckling.factor[0], rtol=1e-3)

@@ -10,6 +10,7 @@ from dsfab.pipeline import draft
 from dsfab.slicing import cut
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.hats import voronoi_mass
+from tests.presets import DOME_MODES
 from tests.zoo import grid, jittered
 
 BRIDGE = {
@@ -104,7 +105,7 @@ def shares(design, turns: int) -> np.ndarray:
 def test_sectors_of_a_dome_keep_the_same_area(turns, tolerance):
     """The mesh of the dome has six equal sectors and no five: there the pattern is symmetric to the width of a face."""
     changes = DOME | {"diffusion.symmetry": [f"rot:{turns}:z"], "diffusion.modes": 3, "pattern.minor.mode": 2}
-    design = dsfab.run(dsfab.load_preset("dome", changes))
+    design = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     assert np.abs(shares(design, turns) - 1).max() < tolerance
     assert f"modes are the same at {turns} images (rot:{turns}:z)" in " ".join(note.text for note in design.notes)
 
@@ -161,7 +162,7 @@ def test_supports_are_compared_by_place_and_by_direction():
 @pytest.mark.parametrize("word", ["w", "rot:1:z", "rot:6", "rot:six:z", "x:2", "rot:999:z"])
 def test_unknown_words_are_refused(word):
     with pytest.raises(PresetError, match=r"diffusion\.symmetry: .* is no symmetry; write x, y or z for a mirror"):
-        dsfab.load_preset("dome", {"diffusion.symmetry": [word]})
+        dsfab.load_preset(DOME_MODES, {"diffusion.symmetry": [word]})
 
 
 def test_too_large_a_group_is_refused():

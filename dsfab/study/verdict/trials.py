@@ -48,7 +48,11 @@ KINDS: dict[str, Kind] = {
         {"surface.edge": 0.065, "surface.support": [_EDGES], "surface.load": [_MIDDLE], "pattern.rim": 0.05},
         (2.5, 4.5),
     ),
-    "dome": Kind("dome", {"surface.edge": 0.62, "statics.thickness": 0.12, "pattern.rim": 0.3}, (2.0, 4.0)),
+    "dome": Kind(
+        "dome",
+        {"surface.edge": 0.62, "statics.thickness": 0.12, "pattern.keep": 0.35, "pattern.rim": 0.3},
+        (2.0, 4.0),
+    ),
     "vault": Kind("barrel_vault", {"surface.edge": 0.45, "statics.thickness": 0.15}, (2.5, 5.0)),
     "sphere": Kind("globe", {"surface.edge": 0.16, "statics.thickness": 0.05, "pattern.keep": 0.2}, (2.0, 4.0)),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
@@ -63,7 +67,7 @@ def random_design(kind: str, seed: int) -> Design:
     """
     rng, given = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
-    changes: dict[str, Any] = dict(given.changes)
+    changes: dict[str, Any] = {**given.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
     for family in ("major", "minor"):
         changes[f"pattern.{family}.mode"] = int(rng.integers(1, 4))
         changes[f"pattern.{family}.frequency"] = round(float(rng.uniform(*given.frequency)), 2)
