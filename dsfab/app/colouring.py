@@ -133,6 +133,8 @@ def coloured(design: "Design | Draft", show: str, palette: Palette) -> Colouring
             face, words=f"loads, {force_label(float(np.linalg.norm(design.load.force.sum(axis=0))))} in all"
         )
     if show == "directions":
+        if design.preset.combines:
+            return Colouring(face, words="directions of several cases together: red where most is carried, blue across")
         signs = Bar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
         return Colouring(face, signs)
     return Colouring(face)

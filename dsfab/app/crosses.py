@@ -1,4 +1,7 @@
-"""Principal directions as short crosses on the surface: tension in one colour, compression in another."""
+"""Principal directions as short crosses on the surface: tension in one colour, compression in another.
+
+Of stresses that are combined of several cases, which have no sign: the first direction in one, the second in another.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -36,8 +39,12 @@ def crosses(design: "Design | Draft", palette: Palette) -> Body:
     normal = surface.normals[at]
     both = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[at], (2, 1)), both, np.tile(normal, (2, 1)), apart)
-    pulled = tensors.principal[at].T.reshape(-1, 1) > 0
-    colour = np.where(pulled, palette.of("tension"), palette.of("compression"))
+    if design.preset.combines:  # sizes of the stress in several cases: they pull in one and push in another
+        red = (np.arange(2 * len(at)) < len(at))[:, None]
+        colour = np.where(red, *(np.array(tint, dtype=np.uint8) for tint in palette.tints[:2]))
+    else:
+        pulled = tensors.principal[at].T.reshape(-1, 1) > 0
+        colour = np.where(pulled, palette.of("tension"), palette.of("compression"))
     return Body(vertices, faces, np.repeat(colour, len(_BOX), axis=0))
 
 

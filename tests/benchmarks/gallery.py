@@ -1,0 +1,69 @@
+"""The pictures of `outputs/gallery`, made anew: `python -m tests.benchmarks.gallery [NAME...]`.
+
+Of each design its finished solid, and a page of four: what presses on the surface, its principal stresses, the sheet by
+families, the solid. Bob's mesh is looked for in DSFAB_MESHES; without it his pictures stay as they are.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+import dsfab
+from dsfab.app.build import caption
+from dsfab.app.palette import PAPER
+from dsfab.app.panels import panels
+from dsfab.app.preview import picture
+from dsfab.app.report import Reporter
+from tests.meshes import mesh_file
+
+GALLERY = Path(__file__).parents[2] / "outputs" / "gallery"
+DESIGNS = {
+    **{name: (name, {}) for name in ("dome", "globe", "barrel_vault", "tower", "snow_vault", "cantilever")},
+    "canopy": (GALLERY / "canopy.toml", {}),
+    "figurine": ("figurine", {"surface.file": "bob.obj", "surface.unit": "m"}),
+}
+PANEL = (800, 600)
+WHOLE = (1600, 1200)
+COLOURS = 256
+
+
+def write(pixels, name: str) -> None:
+    """With a palette of its own: a third of the size."""
+    image = Image.fromarray(np.asarray(pixels)).quantize(COLOURS, dither=Image.Dither.NONE)
+    image.save(GALLERY / f"{name}.png", optimize=True)
+
+
+def by_family(design):
+    """The sheet in the colours of its families: what is kept besides them is neither."""
+    names = list(design.pattern.names)
+    colour = np.array([{"major": 0, "minor": 1}.get(name, 2) for name in names])
+    family = design.sheet.family
+    solid = design.sheet.surface
+    tinted = replace(PAPER, families=PAPER.tints)
+    told = f"{design.preset.name} - two families of members: major red, minor blue"
+    return picture(solid.V, solid.F, family=colour[family], caption=told, size=PANEL, palette=tinted)
+
+
+def draw(name: str) -> None:
+    preset, changes = DESIGNS[name]
+    if "surface.file" in changes:
+        changes = {**changes, "surface.file": str(mesh_file(changes["surface.file"]))}
+    design = dsfab.run(dsfab.load_preset(preset, changes))
+    solid = design.solid
+
+    def built(size, load):
+        return picture(solid.V, solid.F, surface=design.surface, load=load, caption=caption(design), size=size)
+
+    write(built(WHOLE, design.load), name)
+    above = panels(design, ("loads", "directions"), PANEL, Reporter(True))
+    bare = picture(solid.V, solid.F, caption=caption(design), size=PANEL)
+    write(np.concatenate([above, np.concatenate([by_family(design), bare], axis=1)]), f"{name}_steps")
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or DESIGNS:
+        draw(name)
+        print(f"  {GALLERY / name}.png")
