@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -272,9 +271,10 @@ def test_ctrl_c_stops_with_one_line_and_leaves_nothing(tmp_path):
         "--no-picture",
     ]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    time.sleep(2.5)
+    begun = process.stderr.readline()  # it works, however long it took to start
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
+    assert begun.startswith("surface")
     assert process.returncode == 130
     assert "stopped; nothing was written" in err
     assert "Traceback" not in err

@@ -241,7 +241,7 @@ def test_one_family_alone_is_seen_by_both(page):
     alone = {"pattern.families": "minor", "pattern.rotate": 15}
     page.run(f"dsfab.state.set({json.dumps(alone)})")
     solved(page)
-    ours, theirs = seen_by_both(page, draft(load_preset("dome", {**DOME, **alone})))
+    ours, theirs = seen_by_both(page, draft(load_preset(DOME_MODES, {**DOME, **alone})))
     assert alike(ours, theirs)
     idle = "[...document.querySelectorAll('#groups .row.idle')].map((row) => row.querySelector('label').htmlFor)"
     assert {"pattern-halve", "pattern-major-spacing"} <= set(page.run(idle))

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from dsfab import load_preset
-from dsfab.app.colouring import ANSWERS, rising
+from dsfab.app.colouring import ANSWERS, coloured, rising
+from dsfab.app.crosses import crosses
 from dsfab.app.fields import MOVES, YIELDS, answered, asking, energy_label
 from dsfab.app.light import QUICK
+from dsfab.app.palette import PAPER
 from dsfab.app.previewer import TRIAL, Previewer
 from dsfab.design import Draft
 from dsfab.errors import DsfabError
@@ -117,3 +119,17 @@ def test_labels_and_ramp():
     colours = rising(np.linspace(-0.5, 1.5, 9)).astype(int).sum(axis=1)
     assert (np.diff(colours) <= 2).all()
     assert colours[0] == colours[2]
+
+
+def test_directions_of_combined_cases_have_no_sign():
+    """A sum of sizes of stresses is positive both ways: in the colour of tension all would look pulled."""
+    vault = draft(load_preset("snow_vault", {"surface.edge": 0.8, "pattern.keep": 0.9}))
+    assert vault.preset.combines
+    colours = {tuple(row) for row in crosses(vault, PAPER).colour.tolist()}
+    assert colours == {PAPER.tints[0], PAPER.tints[1]}
+    told = coloured(vault, "directions", PAPER)
+    assert told.bar is None
+    assert "several cases" in told.words
+    dome = draft(load_preset(DOME_MODES, {"surface.edge": 0.9}))
+    assert {tuple(row) for row in crosses(dome, PAPER).colour.tolist()} == {PAPER.tension, PAPER.compression}
+    assert coloured(dome, "directions", PAPER).bar is not None

@@ -185,7 +185,7 @@ def stressed(surface, angle: float, r: float = 100.0):
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     sigma = np.tile(turn @ np.diag([2e6, -1e6, 0]) @ turn.T, (surface.m, 1, 1))
     tensors = diffusion_tensors(surface, sigma, r)
-    preset = SimpleNamespace(diffusion=SimpleNamespace(r=r))
+    preset = SimpleNamespace(diffusion=SimpleNamespace(r=r), combines=False)
     return SimpleNamespace(surface=surface, diffusion=SimpleNamespace(tensors=tensors), preset=preset)
 
 

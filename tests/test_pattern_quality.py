@@ -247,8 +247,8 @@ def test_measures_are_metrics_of_sweeps(modes, even):
 
 
 def test_even_stripes_have_their_width():
-    wide = {**EVEN, "pattern.width": {"rule": "constant", "member": 0.25}}
-    assert METRICS["min_width"](draft(load_preset(DOME_MODES, wide))) == pytest.approx(0.25, rel=0.1)
+    wide = {**EVEN, "pattern.width": {"rule": "constant", "member": 0.2}}
+    assert METRICS["min_width"](draft(load_preset(DOME_MODES, wide))) == pytest.approx(0.2, rel=0.1)
 
 
 def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsys):

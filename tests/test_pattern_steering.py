@@ -29,6 +29,7 @@ from dsfab.study.lines import design_lines
 from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
 from dsfab.surface import All, Ball, LoadCase, Surface
+from tests.presets import DOME_MODES
 from tests.test_pattern_even_invariance import TURN, Case, difference
 from tests.test_pattern_even_invariance import case as zoo_case
 from tests.test_pattern_quality import drawn
@@ -407,7 +408,7 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     assert table.head == ("Measure", "Minor members")
     assert {len(row) for row in table.rows} == {2}
     member = float(next(n.text.split()[2] for n in ribs.notes if n.text.startswith("members are")))
-    assert measured("min_width", Making.of(ribs.preset)) == pytest.approx(member, rel=0.2)
+    assert 0.6 * member < measured("min_width", Making.of(ribs.preset)) < 1.05 * member  # thinner where they crowd
     assert not ribs.pattern.tidy
 
 
@@ -478,7 +479,7 @@ def test_one_family_on_modes_by_every_width_rule(rule):
 def test_only_what_is_drawn_is_chosen():
     asked = {"surface.edge": 0.9, "pattern.families": "minor"}
     asked |= {f"pattern.{name}.phase": "auto" for name in ("major", "minor")}
-    found = pipeline.draft(load_preset("dome", asked)).pattern.choice.candidates
+    found = pipeline.draft(load_preset(DOME_MODES, asked)).pattern.choice.candidates
     assert len(found) < 12
     assert {one.phase[0] for one in found} == {0.0}
 

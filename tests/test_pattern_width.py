@@ -393,16 +393,21 @@ def test_impossible_presets_are_refused_with_their_key(changes, says):
 
 
 def test_evenly_spaced_members_of_one_width_leave_no_slit_where_they_crowd():
-    """Three quarters of the lines are 1 m apart, the others 0.35 m."""
+    """Three quarters of the lines are 1 m apart, most others 0.35 m, some 0.1 m: around a load these become one."""
     density = np.where(np.arange(400) < 300, 1.0, 1 / 0.35)
+    density[-50:] = 1 / 0.1
     nothing = np.zeros((0, 3))
     phase = CornerPhase(np.zeros(400), nothing, nothing, np.zeros(0, dtype=bool))
     family = EvenFamily("major", Stripes(1.0), phase, (), density, density, np.ones(400))
     thin, wide, closed = (family.half_widths(Widths("constant", member=member)) for member in (0.15, 0.7, 1.2))
-    assert thin == pytest.approx(density * 0.075)
-    assert (2 * family.half_widths(Widths("constant", member=0.3)) / density)[[0, -1]] == pytest.approx([0.3, 0.175])
-    assert wide[0] == 0.35
-    assert wide[-1] == pytest.approx(1.25 * 0.35)
-    assert closed[-1] == 0.5
+    assert thin[:300] == pytest.approx(np.full(300, 0.075))
+    assert thin[300] == pytest.approx(0.15 / 2 / 0.35)
+    some = family.half_widths(Widths("constant", member=0.2))
+    assert some[[0, 300, -1]] == pytest.approx([0.1, 0.25, 0.5])  # as asked; thinner than 0.2 m; one
+    assert wide[[0, 300]] == pytest.approx([0.35, 0.4375])
+    wider = [family.half_widths(Widths("constant", member=x))[300] for x in np.linspace(0.15, 0.4, 200)]
+    assert (np.diff(wider) >= 0).all()
+    assert np.diff(wider).max() < 0.01  # no jump
+    assert closed[[0, 300]] == pytest.approx([0.5, 0.5])
     graded = family.half_widths(Widths("graded"), 1.2)
     assert (graded == graded[0]).all()

@@ -72,7 +72,8 @@ def test_middles_end_on_middles_or_with_the_sheet(which, request):
 
 
 def test_middles_are_as_long_as_the_density_says(dome):
-    """Co-area: lines in all are as long as the integral of their number per metre; they miss singular faces only.
+    """Co-area: lines in all are as long as the integral of their number per metre; they miss singular faces only, and
+    what is taken off as it ends in the air.
 
     The line along the base has the surface on one side only, and counts half.
     """
@@ -86,7 +87,7 @@ def test_middles_are_as_long_as_the_density_says(dome):
         length = sum(
             line.length * (0.5 if np.ptp(line.points[:, 2]) + line.points[0, 2] < 1e-9 else 1) for line in mine
         )
-        assert length == pytest.approx(asked, rel=0.03)
+        assert length == pytest.approx(asked, rel=0.05)
 
 
 def test_edges_outline_the_sheet_and_lie_beside_the_middle_of_their_number(cantilever):

@@ -16,6 +16,9 @@ OPEN = 0.25
 """Half-width, in periods, at which an opening is as wide as the members beside it: a narrower one is a slit."""
 CLOSER = 1.25
 """Where members leave no such openings anyway, the half-width is at most so many times the median one."""
+CLOSING = (4 / 3, 5 / 3)
+"""Members that would be so many times wider than that are not made thinner, but one: they crowd around a load. Between
+the two the opening closes, little by little, so that every share of material can be reached."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +46,15 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """(n,) d in periods of the lines that are drawn; members of one width are thinner where they would close up."""
+        """(n,) d in periods of the drawn lines; where members of one width would leave a slit they are thinner,
+        or, where they crowd more than that, one.
+        """
         plain = self.stripes.half_width
         if widths.rule != "constant":
             return widths.half_widths(plain, self.density, self.stress, factor)
         d = replace(widths, min_gap=0.0).half_widths(plain, self.density, self.stress, factor)
-        d = np.minimum(d, max(OPEN, CLOSER * float(np.median(d))))
+        most = max(OPEN, CLOSER * float(np.median(d)))
+        d = np.interp(d, np.array([0, 1, *CLOSING]) * most, [0, most, most, SOLID])
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
     def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:

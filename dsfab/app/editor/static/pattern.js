@@ -7,6 +7,10 @@
 import { same } from './state.js';
 
 const SOLID = 0.5;
+// evenly spaced members of one width are thinner where they crowd, or one, as dsfab/pattern/even_family.py has it
+const OPEN = 0.25;
+const CLOSER = 1.25;
+const CLOSING = [4 / 3, 5 / 3];
 const POINTS = 20000;
 const STEPS = 40;
 
@@ -61,9 +65,10 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   sampler.look(mode, frequency, phase, reach);
   if (same(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
   const n = arrays.V.length / 3;
-  const member = width.member || Math.sqrt(facts.area) / 100;
+  const rule = { ...width, member: width.member || Math.sqrt(facts.area) / 100, drawn };
+  if (arrays.shares && width.rule === 'constant') rule.median = medians(arrays.slope);
   const halves = (factor) =>
-    vary ? halfWidths({ ...width, member, drawn }, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
+    vary ? halfWidths(rule, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
   const start = width.rule === 'graded' ? facts.factor : 1;
   const factor = width.solid_fraction ? solved((f) => sampler.share(halves(f)), width.solid_fraction, start) : start;
   const half = halves(factor);
@@ -76,18 +81,41 @@ function exact(told, plain, vary, model, sampler) {
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
 }
 
+/** Half-widths of more than most stay at that, and then close the opening. */
+function crowded(d, most) {
+  const [from, to] = CLOSING;
+  const closed = Math.min(Math.max((d / most - from) / (to - from), 0), 1);
+  return Math.min(d, most) + closed * (SOLID - Math.min(d, most));
+}
+
+/** The median of both columns of an array (n, 2). */
+function medians(values) {
+  return [0, 1].map((k) => {
+    const sorted = values.filter((_, i) => i % 2 === k).sort();
+    return (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2;
+  });
+}
+
 /** (n, 2) half-widths in periods; 0 of a family that is not drawn. */
 function halfWidths(rule, plain, frequency, arrays, n, factor) {
   const half = new Float32Array(2 * n);
   const { shares } = arrays; // of evenly spaced stripes: periods differ from one side of a line to the other
+  const bounded = (d, slope) => {
+    const less = rule.max_width ? Math.min(d, slope * (rule.max_width / 2)) : d;
+    return Math.max(less, slope * (rule.min_width / 2));
+  };
+  const most = (rule.median || []).map((slope, k) => {
+    const usual = bounded(slope * frequency[k] * factor * (rule.member / 2), slope * frequency[k]);
+    return Math.max(OPEN, CLOSER * Math.min(usual, SOLID));
+  });
   for (let i = 0; i < 2 * n; i += 1) {
     if (!rule.drawn[i % 2]) continue;
     const slope = arrays.slope[i] * frequency[i % 2];
     let d;
     if (rule.rule === 'constant') d = slope * factor * (rule.member / 2);
     else d = factor * plain[i % 2] * (rule.rule === 'graded' || rule.rule === 'stressed' ? arrays.along[i] ** rule.q : 1);
-    if (rule.max_width) d = Math.min(d, slope * (rule.max_width / 2));
-    d = Math.max(d, slope * (rule.min_width / 2));
+    d = bounded(d, slope);
+    if (rule.median) d = crowded(d, most[i % 2]);
     const solid = d + slope * (rule.min_gap / 2) > SOLID;
     half[i] = solid ? SOLID : d * (shares ? shares[i] : 1);
   }
