@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dsfab import load_preset
-from dsfab.app.colouring import ANSWERS, coloured, rising
+from dsfab.app.colouring import ANSWERS, coloured, force_label, rising
 from dsfab.app.crosses import crosses
 from dsfab.app.fields import MOVES, YIELDS, answered, asking, energy_label
 from dsfab.app.light import QUICK
@@ -133,3 +133,10 @@ def test_directions_of_combined_cases_have_no_sign():
     dome = draft(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {tuple(row) for row in crosses(dome, PAPER).colour.tolist()} == {PAPER.tension, PAPER.compression}
     assert coloured(dome, "directions", PAPER).bar is not None
+
+
+@pytest.mark.parametrize(
+    ("newtons", "told"), [(999.9, "1 kN"), (350.2, "350 N"), (1.234e6, "1.23 MN"), (0.25, "250 mN")]
+)
+def test_forces_have_three_digits_in_the_unit_that_they_round_to(newtons, told):
+    assert force_label(newtons) == told

@@ -199,7 +199,8 @@ def stress_label(pascals: float) -> str:
 
 
 def force_label(newtons: float) -> str:
-    """'1.2 kN', '350 N', with three digits."""
+    """'1.2 kN', '350 N', with three digits; 999.9 N are 1 kN."""
+    newtons = float(f"{newtons:.3g}")
     factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
     return f"{newtons / factor:.3g} {unit}"
 

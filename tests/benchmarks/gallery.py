@@ -17,6 +17,7 @@ from dsfab.app.palette import PAPER
 from dsfab.app.panels import panels
 from dsfab.app.preview import picture
 from dsfab.app.report import Reporter
+from dsfab.app.view import up_axis
 from tests.meshes import mesh_file
 
 GALLERY = Path(__file__).parents[2] / "outputs" / "gallery"
@@ -44,7 +45,13 @@ def by_family(design):
     solid = design.sheet.surface
     tinted = replace(PAPER, families=PAPER.tints)
     told = f"{design.preset.name} - two families of members: major red, minor blue"
-    return picture(solid.V, solid.F, family=colour[family], caption=told, size=PANEL, palette=tinted)
+    return picture(
+        solid.V, solid.F, family=colour[family], caption=told, size=PANEL, palette=tinted, up=upwards(design)
+    )
+
+
+def upwards(design):
+    return up_axis(design.surface.V, design.surface, design.load)
 
 
 def draw(name: str) -> None:
@@ -59,7 +66,7 @@ def draw(name: str) -> None:
 
     write(built(WHOLE, design.load), name)
     above = panels(design, ("loads", "directions"), PANEL, Reporter(True))
-    bare = picture(solid.V, solid.F, caption=caption(design), size=PANEL)
+    bare = picture(solid.V, solid.F, caption=caption(design), size=PANEL, up=upwards(design))
     write(np.concatenate([above, np.concatenate([by_family(design), bare], axis=1)]), f"{name}_steps")
 
 
