@@ -8,6 +8,7 @@ level line cut at the same area and solved alike) reaches 1.58 and 2.53 on these
 import pytest
 
 import dsfab
+from tests.presets import SPHERE_GRADED_MODES
 
 
 def over_full(design) -> float:
@@ -20,6 +21,7 @@ def over_full(design) -> float:
     [
         ("cantilever", 0.5, 1.85, 1.80),
         pytest.param("cantilever_light", 0.3, 3.4, 3.20, marks=pytest.mark.slow),
+        pytest.param(SPHERE_GRADED_MODES, 0.5, 2.8, 1.69, marks=pytest.mark.slow, id="sphere_graded_modes"),
         pytest.param("sphere_graded", 0.5, 2.8, 1.69, marks=pytest.mark.slow),
     ],
 )

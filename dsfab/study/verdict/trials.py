@@ -50,7 +50,13 @@ KINDS: dict[str, Kind] = {
     ),
     "dome": Kind(
         "dome",
-        {"surface.edge": 0.62, "statics.thickness": 0.12, "pattern.keep": 0.35, "pattern.rim": 0.3},
+        {
+            "surface.edge": 0.62,
+            "statics.thickness": 0.12,
+            "pattern.keep": 0.35,
+            "pattern.rim": 0.3,
+            "slicing.min_opening": 0.03,
+        },
         (2.0, 4.0),
     ),
     "vault": Kind("barrel_vault", {"surface.edge": 0.45, "statics.thickness": 0.15}, (2.5, 5.0)),
