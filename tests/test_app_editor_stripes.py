@@ -92,7 +92,7 @@ def test_controls_say_which_method_takes_them(dome):
 
 
 def test_a_family_that_is_not_drawn_has_no_width_in_the_page():
-    made = draft(load_preset("dome", {**DOME, "pattern.families": "minor"}))
+    made = draft(load_preset(DOME_MODES, {**DOME, "pattern.families": "minor"}))
     arrays = unpacked(packed(*widths(made)))[1]
     assert not arrays["half"][:, 0].any()
     assert not arrays["shares"][:, 0].any()
@@ -105,7 +105,7 @@ def test_what_the_page_saves_has_its_guides():
         {"curve": [[0, 0, 4], [3, 1, 3]], "reach": 1.5, "weight": 3.0},
         {"at": {"pick": "side", "axis": "x", "end": "max", "depth": 2}, "direction": [0, 0, 1], "family": "minor"},
     ]
-    given = Opened(load_preset("dome", {**DOME, "pattern.guide": guides}), ("dome",))
+    given = Opened(load_preset(DOME_MODES, {**DOME, "pattern.guide": guides}), ("dome",))
     saved = tomllib.loads(given.toml({"pattern.rotate": 10.0, "pattern.keep": 0.5}))["pattern"]
     assert saved["rotate"] == 10
     assert [guide["family"] for guide in saved["guide"]] == ["major", "minor"]

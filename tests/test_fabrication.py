@@ -16,6 +16,7 @@ from dsfab.slicing.features import filled_openings
 from dsfab.slicing.quality import quality
 from dsfab.study.fabrication import fabrication
 from dsfab.study.fix import fixed
+from tests.presets import GLOBE_MODES
 from tests.zoo import grid, jittered
 
 SMALL = {"surface.edge": 0.05, "statics.thickness": 0.01}
@@ -130,7 +131,7 @@ def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monke
         "pattern.major.spacing": 0.3,
         "pattern.minor.spacing": 0.3,
     }
-    design = dsfab.run(dsfab.load_preset("globe", even))
+    design = dsfab.run(dsfab.load_preset(GLOBE_MODES, even))
     assert not any("were filled" in note.text for note in design.notes)
     small = design.sheet.surface.area
     monkeypatch.setattr(geometry, "SPECK", 0.7)

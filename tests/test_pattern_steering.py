@@ -271,7 +271,7 @@ SMALL = {"surface.edge": 0.5, "pattern.method": "stripes", "pattern.major.spacin
 
 
 def drafted(**more):
-    return pipeline.draft(load_preset("dome", SMALL | {f"pattern.{key}": value for key, value in more.items()}))
+    return pipeline.draft(load_preset(DOME_MODES, SMALL | {f"pattern.{key}": value for key, value in more.items()}))
 
 
 @pytest.mark.parametrize(
@@ -389,7 +389,7 @@ def ribs():
     """Ribs between a ring at the foot and a disc at the crown, turned and guided."""
     guide = {"curve": [[1, 1, 3.5], [4, 3, 2.0]], "reach": 1.5, "weight": 5.0}
     return dsfab.run(
-        load_preset("dome", {**SMALL, "pattern.families": "minor", "pattern.rotate": 20, "pattern.guide": [guide]})
+        load_preset(DOME_MODES, {**SMALL, "pattern.families": "minor", "pattern.rotate": 20, "pattern.guide": [guide]})
     )
 
 
@@ -453,10 +453,10 @@ def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
 def test_rings_alone_fall_apart_and_that_is_told():
     alone = "the major family alone has no crossings; set pattern.rim, or draw both"
     rings = SMALL | {"pattern.families": "major"}
-    made = dsfab.run(load_preset("dome", rings))
+    made = dsfab.run(load_preset(DOME_MODES, rings))
     assert any(note.text.startswith("5 of 6 pieces") and alone in note.text for note in made.notes)
     with pytest.raises(PatternError, match=rf"pieces reach no support, the largest .* m: {alone}"):
-        dsfab.run(load_preset("dome", rings | {"slicing.loose": "refuse"}))
+        dsfab.run(load_preset(DOME_MODES, rings | {"slicing.loose": "refuse"}))
 
 
 @pytest.mark.parametrize("rule", ["plain", "constant", "graded", "stressed"])
@@ -467,7 +467,7 @@ def test_one_family_on_modes_by_every_width_rule(rule):
         "pattern.width": {"rule": rule, "solid_fraction": 0.4, "steps": 2},
         "pattern.major.mode": "auto",
     }
-    made = dsfab.run(load_preset("dome", asked))
+    made = dsfab.run(load_preset(DOME_MODES, asked))
     assert made.pattern.choice is None  # nothing that is drawn is auto
     assert "major" not in made.pattern.names
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.4, abs=2e-3)
