@@ -5,6 +5,8 @@ families, the solid. Bob's mesh is looked for in DSFAB_MESHES; without it his pi
 """
 
 import sys
+import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,12 +15,16 @@ from PIL import Image
 
 import dsfab
 from dsfab.app.build import caption
+from dsfab.app.editor.opened import Opened
 from dsfab.app.palette import PAPER
 from dsfab.app.panels import panels
 from dsfab.app.preview import picture
 from dsfab.app.report import Reporter
 from dsfab.app.view import up_axis
+from tests.browser import opened
 from tests.meshes import mesh_file
+from tests.test_app_editor import serving
+from tests.test_app_editor_page import READY
 
 GALLERY = Path(__file__).parents[2] / "outputs" / "gallery"
 DESIGNS = {
@@ -29,6 +35,8 @@ DESIGNS = {
 PANEL = (800, 600)
 WHOLE = (1600, 1200)
 COLOURS = 256
+SETTLED = 8.0
+"""Seconds until the editor has drawn its finest picture, in software."""
 
 
 def write(pixels, name: str) -> None:
@@ -70,7 +78,22 @@ def draw(name: str) -> None:
     write(np.concatenate([above, np.concatenate([by_family(design), bare], axis=1)]), f"{name}_steps")
 
 
+def editor() -> None:
+    """The editor as it opens on the dome."""
+    width, height = 1440, 900
+    with (
+        serving(Opened(dsfab.load_preset("dome"), ("dome",))) as server,
+        tempfile.TemporaryDirectory() as folder,
+        opened(Path(folder), (width, height)) as tab,
+    ):
+        tab.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        tab.open(server.address, READY)
+        time.sleep(SETTLED)
+        tab.picture(Path(folder) / "editor.png")
+        write(Image.open(Path(folder) / "editor.png").convert("RGB"), "editor")
+
+
 if __name__ == "__main__":
-    for name in sys.argv[1:] or DESIGNS:
-        draw(name)
+    for name in sys.argv[1:] or (*DESIGNS, "editor"):
+        draw(name) if name in DESIGNS else editor()
         print(f"  {GALLERY / name}.png")
