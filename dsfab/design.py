@@ -14,7 +14,6 @@ from dsfab.slicing import Chart, Sheet, Tidy
 from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.corner_field import CornerField
-from dsfab.surface.divided import DividedField
 from dsfab.thickening import Solid
 
 
@@ -141,8 +140,7 @@ class PatternResult:
     only that is drawn.
 
     fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width; evenly
-                  spaced ones at corners, a family in several: its coarse lines, then those between them; what is
-                  kept on parts of faces, where these are divided, and `keep` in two: patches, and points and curves.
+                  spaced ones at corners, a family in several: its coarse lines, then those between them.
     half_widths : (n,) each: material is |z - k| < d, k integer, for the families; inf for the others. z is frequency x
                   + phase on modes, and the phase of the lines that are drawn on even stripes.
     factor      : what the widths were multiplied with to reach pattern.width.solid_fraction; 1 without it.
@@ -155,7 +153,7 @@ class PatternResult:
     """
 
     names: tuple[str, ...]
-    fields: tuple[Floats | CornerField | DividedField, ...]
+    fields: tuple[Floats | CornerField, ...]
     levels: tuple[Floats, ...]
     half_widths: tuple[Floats, ...] = ()
     factor: float = 1.0

@@ -19,11 +19,12 @@ from dsfab.app.palette import PAPER, Palette
 from dsfab.app.scene import Body, Bytes, Scene, shading
 from dsfab.app.shader import NOTHING, WHOLE, StripeShader
 from dsfab.app.staging import EVERY_LAYER, LAYERS, legend, on_page, staged
-from dsfab.app.striping import StripedMesh, distances, fields, numbers, only_numbers
+from dsfab.app.striping import StripedMesh, fields, numbers, only_numbers
 from dsfab.app.view import View, named_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Design, Draft
 from dsfab.errors import DsfabError, PatternError
+from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pipeline import draft
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
@@ -77,7 +78,7 @@ class Previewer:
         self._made: Design | Draft = design
         self._preset = design.preset
         self._show = show
-        self._distance: tuple[Floats, Floats] | None = None
+        self._distance: dict[str, Floats] = {}
         self._views: dict[tuple[tuple[int, int], bool], View] = {}
         tints = self._tints = palette.tints if show == "families" else None
         palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
@@ -264,10 +265,12 @@ class Previewer:
             )
 
     def _distances(self, design: Design | Draft) -> tuple[Floats, Floats]:
-        """As `distances` has them; the surface stays, and so do they."""
-        if self._distance is None:
-            self._distance = distances(design)
-        return self._distance
+        """(n,) each, metres: to loads and supports, and to the boundary; the surface stays, and so do they."""
+        if not self._distance:
+            load, surface = design.load, design.surface
+            self._distance["keep"] = distance_to_vertices(surface, load.held | load.loaded)
+            self._distance["rim"] = distance_to_boundary(surface)
+        return self._distance["keep"], self._distance["rim"]
 
 
 def _layers(marks: bool | Collection[str]) -> set[str]:

@@ -14,13 +14,9 @@ from dsfab.app.scene import Bytes, Floats32
 from dsfab.app.shader import BY_VERTEX, FAR, NO_REACH, Settings
 from dsfab.arrays import Floats
 from dsfab.design import Design, Draft, EvenStripes, PatternResult
-from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.even_family import finest_half_widths
 from dsfab.preset import AUTO, FAMILIES, STAGES, Pattern, Preset
 from dsfab.surface import Surface
-
-SLIDING = 1 / 8
-"""The largest reach, as a share of a surface's size, that distances are exact for whatever a preset asks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +107,6 @@ class StripedMesh:
         for k, d in enumerate(local):
             finest.append(finest_half_widths(d, even.slope[:, k], even.density[:, k], len(even.wanted[k])))
         return self.carry(np.stack(finest, axis=1)) * even.chart.scale
-
-
-def distances(made: Design | Draft) -> tuple[Floats, Floats]:
-    """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for."""
-    surface, load, ask = made.surface, made.load, made.preset.pattern
-    reach = max(SLIDING * surface.size, ask.keep, ask.rim)
-    return distance_to_vertices(surface, load.held | load.loaded, reach), distance_to_boundary(surface, reach)
 
 
 def fields(design: Design | Draft, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:

@@ -9,7 +9,7 @@ from dsfab.pattern.evening import evened
 from dsfab.pattern.frames import Frames
 from dsfab.pattern.guides import Guidance, Guide
 from dsfab.pattern.images import Images
-from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices, kept_layers
+from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.layers import Drawable, Family, Layer, mean_duty_factor, stripe_layers
 from dsfab.pattern.phase import Flow
 from dsfab.pattern.shares import counted_share, face_points, material_points
@@ -44,7 +44,6 @@ __all__ = [
     "face_points",
     "frequency_for",
     "halving",
-    "kept_layers",
     "log_density",
     "material_points",
     "mean_duty_factor",

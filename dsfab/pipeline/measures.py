@@ -20,8 +20,6 @@ from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
 from dsfab.surface import Surface
-from dsfab.surface.corner_field import CornerField
-from dsfab.surface.divided import DividedField
 
 TOUCH = 0.1
 """A dead end is still there if material is this near to it, as a share of a mean edge."""
@@ -112,9 +110,8 @@ def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Dra
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
-        if name not in FAMILIES and not isinstance(x, CornerField):
-            at = x.at_vertices if isinstance(x, DividedField) else x
-            kept = np.maximum(kept, at - levels[0])
+        if name not in FAMILIES and isinstance(x, np.ndarray):
+            kept = np.maximum(kept, x - levels[0])
     return Drawn.of(chart, d, np.maximum(kept, -surface.size))
 
 

@@ -17,8 +17,9 @@ from dsfab.pattern import (
     Stripes,
     Widths,
     counted_share,
+    distance_to_boundary,
+    distance_to_vertices,
     frequency_for,
-    kept_layers,
     mean_duty_factor,
     relative_stresses,
     solved_factor,
@@ -130,7 +131,13 @@ def drawn(
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     """What is material whatever the stripes do."""
-    return kept_layers(surface, load.held | load.loaded, preset.pattern.keep, preset.pattern.rim)
+    ask, regions = preset.pattern, []
+    if ask.keep:
+        regions.append(("keep", distance_to_vertices(surface, load.held | load.loaded), ask.keep))
+    if ask.rim and surface.edges.boundary.any():
+        regions.append(("rim", distance_to_boundary(surface), ask.rim))
+    every = np.full(surface.n, np.inf)
+    return [Layer(name, -distance, np.array([-reach]), every) for name, distance, reach in regions]
 
 
 def striped_families(

@@ -10,6 +10,7 @@ from dsfab.pattern import Layer
 from dsfab.preset import FAMILIES, Preset
 from dsfab.slicing import Tidy
 from dsfab.surface import LoadCase, Surface
+from dsfab.surface.corner_field import CornerField
 from dsfab.surface.hats import hat_gradients
 
 ASTRAY = float(np.cos(np.radians(45)))
@@ -29,7 +30,7 @@ def tidy_of(
 
 def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
     """(m,) faces where stripes on a mode run across their direction; evenly spaced ones never do."""
-    if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
+    if layer.name not in FAMILIES or isinstance(layer.field, CornerField):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])

@@ -12,7 +12,6 @@ from dsfab.slicing.cells import Cells
 from dsfab.slicing.sheet import VOID
 from dsfab.slicing.split import Split
 from dsfab.surface import Surface
-from dsfab.surface.divided import Divided
 from dsfab.surface.topology import connected
 
 
@@ -34,12 +33,8 @@ class PolygonMesh:
     also: Ints
 
     @classmethod
-    def of(cls, surface: Surface, divided: Divided | None = None) -> Self:
-        """The faces of a surface, or the parts that they are divided into, all void."""
-        if divided:
-            parts = divided.surface
-            cells, family = Cells.triangles(parts.F), np.full(parts.m, VOID)
-            return cls.plain(surface.F, cells, parts.V, divided.weights, divided.parent, family)
+    def of(cls, surface: Surface) -> Self:
+        """The faces of a surface, all void."""
         n, m = surface.n, surface.m
         cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
         return cls.plain(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))

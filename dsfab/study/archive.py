@@ -25,7 +25,7 @@ from dsfab.arrays import Floats
 from dsfab.design import Design, PatternResult
 from dsfab.preset import STAGES, Preset
 from dsfab.slicing import Sheet
-from dsfab.study.archive_even import division_of, even_arrays, even_of, field_arrays, field_of
+from dsfab.study.archive_even import even_arrays, even_of, field_arrays, field_of
 from dsfab.study.fields import design_fields
 from dsfab.surface import Surface
 from dsfab.thickening import Repairs, Solid
@@ -116,8 +116,7 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Kept:
         tuple(archive[f"{key}_{k}"] for k in range(len(names)) if f"{key}_{k}" in archive)
         for key in ("levels", "half_width")
     )
-    divided = division_of(surface, archive)
-    fields = tuple(field_of(f"field_{k}", divided, archive) for k in range(len(names)))
+    fields = tuple(field_of(f"field_{k}", archive) for k in range(len(names)))
     pattern = PatternResult(
         tuple(names),
         fields,

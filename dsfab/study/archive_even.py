@@ -2,7 +2,6 @@
 
 field_k           of such a field: its values at the vertices; beside it
 field_k_sign, field_k_shift, field_k_blank, field_k_wanted   how faces see it
-part_...          the parts of faces on which other fields are linear, that have more values than vertices
 even_...          the phases and what else `EvenStripes` holds; even_chart_... its chart
 """
 
@@ -19,19 +18,12 @@ from dsfab.pattern import CornerPhase
 from dsfab.slicing import Chart
 from dsfab.surface import Surface
 from dsfab.surface.corner_field import CornerField
-from dsfab.surface.divided import Divided, DividedField
 
-Field = Floats | CornerField | DividedField
 Arrays = dict[str, NDArray[Any]]
 
 
-def field_arrays(key: str, field: Field) -> Arrays:
+def field_arrays(key: str, field: Floats | CornerField) -> Arrays:
     """The arrays of a field; one without corners is one array, called by the key."""
-    if isinstance(field, DividedField):
-        divided = field.divided
-        rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
-        parts = {"V": divided.surface.V, "F": divided.surface.F, "parent": divided.parent, **rows}
-        return {key: field.x, **{f"part_{name}": array for name, array in parts.items()}}
     if not isinstance(field, CornerField):
         return {key: field}
     seen = {"sign": _whole(field.sign), "shift": _whole(field.shift), "blank": field.blank}
@@ -39,20 +31,10 @@ def field_arrays(key: str, field: Field) -> Arrays:
     return {key: field.x, **{f"{key}_{name}": array for name, array in (seen | wanted).items()}}
 
 
-def division_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divided | None:
-    """What the faces of a surface are divided into; None where they are not."""
-    if "part_V" not in arrays:
-        return None
-    parts = Surface(arrays["part_V"], arrays["part_F"])
-    rows = tuple(arrays[f"part_{name}"] for name in ("data", "indices", "indptr"))
-    return Divided(surface, parts, arrays["part_parent"], csr_array(rows, shape=(parts.n, surface.n)))
-
-
-def field_of(key: str, divided: Divided | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """The field that has these arrays, perhaps on such parts of faces."""
+def field_of(key: str, arrays: Mapping[str, NDArray[Any]]) -> Floats | CornerField:
+    """The field that has these arrays."""
     if f"{key}_sign" not in arrays:
-        x = arrays[key]
-        return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
+        return arrays[key]
     sign, shift, blank = (arrays[f"{key}_{name}"] for name in ("sign", "shift", "blank"))
     return CornerField(arrays[key], sign, shift, blank, arrays.get(f"{key}_wanted"))
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.design import Design, EvenStripes
-from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.wave import wave
 from dsfab.slicing.lines import STRIPES, CornerLines
 from dsfab.slicing.sheet import ON_SIMPLEX
@@ -37,11 +36,10 @@ def design_fields(design: Design) -> dict[str, Floats]:
     for family, modes in (("major", design.diffusion.major), ("minor", design.diffusion.minor)):
         fields |= {f"{family} mode {k} [1]": modes.mode(k) for k in range(1, len(modes.lam) + 1)}
     pattern = design.pattern
-    for name, away in _distances(design).items():
-        fields[f"{name} distance [m]"] = away
     for k, name in enumerate(pattern.names):
         z = stripe_phase(design, k)
         if z is None:
+            fields[f"{name} distance [m]"] = -np.asarray(pattern.fields[k])
             continue
         if isinstance(z, CornerLines):
             assert pattern.even is not None
@@ -50,17 +48,6 @@ def design_fields(design: Design) -> dict[str, Floats]:
             fields |= {f"{name} phase [1]": z, f"{name} wave [1]": wave(z)}
         fields[f"{name} half-width [1]"] = np.asarray(pattern.half_widths[k])
     return fields
-
-
-def _distances(design: Design) -> dict[str, Floats]:
-    """(n,) metres from what regions are kept around, by their names; beyond their reach too large, but finite."""
-    ask, surface = design.preset.pattern, design.surface
-    found = {}
-    if "keep" in design.pattern.names:
-        found["keep"] = distance_to_vertices(surface, design.load.held | design.load.loaded, ask.keep)
-    if "rim" in design.pattern.names:
-        found["rim"] = distance_to_boundary(surface, ask.rim)
-    return {name: np.where(np.isfinite(away), away, surface.size) for name, away in found.items()}
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:

@@ -5,7 +5,6 @@ from typing import Any, get_args
 
 import numpy as np
 
-from dsfab.app.striping import SLIDING
 from dsfab.diffusion import Labelling
 from dsfab.pattern import Rule
 from dsfab.preset import Family, Pattern, Preset
@@ -43,7 +42,7 @@ class Control:
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
     """All of them, ready for JSON; lengths go up to a share of the surface's size."""
-    reach = _round(SLIDING * surface.size)
+    reach = _round(surface.size / 8)
     families = [control for name in ("major", "minor") for control in _family(name, preset, surface, reach)]
     return [asdict(control) for control in [*_method(), *families, *_width(reach), *_kept(reach), *_solved(surface)]]
 

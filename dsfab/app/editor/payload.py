@@ -13,12 +13,14 @@ from scipy.spatial import cKDTree
 
 from dsfab.app.colouring import STEEPEST, diverging, rising, signed
 from dsfab.app.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
-from dsfab.app.striping import StripedMesh, distances
+from dsfab.app.striping import StripedMesh
 from dsfab.app.view import ANGLE, best_side, up_axis
 from dsfab.arrays import Bools, Floats
 from dsfab.design import Draft
 from dsfab.errors import DsfabError
 from dsfab.pattern import (
+    distance_to_boundary,
+    distance_to_vertices,
     frequency_for,
     slopes,
     vertex_means,
@@ -88,7 +90,7 @@ def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "F": mesh.surface.F,
         "normals": mesh.normals,
         **_phases(draft, mesh),
-        "kept": mesh.carry(np.minimum(np.stack(distances(draft), axis=1), FAR)),
+        "kept": mesh.carry(np.minimum(np.stack(_distances(draft), axis=1), FAR)),
         "along": mesh.carry(_along(draft)),
         **{name: mesh.carry(value) for name, value in answers.items()},
         **({"uncut": surface.V - middle} if mesh.even else {}),
@@ -152,6 +154,11 @@ def _slopes(draft: Draft, mesh: StripedMesh) -> Floats:
     radius = ask.widths(np.sqrt(surface.area)).radius
     pair = draft.diffusion.major.mode(mode[0]), draft.diffusion.minor.mode(mode[1])
     return np.stack([slopes(surface, x, radius) for x in pair], axis=1)
+
+
+def _distances(draft: Draft) -> tuple[Floats, Floats]:
+    load, surface = draft.load, draft.surface
+    return distance_to_vertices(surface, load.held | load.loaded), distance_to_boundary(surface)
 
 
 def _stress(draft: Draft) -> Floats:

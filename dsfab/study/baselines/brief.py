@@ -10,7 +10,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools
 from dsfab.design import Design, DiffusionResult, Draft, EvenStripes, StaticsResult, settled
-from dsfab.pattern import Layer, face_points, frequency_for, material_points
+from dsfab.pattern import Layer, frequency_for
 from dsfab.pipeline.patterns import kept_regions
 from dsfab.preset import Family, Preset
 from dsfab.slicing import Sheet
@@ -86,7 +86,10 @@ class Brief:
     @property
     def kept_faces(self) -> Bools:
         """(m,) whether the middle of a face is in what is kept."""
-        return np.asarray(material_points(self.surface, self.kept, face_points(1))[:, 0])
+        found = np.zeros(self.surface.m, dtype=bool)
+        for layer in self.kept:
+            found |= np.asarray(layer.field)[self.surface.F].mean(axis=1) > layer.levels[0]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
