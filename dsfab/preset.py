@@ -116,7 +116,8 @@ class Family(Section):
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
     """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: as spacing asks."""
     spacing: Annotated[float, Ge(0)] = 0.0
-    """Metres from the middle of one stripe to the next, in the mean over the surface. 0: as frequency says."""
+    """Metres from the middle of one stripe to the next, in the mean over the surface. 0: as frequency says; of
+    evenly spaced stripes a twelfth of the surface's side, but not less than an edge of its mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
@@ -204,7 +205,8 @@ class Pattern(Section):
 
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress;
-    auto: what is stiffest of both, halved or not, with constant and with graded widths where one of these is asked."""
+    auto: of both, halved or not, with constant and graded widths (q, and half of it) where one of these is asked, what
+    has no dead end, no slit, and is then the stiffest."""
     halve: bool = True
     """stripes: leave out every second one where they crowd, ended on crossing members; false lets them crowd."""
     families: Literal["both", "major", "minor"] = "both"

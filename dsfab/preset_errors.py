@@ -50,7 +50,7 @@ def _sentence(detail: ErrorDetails) -> str:
         hint = did_you_mean(str(detail["input"]), allowed)
         if allowed == ["auto"]:
             hint = f" or a number{hint}"
-    text = detail["msg"].removeprefix("Input ")
+    text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")
     return f"{key} = {detail['input']!r}: {text[:1].lower()}{text[1:]}{hint}"
 
 

@@ -22,7 +22,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 @pytest.fixture
 def here(monkeypatch):
     """Ask OCCT in this process; gives the last findings."""
-    from dsfab.export.smooth import ask, check
+    from dsfab.export.smooth import check, occt_check
 
     found: list = []
 
@@ -30,5 +30,5 @@ def here(monkeypatch):
         found[:] = [dict(one) for one in check.inspected(path, folder, deflection)]
         return [dict(one) for one in found]
 
-    monkeypatch.setattr(ask, "_said", said)
+    monkeypatch.setattr(occt_check, "_said", said)
     return found

@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 
+from dsfab.delivery.curved import curved_sheet
 from dsfab.export import write
 from dsfab.slicing import Sheet, cut
-from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
 from dsfab.thickening import Solid, offsets, thicken
 

@@ -113,9 +113,21 @@ def test_bench_prints_the_table_and_json_with_the_agreed_keys(capsys):
     assert (code, err) == (0, "")
     (row,) = json.loads(out)
     assert list(row) == ["preset", "vertices", "triangles", *bench_module.ROWS, "peak_mb", "compliance"]
-    assert all(row[key] >= 0 for key in bench_module.ROWS)
+    assert row["stripes"] is None  # they are on modes
+    assert all(row[key] >= 0 for key in bench_module.ROWS if key != "stripes")
     assert row["total"] >= sum(row[key] for key in ("membrane", "statics", "modes", "slicing"))
     assert row["peak_mb"] > 50
+    evenly = (
+        "--set",
+        "pattern.method='stripes'",
+        "--set",
+        "pattern.major.spacing=2",
+        "--set",
+        "pattern.minor.spacing=2",
+    )
+    code, out, _ = run(capsys, *arguments, *evenly, "--json")
+    assert code == 0
+    assert 0 < json.loads(out)[0]["stripes"] < json.loads(out)[0]["total"]
 
 
 @pytest.mark.slow

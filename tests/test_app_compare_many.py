@@ -8,8 +8,8 @@ import pytest
 
 from dsfab.app import compare_many
 from dsfab.app.cli import main
-from dsfab.app.compare_page import summary_page
-from dsfab.app.compliance.html import page
+from dsfab.report.comparison_summary import summary_page
+from dsfab.report.compliance.html import page
 
 COARSE = ["--level", "quick", "--against", "thinner", "--set", "surface.edge=0.1", "--no-report"]
 THREE = ["compare", "cantilever", "domme", "cantilever_light", *COARSE]

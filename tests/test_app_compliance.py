@@ -12,21 +12,21 @@ from html.parser import HTMLParser
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.app.compliance import findings, pictures, write_report
-from dsfab.app.compliance.document import Document, Paragraph, Section, Table
-from dsfab.app.compliance.findings import Findings
-from dsfab.app.compliance.html import page
-from dsfab.app.compliance.pdf import pdf
-from dsfab.app.compliance.verdict_words import banner, standing, thinner_at_volumes
-from dsfab.app.compliance.words import digits_of, nice, percent, quantity, within
-from dsfab.app.gl import require_rendering
 from dsfab.errors import DsfabError, ExportError, StaticsError
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset
-from dsfab.study import compare, compare_at
+from dsfab.render.opengl import require_rendering
+from dsfab.report.compliance import findings, pictures, write_report
+from dsfab.report.compliance.document import Document, Paragraph, Section, Table
+from dsfab.report.compliance.findings import Findings
+from dsfab.report.compliance.html import page
+from dsfab.report.compliance.pdf import pdf
+from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_volumes
+from dsfab.report.compliance.words import digits_of, nice, percent, quantity, within
+from dsfab.study import compare_at
+from dsfab.study.comparison import comparison
 from dsfab.study.full_check import full
 from dsfab.study.judging import quick
-from dsfab.study.sweeps.making import Making
 
 TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}
 CASES = {
@@ -139,7 +139,7 @@ def drafted():
 
 @pytest.fixture(scope="module")
 def compared(drafted):
-    return compare(Making(drafted), ("thinner",), full)
+    return comparison((drafted), ("thinner",), full)
 
 
 def test_html_has_every_section_in_order_and_fetches_nothing(read):
@@ -227,7 +227,7 @@ def test_without_a_renderer_the_report_is_whole_and_says_so(tmp_path, capsys, mo
     def broken() -> None:
         raise DsfabError("nothing to draw with; install it")
 
-    monkeypatch.setattr("dsfab.app.gl.require_rendering", broken)
+    monkeypatch.setattr("dsfab.render.opengl.require_rendering", broken)
     arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "", "--level", "quick"]
     assert main([*arguments, "-o", str(tmp_path / "out")]) == 0
     captured = capsys.readouterr()
@@ -304,7 +304,7 @@ def test_the_full_judge_tells_the_value_of_the_verdict_within_its_bound(drafted,
     assert judged.check.case("load").value == judged.compliance
     assert judged.bound == judged.check.bound <= 0.02
     assert judged.verdict == "pass"
-    rough = compare(Making(drafted), ()).design.judgement
+    rough = comparison((drafted), ()).design.judgement
     assert (rough.level, rough.verdict, rough.bound) == ("quick", "unknown", 0.11)
     assert rough.compliance == pytest.approx(judged.compliance, rel=0.11)
 
@@ -362,10 +362,10 @@ def test_what_cannot_be_cut_or_is_a_mechanism_fails_and_is_told(tmp_path, monkey
         return quick(brief, structure)
 
     small(monkeypatch)
-    made = Making(draft(load_preset("cantilever", {**LOST, "slicing.loose": loose})))
+    made = draft(load_preset("cantilever", {**LOST, "slicing.loose": loose}))
     with pytest.raises(DsfabError):
-        compare(made, ("thinner",), mechanism)
-    found = Findings(compare(made, ("thinner",), mechanism, refuse=False), [], "dsfab compare x")
+        comparison(made, ("thinner",), mechanism)
+    found = Findings(comparison(made, ("thinner",), mechanism, refuse=False), [], "dsfab compare x")
     assert (found.status, found.carries, found.drawn) == ("fail", False, drawn)
     assert len(found.compared.rivals) == drawn
     write_report(found, [], tmp_path)

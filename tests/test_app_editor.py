@@ -21,14 +21,14 @@ import numpy as np
 import pytest
 
 from dsfab.app.editor import server as doors
-from dsfab.app.editor.carrying import carried
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.figures import figures
 from dsfab.app.editor.jobs import Jobs
-from dsfab.app.editor.opened import Opened, opened, opened_mesh, opened_shipped
 from dsfab.app.editor.payload import colours, creased, model, packed, widths
+from dsfab.app.editor.pickling import carried
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
+from dsfab.app.editor.source import Opened, opened, opened_mesh, opened_shipped
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
 from dsfab.pipeline import draft, run
@@ -337,7 +337,7 @@ def test_what_cannot_be_is_refused_in_a_sentence():
 def test_a_build_writes_what_the_command_line_writes(monkeypatch):
     import trimesh
 
-    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
+    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
 
     with Session(opened(DOME_MODES, COARSE)) as session:
         wait(session.jobs, session.ask_solve({}))
@@ -365,7 +365,7 @@ def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
         f"open({str(pids)!r}, 'w').write(f'{{os.getpid()}} {{p.pid}} '); time.sleep(600)"
     )
     monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", deep)
-    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
+    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(opened(DOME_MODES, COARSE)) as session:
         folder = Path(session._folder.name)
         number = session.ask_build({}, ["step"])
@@ -405,7 +405,7 @@ def alive(pid):
 )
 def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
     monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", program)
-    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
+    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(opened(DOME_MODES, COARSE)) as session:
         job = wait(session.jobs, session.ask_build({}, ["stl"]))
         assert job.state == state

@@ -118,7 +118,7 @@ def editor():
 
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(comm, "create_comm", Wire)
-        patched.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
+        patched.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
         made = dsfab.edit(draft(load_preset(DOME_MODES, COARSE)))
         yield made
         made.close()

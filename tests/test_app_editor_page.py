@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dsfab.app.editor.opened import Opened
+from dsfab.app.editor.source import Opened
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset
 from tests.browser import browser, opened
@@ -314,7 +314,7 @@ def test_a_reload_restores_everything(tab, server):
 def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
     import trimesh
 
-    monkeypatch.setattr("dsfab.app.gl.why_no_pictures", lambda: "not now")
+    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     tab.run("document.getElementById('build').click()")
     until(tab, "document.querySelectorAll('#built a').length > 0", 120)
     link = tab.run("document.querySelector('#built a').href")
@@ -436,7 +436,7 @@ def test_it_fits_a_telephone(tab):
 
 def seen_by_both(tab, made):
     """Masks of a draft from the same eye: of WebGL in the page that shows it, and of VTK."""
-    from dsfab.app.previewer import Previewer
+    from dsfab.render.previewer import Previewer
 
     size = (800, 600)
     with Previewer(made, marks=False) as previewer:

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dsfab import pipeline
 from dsfab.app import variants as variants_module
 from dsfab.app.cli import main
-from dsfab.app.contact import Tile, _label, columns, contact_sheet, page
 from dsfab.app.options import picture_size
-from dsfab.app.palette import PAPER
-from dsfab.app.panels import shows
-from dsfab.app.variations import best_order, combinations, expected_seconds, short_names, spelled, varied
 from dsfab.errors import DsfabError
+from dsfab.pipeline import design as stages
 from dsfab.preset_file import load_preset, parse_override, preset_toml
+from dsfab.render.palette import PAPER
+from dsfab.render.panels import shows
+from dsfab.report.contact_sheet import Tile, _label, columns, contact_sheet, page
+from dsfab.study.variations import best_order, combinations, expected_seconds, short_names, spelled, varied
 from tests.presets import DOME_MODES
 
 COARSE = ["--set", "surface.edge=0.9", "--size", "160x120"]
@@ -77,7 +77,7 @@ def test_a_contact_sheet_and_a_page_with_every_combination(
 ) -> None:
     solves: list[str] = []
     for stage in ("statics_step", "diffusion_step"):
-        monkeypatch.setattr(pipeline, stage, _counted(getattr(pipeline, stage), stage, solves))
+        monkeypatch.setattr(stages, stage, _counted(getattr(stages, stage), stage, solves))
     folder = tmp_path / "sheet of mine"
     varies = [
         "--vary",
@@ -214,7 +214,7 @@ def test_a_full_disk_leaves_the_folder_as_it_was(
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("dsfab.app.contact.save", full)
+    monkeypatch.setattr("dsfab.report.contact_sheet.save", full)
     (tmp_path / "kept.txt").write_text("kept")
     told = refused(capsys, "explore", DOME_MODES, *COARSE, "--vary", "diffusion.r=1,10", "-o", str(tmp_path))
     assert "No space left on device" in told

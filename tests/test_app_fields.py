@@ -4,26 +4,25 @@ import numpy as np
 import pytest
 
 from dsfab import load_preset
-from dsfab.app.colouring import ANSWERS, coloured, force_label, rising
-from dsfab.app.crosses import crosses
-from dsfab.app.fields import MOVES, YIELDS, answered, asking, energy_label
-from dsfab.app.light import QUICK
-from dsfab.app.palette import PAPER
-from dsfab.app.previewer import TRIAL, Previewer
-from dsfab.design import Draft
 from dsfab.errors import DsfabError
-from dsfab.pipeline import draft
+from dsfab.pipeline import Design, draft
+from dsfab.render.answers import MOVES, YIELDS, answered, asking, energy_label
+from dsfab.render.colouring import ANSWERS, coloured, force_label, rising
+from dsfab.render.crosses import crosses
+from dsfab.render.light import QUICK
+from dsfab.render.palette import PAPER
+from dsfab.render.previewer import TRIAL, Previewer
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.7, "diffusion.modes": 5, "statics.bending": "midedge"}
 
 
-def made(**changes) -> Draft:
+def made(**changes) -> Design:
     return draft(load_preset(DOME_MODES, {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
 
 
 @pytest.fixture(scope="module")
-def dome() -> Draft:
+def dome() -> Design:
     return made(strength=20e6, frequencies=1, buckling=1)
 
 

@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_erosion
 
-from dsfab.app import gl, light, marks, preview
-from dsfab.app.edges import edges
-from dsfab.app.lettering import length_label, round_length
-from dsfab.app.palette import PAPER
-from dsfab.app.person import person
-from dsfab.app.preview import picture, write_picture
-from dsfab.app.scene import Body, Scene
-from dsfab.app.view import ANGLE, best_side, framed, up_axis
 from dsfab.errors import DsfabError, ExportError
+from dsfab.render import light, marks, opengl
+from dsfab.render.edges import edges
+from dsfab.render.lettering import length_label, round_length
+from dsfab.render.palette import PAPER
+from dsfab.render.person import person
+from dsfab.render.picture import picture, write_picture
+from dsfab.render.scene import Body, Scene
+from dsfab.render.view import ANGLE, best_side, framed, up_axis
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import cylinder, dome, plate, sphere, tower
 
@@ -230,7 +230,7 @@ def test_any_cloud_of_points_fills_the_box_it_is_framed_in(seed: int, scale: flo
 
 def test_light_on_a_free_point_is_the_closed_form_and_none_gets_into_a_closed_box() -> None:
     """The top of a ball sees every lamp above it (`Lamps.open`); inside the ball only `AMBIENT` is left."""
-    gl.require_rendering()
+    opengl.require_rendering()
     ball = sphere(radius=0.9, edge=0.1)
     view = framed(ball.V, best_side(ball.V, Z), (-1.0, 1.0, -0.8, 0.8))
     all_lamps = light.lamps(view, Z)
@@ -246,7 +246,7 @@ def test_light_on_a_free_point_is_the_closed_form_and_none_gets_into_a_closed_bo
 
 def test_the_scene_sees_a_ball_where_geometry_says_it_is() -> None:
     """Depth of the nearest point = distance - radius; outline = tan(asin(r / d)) of the half angle."""
-    gl.require_rendering()
+    opengl.require_rendering()
     ball = sphere(radius=1.0, edge=0.05)
     view = framed(ball.V, best_side(ball.V, Z), (-0.8, 0.8, -0.8, 0.8))
     distance = float(np.linalg.norm(view.eye))
@@ -260,7 +260,7 @@ def test_the_scene_sees_a_ball_where_geometry_says_it_is() -> None:
 
 
 def test_edges_are_drawn_where_faces_meet_and_not_along_a_slope() -> None:
-    from dsfab.app.scene import Pixels
+    from dsfab.render.scene import Pixels
 
     up, side = np.array([127, 127, 255], dtype=np.uint8), np.array([255, 127, 127], dtype=np.uint8)
     slope = np.tile(np.linspace(2, 3, 20, dtype=np.float32), (20, 1))
@@ -365,32 +365,32 @@ def test_nothing_to_draw_is_refused() -> None:
 @pytest.fixture
 def asked_anew(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """A process that has not asked yet and has no VTK_DEFAULT_OPENGL_WINDOW; what it sets is forgotten."""
-    monkeypatch.setenv(gl.WINDOW, "")
-    gl._draws.cache_clear()
+    monkeypatch.setenv(opengl.WINDOW, "")
+    opengl._draws.cache_clear()
     yield monkeypatch
-    gl._draws.cache_clear()
+    opengl._draws.cache_clear()
 
 
 @pytest.mark.parametrize("crash", ["import os; os.abort()", "raise SystemExit(3)"])
 def test_a_machine_that_cannot_draw_is_told_what_to_install(asked_anew: pytest.MonkeyPatch, crash: str) -> None:
     asked_anew.setattr(sys, "platform", "linux")
-    asked_anew.setattr(gl, "_command", lambda: [sys.executable, "-c", crash])
+    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", crash])
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:
-        preview.picture(*SHAPES["slab"](), size=SIZE)
+        picture(*SHAPES["slab"](), size=SIZE)
     assert str(caught.value).count(".") == 0  # one sentence
     assert all(name in str(caught.value) for name in ("Debian, Ubuntu", "Fedora", "macOS", "Windows", "--no-preview"))
     assert "libosmesa6" in str(caught.value)
 
 
 def test_a_probe_that_hangs_or_cannot_start_is_a_failure(asked_anew: pytest.MonkeyPatch) -> None:
-    asked_anew.setattr(gl, "SECONDS", 0.2)
-    asked_anew.setattr(gl, "_command", lambda: [sys.executable, "-c", "import time; time.sleep(60)"])
+    asked_anew.setattr(opengl, "SECONDS", 0.2)
+    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", "import time; time.sleep(60)"])
     with pytest.raises(DsfabError, match="cannot be drawn"):
-        gl.require_rendering()
-    gl._draws.cache_clear()
-    asked_anew.setattr(gl, "_command", lambda: ["no-such-program"])
+        opengl.require_rendering()
+    opengl._draws.cache_clear()
+    asked_anew.setattr(opengl, "_command", lambda: ["no-such-program"])
     with pytest.raises(DsfabError, match="cannot be drawn"):
-        gl.require_rendering()
+        opengl.require_rendering()
 
 
 def test_the_machine_is_asked_once_and_the_working_window_is_chosen(
@@ -400,29 +400,29 @@ def test_the_machine_is_asked_once_and_the_working_window_is_chosen(
 
     log = tmp_path / "asked"
     only_osmesa = (
-        f"import os; name = os.environ['{gl.WINDOW}']; open({str(log)!r}, 'a').write(name + '\\n'); "
+        f"import os; name = os.environ['{opengl.WINDOW}']; open({str(log)!r}, 'a').write(name + '\\n'); "
         "raise SystemExit(0 if name == 'vtkOSOpenGLRenderWindow' else 1)"
     )
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.delenv("DISPLAY", raising=False)
-    asked_anew.setattr(gl, "_command", lambda: [sys.executable, "-c", only_osmesa])
-    gl.require_rendering()
-    assert os.environ[gl.WINDOW] == "vtkOSOpenGLRenderWindow"
-    gl.require_rendering()
+    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", only_osmesa])
+    opengl.require_rendering()
+    assert os.environ[opengl.WINDOW] == "vtkOSOpenGLRenderWindow"
+    opengl.require_rendering()
     assert log.read_text().split() == ["vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow"]
 
 
 def test_a_screen_and_other_systems_keep_the_window_of_vtk(asked_anew: pytest.MonkeyPatch) -> None:
     asked_anew.setattr(sys, "platform", "darwin")
-    assert gl._candidates("") == ("",)
+    assert opengl._candidates("") == ("",)
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.setenv("DISPLAY", ":0")
-    assert gl._candidates("")[0] == ""
-    assert gl._candidates("vtkEGLRenderWindow") == ("vtkEGLRenderWindow",)  # a user's word is kept
+    assert opengl._candidates("")[0] == ""
+    assert opengl._candidates("vtkEGLRenderWindow") == ("vtkEGLRenderWindow",)  # a user's word is kept
 
 
 def test_a_window_chosen_by_the_user_that_fails_is_named(asked_anew: pytest.MonkeyPatch) -> None:
-    asked_anew.setenv(gl.WINDOW, "vtkNoSuchWindow")
-    asked_anew.setattr(gl, "_command", lambda: [sys.executable, "-c", "raise SystemExit(1)"])
+    asked_anew.setenv(opengl.WINDOW, "vtkNoSuchWindow")
+    asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", "raise SystemExit(1)"])
     with pytest.raises(DsfabError, match="vtkNoSuchWindow"):
-        gl.require_rendering()
+        opengl.require_rendering()

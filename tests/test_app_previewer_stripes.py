@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from dsfab.app.panels import shows
-from dsfab.app.previewer import Previewer
-from dsfab.app.scene import shading
-from dsfab.app.striping import StripedMesh, only_numbers
-from dsfab.design import Draft
 from dsfab.errors import DsfabError
-from dsfab.pipeline import draft
+from dsfab.pipeline import Design, draft
 from dsfab.preset_file import load_preset, overridden
+from dsfab.render.panels import shows
+from dsfab.render.previewer import Previewer
+from dsfab.render.scene import shading
+from dsfab.render.striped_mesh import StripedMesh, only_numbers
 from tests.presets import DOME_MODES, GLOBE_MODES
 from tests.test_app_previewer import MOST, SIZE, difference, exact
 
@@ -19,12 +18,12 @@ DOME = {**EVEN, "surface.edge": 0.5, "pattern.major.spacing": 1.1, "pattern.mino
 
 
 @pytest.fixture(scope="module")
-def dome() -> Draft:
+def dome() -> Design:
     return draft(load_preset(DOME_MODES, DOME))
 
 
 @pytest.fixture(scope="module")
-def globe() -> Draft:
+def globe() -> Design:
     both = {"pattern.major.spacing": 0.2, "pattern.minor.spacing": 0.2}
     return draft(load_preset(GLOBE_MODES, {**EVEN, **both}))
 
@@ -40,7 +39,7 @@ RULES = {
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_the_shader_draws_what_the_exact_cut_leaves(dome: Draft, rule: str) -> None:
+def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
     made = draft(overridden(dome.preset, RULES[rule]), old=dome)
     assert made.pattern.even
     assert len(set(made.pattern.even.chart.scale.ravel())) > 2 or rule == "not halved"  # some are halved
@@ -50,9 +49,11 @@ def test_the_shader_draws_what_the_exact_cut_leaves(dome: Draft, rule: str) -> N
         assert previewer.mask(SIZE).sum() < 0.98 * exact(previewer, made.surface).sum()
 
 
-def test_a_closed_surface_agrees_too(globe: Draft) -> None:
+def test_a_closed_surface_agrees_too(globe: Design) -> None:
+    """Some faces have no phase: void here, and nodes in the cut where members meet in them."""
+    assert any(phase.singular.any() for phase in globe.pattern.even.phases)
     with Previewer(globe, marks=False, view="20,30") as previewer:
-        assert difference(globe, previewer) < MOST
+        assert difference(globe, previewer) < 5 * MOST
 
 
 CHANGES = [
@@ -67,7 +68,7 @@ CHANGES = [
 
 
 @pytest.mark.slow
-def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Draft) -> None:
+def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design) -> None:
     preset = dome.preset
     with Previewer(dome, marks=False) as previewer:
         for changes in CHANGES:
@@ -78,15 +79,15 @@ def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Draft) 
                 assert len(previewer._scene.actors) == 1
 
 
-def test_a_reach_alone_is_a_number(dome: Draft, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reach_alone_is_a_number(dome: Design, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = draft(overridden(dome.preset, {"pattern.width": {}}), old=dome)
 
-    def never(*_: object, **__: object) -> Draft:
+    def never(*_: object, **__: object) -> Design:
         raise AssertionError("drafted again")
 
     with Previewer(plain, marks=False) as previewer:
         before = previewer.mask(SIZE).sum()
-        monkeypatch.setattr("dsfab.app.previewer.draft", never)
+        monkeypatch.setattr("dsfab.render.previewer.draft", never)
         previewer.set({"pattern.rim": 1.0})
         assert previewer.mask(SIZE).sum() > 1.02 * before
         for changes in ({"pattern.minor.spacing": 0.6}, {"pattern.halve": False}, {"pattern.major.threshold": 0.2}):
@@ -96,7 +97,7 @@ def test_a_reach_alone_is_a_number(dome: Draft, monkeypatch: pytest.MonkeyPatch)
     assert not only_numbers(dome.preset, overridden(dome.preset, {"pattern.keep": 0.9}))  # a share is solved for
 
 
-def test_light_shows_no_seam(globe: Draft) -> None:
+def test_light_shows_no_seam(globe: Design) -> None:
     """Each vertex of the chart, on whichever side of a seam, has the normal of the sphere to within a face's turn."""
     mesh = StripedMesh.of(globe)
     assert mesh.even
@@ -118,7 +119,7 @@ def test_light_shows_no_seam(globe: Draft) -> None:
     assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1)
 
 
-def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Draft) -> None:
+def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Design) -> None:
     """The picture of normals, bytes, is that of the uncut surface but for rounding."""
     seen = []
     for made in (dome, draft(load_preset(DOME_MODES, {"surface.edge": 0.5}))):
@@ -131,7 +132,7 @@ def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Draft) -> None:
     assert np.percentile(np.abs(one - two)[both], 99.9) <= 1
 
 
-def test_what_is_on_no_mode_shows_none(dome: Draft) -> None:
+def test_what_is_on_no_mode_shows_none(dome: Design) -> None:
     with pytest.raises(DsfabError, match="run along no mode"):
         Previewer(dome, show="major_mode")
     assert "major_mode" not in shows("all", dome.preset)
@@ -139,14 +140,14 @@ def test_what_is_on_no_mode_shows_none(dome: Draft) -> None:
 
 
 @pytest.mark.parametrize("show", ["loads", "displacement", "directions", "vonmises"])
-def test_the_whole_sheet_is_whole(dome: Draft, show: str) -> None:
+def test_the_whole_sheet_is_whole(dome: Design, show: str) -> None:
     on_modes = draft(load_preset(DOME_MODES, {"surface.edge": 0.5}))
     with Previewer(dome, show=show) as striped, Previewer(on_modes, show=show) as plain:
         one, two = striped.mask(SIZE), plain.mask(SIZE)
         assert (one != two).sum() <= 2e-4 * two.sum()
 
 
-def test_families_together_make_the_structure(dome: Draft) -> None:
+def test_families_together_make_the_structure(dome: Design) -> None:
     masks = {}
     for show in ("structure", "major", "minor"):
         with Previewer(dome, show=show, marks=False, view="top") as previewer:

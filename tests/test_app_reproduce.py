@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dsfab.app import paper_drawing, paper_figures
 from dsfab.app.cli import main
-from dsfab.app.crosses import crosses
-from dsfab.app.light import QUICK
-from dsfab.app.palette import PAPER
-from dsfab.app.paper_comparisons import as_mode
-from dsfab.app.paper_figures import _reached
-from dsfab.app.paper_volumes import sphere_volumes
-from dsfab.app.previewer import TRIAL, Previewer
-from dsfab.app.report import Reporter
-from dsfab.design import Piece
+from dsfab.app.terminal import Reporter
 from dsfab.diffusion import diffusion_tensors
 from dsfab.errors import DsfabError
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset, overridden
+from dsfab.render.crosses import crosses
+from dsfab.render.light import QUICK
+from dsfab.render.palette import PAPER
+from dsfab.render.previewer import TRIAL, Previewer
+from dsfab.report.paper import drawing, figures
+from dsfab.report.paper.comparisons import as_mode
+from dsfab.report.paper.figures import _reached
+from dsfab.report.paper.volumes import sphere_volumes
+from dsfab.results import Piece
 from dsfab.study.paper import FIGURES
 from dsfab.surface.hats import voronoi_mass
 from tests.presets import DOME_MODES
@@ -37,9 +37,9 @@ ROUGH = ("--coarser", "6")
 @pytest.fixture(autouse=True, scope="module")
 def small():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paper_drawing, "SMALL", (96, 72))
-        patch.setattr(paper_drawing, "LARGE", (128, 96))
-        patch.setattr(paper_drawing, "LIGHT", QUICK)
+        patch.setattr(drawing, "SMALL", (96, 72))
+        patch.setattr(drawing, "LARGE", (128, 96))
+        patch.setattr(drawing, "LIGHT", QUICK)
         yield
 
 
@@ -93,7 +93,7 @@ def test_the_page_shows_every_step_of_every_figure_and_opens_offline(folder):
     assert page.open == []
     assert [name for name in page.sections if name] == list(TWO)  # in the paper's order
     for name in TWO:
-        for show in ("structure", *paper_figures.STEPS):
+        for show in ("structure", *figures.STEPS):
             assert (folder / f"{name}-{show.replace('_', '-')}.webp").is_file()
     assert {link for link in page.links if link.endswith("webp")} == {path.name for path in folder.glob("*.webp")}
     assert all((folder / link).is_file() for link in page.links)
@@ -138,7 +138,7 @@ def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothin
             raise DsfabError("the sphere <rolled> away")
         return draft(preset, *arguments, **others)
 
-    monkeypatch.setattr(paper_figures, "draft", failing)
+    monkeypatch.setattr(figures, "draft", failing)
     (tmp_path / "mine.webp").write_bytes(b"mine")
     (tmp_path / "bob-loads.webp").write_bytes(b"old")
     (tmp_path / "index.html").write_text('<img src="bob-loads.webp">', encoding="utf-8")
@@ -271,8 +271,8 @@ def test_the_recorded_comparison_on_the_sphere_says_what_the_paper_claims():
 
 
 def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
-    from dsfab.app.paper_page import About, page
     from dsfab.app.reproduce import _volumes
+    from dsfab.report.paper.page import About, page
 
     folder = Path(__file__).parent.parent / "outputs" / "paper"
     rows = _volumes(folder)

@@ -9,16 +9,16 @@ from PIL import Image
 
 from dsfab.app import sweep as command
 from dsfab.app.cli import main
-from dsfab.app.sweep_picture import SheetDrawer
 from dsfab.app.sweep_progress import Teller, duration
-from dsfab.app.sweep_show import against, headline
 from dsfab.app.sweep_vary import vary_tables, with_options
 from dsfab.errors import DsfabError
+from dsfab.pipeline.design import Design
 from dsfab.preset_file import load_preset
-from dsfab.study.sweeps.conductor import Progress
+from dsfab.report.sweep_folder import against, headline
+from dsfab.report.sweep_picture import SheetDrawer
 from dsfab.study.sweeps.folder import SweepFolder
-from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.plan_file import plan_from
+from dsfab.study.sweeps.scheduler import Progress
 from dsfab.study.sweeps.worker import Outcome
 from tests.presets import DOME_MODES
 from tests.test_study_sweep_folder import Hands
@@ -123,7 +123,7 @@ def test_designs_of_one_surface_are_drawn_at_one_place():
     drawer, masks = SheetDrawer((160, 120), "top"), []
     for share in (0.3, 0.6):
         changes = {"surface.edge": 1.2, "pattern.keep": 0.5, "pattern.width": {"solid_fraction": share}}
-        image = Image.open(io.BytesIO(drawer(Making.of(load_preset(DOME_MODES, changes)))))
+        image = Image.open(io.BytesIO(drawer(Design.of(load_preset(DOME_MODES, changes)))))
         masks.append(np.asarray(image.convert("L")) < 200)
     edges = [[(mask.any(axis=a).argmax(), mask.any(axis=a)[::-1].argmax()) for a in (0, 1)] for mask in masks]
     assert np.abs(np.array(edges[0]) - edges[1]).max() <= 2

@@ -5,12 +5,12 @@ import pytest
 from PIL import Image
 
 import dsfab
-from dsfab.app.callouts import Callout, called_out
 from dsfab.app.cli import main
-from dsfab.app.palette import PAPER
-from dsfab.app.view import View
-from dsfab.app.workshop import callouts, workshop_picture
 from dsfab.preset_file import overridden
+from dsfab.render.callouts import Callout, called_out
+from dsfab.render.fabrication import callouts, workshop_picture
+from dsfab.render.palette import PAPER
+from dsfab.render.view import View
 from dsfab.study.fabrication import fabrication
 
 SIZE = (320, 240)

@@ -9,8 +9,8 @@ from dsfab.app.cli import main
 from dsfab.errors import ExportError, SurfaceError
 from dsfab.export import write
 from dsfab.pipeline import run
-from dsfab.study.shipped import check_file, read_shipped, soundness
-from dsfab.study.shipped.walls import clearances
+from dsfab.study.file_check import check_file, read_shipped, soundness
+from dsfab.study.file_check.walls import clearances
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from tests.shipped import PLATE, box, joined, preset, stl, verdicts

@@ -10,11 +10,11 @@ from dsfab.errors import StaticsError
 from dsfab.export import write
 from dsfab.pipeline import run
 from dsfab.statics import Material
-from dsfab.study.shipped import check_file
-from dsfab.study.shipped.compliance import RIGID, carrying
-from dsfab.study.shipped.elastic import Holding, SolidModel, compliances
-from dsfab.study.shipped.reading import read_shipped
-from dsfab.study.shipped.tetrahedra import missing, tetrahedra
+from dsfab.study.file_check import check_file
+from dsfab.study.file_check.compliance import RIGID, carrying
+from dsfab.study.file_check.elastic import Holding, SolidModel, compliances
+from dsfab.study.file_check.reading import read_shipped
+from dsfab.study.file_check.tetrahedra import missing, tetrahedra
 from tests.shipped import PLATE, box, preset, stl, verdicts
 
 pytestmark = pytest.mark.skipif(

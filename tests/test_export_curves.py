@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
+from dsfab.delivery.files import delivered
 from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, step_check, step_lines, write
 from dsfab.export.along import CLOSEST, check_curves, curves_along, joined
@@ -17,7 +18,6 @@ from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from dsfab.slicing import cut
 from dsfab.slicing.lines import centre_lines, edge_lines
-from dsfab.study.delivery import delivered
 from dsfab.surface.lines import Line, _from_segment, polyline_length
 from tests.presets import DOME_MODES
 from tests.zoo import grid, lifted

@@ -5,13 +5,13 @@ from functools import partial
 
 import pytest
 
+from dsfab.delivery.curved import curved_sheet
 from dsfab.errors import ExportError
 from dsfab.export import STEP_FACES, ladder, readback, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
-from dsfab.export.smooth import make, plan
-from dsfab.study.curved import curved_sheet
+from dsfab.export.smooth import build, plan
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import THICKNESS, holed, thickened
 from tests.test_export import quick_step  # noqa: F401
@@ -58,7 +58,7 @@ def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp
 
 
 def test_a_smooth_file_over_the_budget_is_not_shown_to_occt(tmp_path, slow_vault, monkeypatch):
-    monkeypatch.setattr(make, "findings", lambda *_: pytest.fail("OCCT was asked"))
+    monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
     solid, curved = slow_vault
     with pytest.raises(ExportError, match=r"the STEP file of 'a' would have 0\.0\d+ MB, more than step_mb = 0.01 MB"):
         write(solid, tmp_path / "a.step", step="smooth", curved=curved, step_mb=0.01)
@@ -123,7 +123,7 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
 def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, monkeypatch):
     """And not with the mesh, which is smaller."""
     found = {"solids": 1, "valid": True, "tessellates": True, "faces": 1}
-    monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * make.made(part).volume})
+    monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * build.made(part).volume})
     monkeypatch.setattr(readback, "TOLERANCE", 1e-12)
     (solid, curved), share = slow_vault, 1.0
     assert write(solid, tmp_path / "a.brep", step="smooth", curved=curved).stat().st_size > 1000

@@ -8,12 +8,12 @@ import pytest
 
 from dsfab import load_preset, run
 from dsfab.app.cli import main
+from dsfab.delivery.fields import design_fields
+from dsfab.delivery.files import delivered
+from dsfab.delivery.lines import design_lines
 from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, step, step_check, write
 from dsfab.export.rhino import COLOURS
-from dsfab.study.delivery import delivered
-from dsfab.study.fields import design_fields
-from dsfab.study.lines import design_lines
 from dsfab.surface.lines import Line
 from tests.presets import DOME_MODES
 from tests.test_export import box

@@ -19,8 +19,8 @@ import ezdxf
 import numpy as np
 import pytest
 
+from dsfab.delivery.curved import curved_sheet
 from dsfab.export import Details, write
-from dsfab.study.curved import curved_sheet
 from dsfab.surface.lines import Line
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken

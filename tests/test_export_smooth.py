@@ -5,9 +5,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from dsfab.delivery.curved import curved_sheet
 from dsfab.errors import ExportError
 from dsfab.export import write
-from dsfab.export.smooth import edges, gate, make, outline, plan
+from dsfab.export.smooth import acceptance, build, edges, outline, plan
 from dsfab.export.smooth.dense import dense, excess, prisms
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.layout import layout
@@ -17,7 +18,6 @@ from dsfab.export.smooth.patch_fits import patch_through
 from dsfab.export.smooth.patches import Patch
 from dsfab.export.smooth.splines import Spline, basis, hats
 from dsfab.slicing import cut
-from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.surface.shapes.turned import dome
@@ -126,8 +126,8 @@ def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_p
     surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
     monkeypatch.setattr(edges, "_parts", displaced)
-    monkeypatch.setattr(make, "untangle", lambda *_: None)  # it would see that before OCCT is asked
-    monkeypatch.setattr(make, "REFITS", 0)
+    monkeypatch.setattr(build, "untangle", lambda *_: None)  # it would see that before OCCT is asked
+    monkeypatch.setattr(build, "REFITS", 0)
     monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
     with pytest.raises(ExportError, match=r"it is 1\d mm off the mesh, more than [2-5]"):
         written(surface, sheet, tmp_path / "a.step")
@@ -189,13 +189,13 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
     sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).kept()
-    honest = gate.Gate._verdict
+    honest = acceptance.Gate._verdict
 
     def harsh(self, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
-        return gate.Verdict("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
+        return acceptance.Verdict("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
 
-    monkeypatch.setattr(gate.Gate, "_verdict", harsh)
+    monkeypatch.setattr(acceptance.Gate, "_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")
     assert said == [said[0]]
     assert "1 of 2 pieces" in said[0]

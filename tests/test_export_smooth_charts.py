@@ -5,6 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from dsfab.delivery.curved import _where_largest, curved_sheet
 from dsfab.export import write
 from dsfab.export.smooth import charts, plan, points
 from dsfab.export.smooth.charts import Atlas
@@ -14,7 +15,6 @@ from dsfab.export.smooth.patch_fits import fitted
 from dsfab.export.smooth.seams import run_key
 from dsfab.export.smooth.source import Divided
 from dsfab.slicing import Sheet, cut
-from dsfab.study.curved import _where_largest, curved_sheet
 from dsfab.surface import Surface
 from dsfab.thickening import offsets, thicken
 from tests.zoo import grid, sphere

@@ -8,10 +8,10 @@ from scipy.sparse.linalg import spsolve
 
 from dsfab.export.plate_text import Entities, listed
 from dsfab.export.smooth import fits, layout, patch_fits, touching
-from dsfab.export.smooth.ask import merged
 from dsfab.export.smooth.dense import prisms
 from dsfab.export.smooth.edges import by_chart, spread
 from dsfab.export.smooth.fits import splines_through
+from dsfab.export.smooth.occt_check import merged
 from dsfab.export.smooth.solid import Model
 from dsfab.export.smooth.text import SmoothText
 from dsfab.surface.neighbours import faces_at

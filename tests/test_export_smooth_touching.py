@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dsfab
+from dsfab.delivery.curved import curved_design
 from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
 from dsfab.export.smooth.edges import Edge
@@ -16,7 +17,6 @@ from dsfab.export.smooth.refit import astray, untangle
 from dsfab.export.smooth.solid import Piece, Skin
 from dsfab.export.smooth.splines import Spline, straight
 from dsfab.export.smooth.touching import crossings
-from dsfab.study.curved import curved_design
 from tests.presets import DOME_MODES
 
 

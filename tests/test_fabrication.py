@@ -7,10 +7,10 @@ import pytest
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.app.fabrication import fabrication_facts, fabrication_lines
 from dsfab.errors import PatternError
 from dsfab.pipeline import geometry
 from dsfab.preset_file import overridden, preset_from
+from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
 from dsfab.slicing import cut
 from dsfab.slicing.features import filled_openings
 from dsfab.slicing.quality import quality

@@ -8,11 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dsfab import load_preset
-from dsfab.design import CaseResult, EvenStripes, StaticsResult
+from dsfab.pipeline import draft
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import pattern_step
+from dsfab.pipeline.patterns import kept_regions, pattern_step
 from dsfab.preset_file import overridden
+from dsfab.results import CaseResult, EvenStripes, StaticsResult
 from dsfab.slicing import cut
 from dsfab.statics import Material, solve_statics, stress
 from dsfab.surface import LoadCase, Surface, read_surface
@@ -185,6 +186,78 @@ def union_jack(cells: int, height) -> Surface:
     flat = grid(2 * cells, 2 * cells, 2.0, 2.0)
     x, y = flat.V[:, 0] - 1, flat.V[:, 1] - 1
     return Surface(np.c_[5 * x, 5 * y, height(x, y)], flat.F)
+
+
+def hexagon(cells: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x, y and faces of equal triangles in a hexagon of side 1."""
+    every = [(i, j) for i in range(-cells, cells + 1) for j in range(-cells, cells + 1)]
+    number = {place: k for k, place in enumerate(place for place in every if abs(sum(place)) <= cells)}
+    a, b = np.array(list(number)).T
+    steps = (((0, 0), (1, 0), (0, 1)), ((1, 0), (1, 1), (0, 1)))
+    faces = [[number.get((i + p, j + q), -1) for p, q in step] for i, j in every for step in steps]
+    return (a + b / 2) / cells, b * np.sqrt(3) / 2 / cells, np.array([f for f in faces if min(f) >= 0])
+
+
+def three_mirrors() -> Case:
+    """A hexagonal roof of which every other side is higher: three mirrors, turned, and thirds of a turn."""
+    x, y, F = hexagon(14)
+    z = 3 * (1 - x**2 - y**2) + 0.6 * (x**3 - 3 * x * y**2)
+    turned = np.c_[5 * x, 5 * y, z] @ Rotation.from_euler("z", 0.3).as_matrix().T
+    surface = Surface(turned, F)
+    return Case(surface, supported(surface, on_rim(surface)), (0.8, 0.5))
+
+
+def one_mirror() -> Case:
+    """A seat with a back, wider there, held in front: the same on its left and on its right only."""
+    flat = grid(24, 24, 2.0, 2.0)
+    x, y = flat.V[:, 0] - 1, flat.V[:, 1] - 1
+    surface = Surface(np.c_[4 * x * (1 + 0.8 * y), 5 * y, 2.5 * np.maximum(y, -0.2) ** 2 + 0.5 * (1 - x**2)], flat.F)
+    return Case(surface, supported(surface, y < -1 + 1e-9), (0.7, 0.45))
+
+
+@pytest.mark.parametrize(("make", "order"), [(three_mirrors, 6), (one_mirror, 2)])
+def test_halved_stripes_of_a_symmetric_mesh_are_symmetric(make, order):
+    """Levels, densities and material at all images are the same to rounding."""
+    given = make()
+    even, surface = given.even, given.surface
+    symmetry = even.symmetry
+    assert symmetry is not None
+    assert symmetry.order == order
+    assert any(wanted and 0.01 < surface.areas @ wanted[0] / surface.area < 0.99 for wanted in even.wanted)  # halved
+    for T, face in zip(symmetry.maps, symmetry.faces, strict=True):
+        assert T.nnz == surface.n  # the mesh has it too
+        for k in (0, 1):
+            z = np.cos(2 * np.pi * even.phases[k].value)
+            assert T @ z == pytest.approx(z, abs=1e-9)
+            assert T @ even.density[:, k] == pytest.approx(even.density[:, k], rel=1e-9)
+            assert all(wanted[face] == pytest.approx(wanted, abs=1e-9) for wanted in even.wanted[k])
+        assert given.material[face] == pytest.approx(given.material, abs=1e-9)
+
+
+def test_widths_are_those_of_all_images_where_faces_have_none():
+    """The vertices of the shipped dome have images, not all of its faces: their slopes alone differ by 2 %."""
+    made = draft(load_preset("dome"))
+    even = made.pattern.even
+    assert even.symmetry.order == 4
+    for T in even.symmetry.maps:
+        assert T.nnz == made.surface.n
+        for values in (even.slope, even.density, made.pattern.half_width("minor")):
+            assert T @ values == pytest.approx(values, rel=1e-9)
+
+
+def test_what_is_kept_besides_has_the_images_of_ragged_patches():
+    """Caps of the shipped globe are picked to an edge of a mesh without its mirrors."""
+    made = draft(load_preset("globe"))
+    symmetry, load = made.pattern.even.symmetry, made.statics.load
+    (own,) = kept_regions(made.preset, made.surface, load)
+    (kept,) = kept_regions(made.preset, made.surface, load, made.pattern.even)
+    assert (kept.field >= own.field).all()
+    apart = []
+    for layer in (own, kept):
+        inside = layer.field > layer.levels[0]
+        off = [made.surface.vertex_areas @ ((T @ layer.field > layer.levels[0]) != inside) for T in symmetry.maps]
+        apart.append(max(off) / made.surface.area)
+    assert apart[1] < 0.35 * apart[0]
 
 
 SYMMETRIC = {

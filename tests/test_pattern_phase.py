@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array, eye_array
+from scipy.sparse.csgraph import breadth_first_order
 
+from dsfab.diffusion.symmetry import _point_map, face_tree
 from dsfab.errors import PatternError
 from dsfab.pattern import (
     Flow,
@@ -15,8 +18,11 @@ from dsfab.pattern import (
     density,
     halving,
     log_density,
+    through_peaks,
 )
+from dsfab.pattern.corners import _carry
 from dsfab.pattern.density import weighted_quantile
+from dsfab.pattern.phase import powered
 from dsfab.surface import Surface
 from dsfab.surface.hats import hat_gradients
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
@@ -76,6 +82,30 @@ def test_a_locked_edge_is_the_middle_of_a_stripe():
     assert abs(high.mean() - low.mean()) == pytest.approx(5, abs=0.01)  # 5.2 periods are asked: 5 fit
 
 
+def test_an_edge_shorter_than_the_spacing_gets_no_stripe():
+    plate = grid(16, 10, 3.2, 2.0)
+    g = np.tile([0.0, 1.0, 0.0], (plate.n, 1))
+    assert np.array_equal(boundary_lines(plate, g, 3.2 - 1e-9), boundary_lines(plate, g))
+    assert not boundary_lines(plate, g, 3.2 + 1e-9).any()
+
+
+def test_a_phase_that_is_symmetric_stays_under_projection_whatever_the_mesh():
+    """Linear ones exactly, with few vertices to a period: the mean of phases that are not carried lags behind."""
+    plate = jittered(grid(9, 8, 2.0, 2.0), 0.2)
+    plate = Surface(plate.V - [1.0, 1.0, 0.0], plate.F)
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    T = _point_map(plate, face_tree(plate), plate.V @ mirror)[1]
+    images = Images(np.stack([np.eye(3), mirror]), (csr_array(eye_array(plate.n)), T))
+    for angle, period in ((0.0, 1.7), (np.pi / 2, 1.7)):  # across the mirror, and along it
+        g = np.tile([np.cos(angle), np.sin(angle), 0.0], (plate.n, 1)) * signs(plate.n)
+        z = np.where(g @ [np.cos(angle), np.sin(angle), 0.0] > 0, 1, -1) * period * (plate.V @ np.abs(g[0]))
+        psi = np.concatenate([np.cos(2 * np.pi * z), np.sin(2 * np.pi * z)])
+        inside = np.abs(plate.V - (T @ plate.V) @ mirror).max(axis=1) < 1e-9  # the boundary is not straight
+        off = np.abs(images.projection(plate.V, g, np.full(plate.n, period))(psi) - psi).reshape(2, -1)
+        assert inside.sum() > plate.n / 2
+        assert off[:, inside].max() < 1e-9
+
+
 def test_a_line_runs_through_the_peak_of_the_start():
     plate = grid(20, 12, 4.0, 2.4)
     peak = np.exp(-8 * (plate.V[:, 0] - 1.3) ** 2) ** 4
@@ -85,7 +115,91 @@ def test_a_line_runs_through_the_peak_of_the_start():
     assert value[at] == pytest.approx(1.4 * (plate.V[at, 0] - 1.3), abs=0.08)
 
 
+def test_powers_of_a_matrix_are_those_of_its_products():
+    """Not symmetric, to any mass; exact with as many products as powers, and nearly so with fewer."""
+    rng = np.random.default_rng(0)
+    n, mass = 60, rng.uniform(0.5, 2, 60)
+    Q, _ = np.linalg.qr(rng.normal(size=(n, n)))
+    B = Q @ (np.linspace(0, 1, n)[:, None] ** 3 * Q.T) + 1e-3 * rng.normal(size=(n, n))
+    x = rng.normal(size=n)
+    expected = np.linalg.matrix_power(B, 20) @ x
+    expected /= np.sqrt(expected @ (mass * expected))
+    off = [np.abs(powered(lambda y: B @ y, x, mass, 20, count) - expected).max() for count in (20, 14, 8, 1)]
+    assert off[0] < 1e-11
+    assert off[0] < off[1] < 1e-3 < off[2] < off[3]
+
+
+def test_powers_end_where_products_tell_nothing_new():
+    """Two eigenvectors in the start: two products say all."""
+    D = np.array([3.0, 2.0, 1.0, 0.5])
+    x = np.array([1.0, 1.0, 0.0, 0.0])
+    found = powered(lambda y: D * y, x, np.ones(4), 20, 12)
+    assert found == pytest.approx(D**20 * x / np.linalg.norm(D**20 * x), abs=1e-12)
+    one = powered(lambda y: 2 * y, x, np.ones(4), 20, 12)
+    assert one == pytest.approx(x / np.sqrt(2), abs=1e-15)
+
+
+@zoo
+def test_twisted_laplacians_are_sums_over_edges(name):
+    """x^T (K + d) x = sum of w |x_i - R C x_j|^2 + sum of d x^2 for any x; the factor solves with it."""
+    surface = ZOO[name]()
+    frames, n = Frames.of(surface), surface.n
+    rng = np.random.default_rng(1)
+    i, j = frames.ends.T
+    for flat in (False, True):  # what is 0 everywhere stays in the pattern
+        turn = np.zeros(len(i)) if flat else rng.uniform(-3, 3, len(i))
+        sign = np.ones(len(i)) if flat else rng.choice([-1.0, 1.0], len(i))
+        diagonal, x = rng.uniform(0.5, 2, 2 * n), rng.normal(size=2 * n)
+        z = x[:n] + 1j * x[n:]
+        other = np.exp(1j * turn) * np.where(sign > 0, z[j], z[j].conj())
+        energy = frames.weight @ np.abs(z[i] - other) ** 2 + diagonal @ x**2
+        K = frames.two_numbers.matrix(frames.twisted(turn, sign), diagonal)
+        both = x.reshape(2, n).T.ravel()
+        assert both @ (K @ both) == pytest.approx(energy, rel=1e-12)
+        solve = frames.two_numbers.factor(frames.twisted(turn, sign), diagonal)
+        assert solve((K @ both).reshape(n, 2).T.ravel()) == pytest.approx(x, abs=1e-8)
+
+
+def test_steps_are_added_along_a_search_as_one_by_one():
+    rng = np.random.default_rng(2)
+    n = 200
+    before = np.array([-9999, *(int(rng.integers(max(0, k - 3), k)) for k in range(1, n))])  # long paths
+    name = rng.permutation(n)
+    f, g = name[before[1:]], name[np.arange(1, n)]
+    s, q = rng.choice([-1.0, 1.0], n - 1), rng.integers(-3, 4, n - 1).astype(float)
+    number = np.arange(1, n)
+    link = csr_array((number, (f, g)), shape=(n, n)) + csr_array((-number, (g, f)), shape=(n, n))
+    order, parent = breadth_first_order(csr_array(link), int(name[0]), directed=False)
+    signs_, shifts = np.ones(n), np.zeros(n)
+    _carry(csr_array(link), order.astype(np.int64), parent.astype(np.int64), s, q, signs_, shifts)
+    sign, shift = {int(name[0]): 1.0}, {int(name[0]): 0.0}
+    for c in order[1:].tolist():
+        p = int(parent[c])
+        k = int(np.flatnonzero(((f == p) & (g == c)) | ((f == c) & (g == p)))[0])
+        a, b = (s[k], q[k]) if f[k] == p else (s[k], -s[k] * q[k])
+        sign[c], shift[c] = sign[p] * a, sign[p] * b + shift[p]
+    assert np.array_equal(signs_, [sign[c] for c in range(n)])
+    assert np.array_equal(shifts, [shift[c] for c in range(n)])
+    assert np.ptp(shifts) > 5
+
+
 # --- densities
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_two_phases_half_a_period_apart_it_is_the_one_with_lines_through_the_peaks(seed):
+    """Whatever signs and periods the phases come in, and none where peaks are as near to both."""
+    rng = np.random.default_rng(seed)
+    z = rng.uniform(-0.5, 0.5, 1000)
+    between = np.abs(z) > 0.4
+    moved = through_peaks(z, between.astype(float))
+    assert np.abs(moved).max() <= 0.5
+    assert np.cos(2 * np.pi * moved) == pytest.approx(-np.cos(2 * np.pi * z), abs=1e-12)
+    assert (through_peaks(moved, between.astype(float)) == moved).all()
+    other = through_peaks(signs(1000, seed)[:, 0] * z, between.astype(float))
+    assert np.abs(other) == pytest.approx(np.abs(moved), abs=1e-12)
+    even = np.linspace(-0.5, 0.5, 1000, endpoint=False)
+    assert (through_peaks(even, np.ones(1000)) == even).all()
 
 
 def test_parallel_stripes_have_one_density():

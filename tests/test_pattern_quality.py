@@ -9,18 +9,20 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
 from dsfab.app.build import build
-from dsfab.app.compliance.document import Numbers
-from dsfab.app.compliance.tables import pattern_table
 from dsfab.app.editor.figures import figures
 from dsfab.app.listing import inspect
-from dsfab.app.pattern_told import quality_facts, quality_lines
 from dsfab.diffusion.symmetry import symmetry_under
-from dsfab.pipeline import draft, run
+from dsfab.pipeline import Design, draft, run
 from dsfab.pipeline.measures import measured_pattern, symmetry_error
-from dsfab.slicing import Chart
+from dsfab.report.compliance.document import Numbers
+from dsfab.report.compliance.tables import pattern_table
+from dsfab.report.design.pattern import quality_facts, quality_lines
+from dsfab.slicing import Chart, cut
+from dsfab.slicing.bays import bays
 from dsfab.slicing.drawn import Drawn
+from dsfab.slicing.middles import middles
 from dsfab.slicing.pattern_quality import pattern_quality
-from dsfab.study import compare
+from dsfab.study.comparison import comparison
 from dsfab.study.sweeps import METRICS
 from dsfab.surface import Surface
 from tests.presets import DOME_MODES
@@ -172,6 +174,20 @@ def test_lines_go_on_where_the_chart_is_cut_open():
     assert len(apart.major.dead_ends.loose) == 7 + 6  # at the cut, from both sides
 
 
+def test_slits_of_a_built_sheet_are_those_that_it_has():
+    """All of it is filled: none; the members are there and the openings beside them: all; no member is left: none."""
+    surface = plate()
+    x, y, _ = surface.V.T
+    lines = bays(middles(drawn(surface, (y / 0.5 + 0.5, x / 0.25 + 0.5), (0.1, 0.3)), 1))
+    assert lines.slits == lines.on(Surface(surface.V, surface.F)).slits + 8 * 5
+    z = surface.V[:, 0] / 0.25 + 0.5
+    d = np.full(surface.n, 0.3)
+    cells = cut(surface, [np.stack([z + d, z - d], axis=1)], [np.arange(-6, 8)], 0)
+    assert lines.on(cells.kept().surface).slits == 8 * 5
+    void = Surface(cells.surface.V, cells.surface.F[~cells.material])
+    assert lines.on(void).slits == 0
+
+
 def test_openings_narrower_than_members_are_counted_bay_by_bay():
     surface = plate()
     x, y, _ = surface.V.T
@@ -230,7 +246,7 @@ def test_the_dome_of_even_stripes_is_even(even):
     found = measured_pattern(even)
     assert found.major.evenness < 1.1
     assert found.minor.evenness < 2.2
-    assert found.slits == 0
+    assert measured_pattern(Design.of(even.preset, even).until("slicing"), symmetry=False).slits == 0
     assert found.deviation < 2.5
     assert found.crossing_angle > 75
     assert 0 <= found.symmetry_error < 0.02
@@ -266,7 +282,7 @@ def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsy
 
 
 def test_reports_and_the_editor_have_them_too(modes):
-    compared = compare(run(load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
+    compared = comparison(run(load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
     assert compared.pattern is not None
     table = pattern_table(compared.pattern, Numbers())
     assert [len(row) for row in table.rows] == [3] * 7

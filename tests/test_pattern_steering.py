@@ -7,26 +7,27 @@ import pytest
 
 import dsfab
 from dsfab import pipeline
-from dsfab.app.compliance.document import Numbers
-from dsfab.app.compliance.tables import pattern_table
-from dsfab.app.pattern_told import quality_facts, quality_lines
-from dsfab.design import CaseResult, StaticsResult
+from dsfab.delivery.archive import keep, kept
+from dsfab.delivery.lines import design_lines
 from dsfab.diffusion import symmetry_of
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Frames, Guidance, Guide, relative_stresses
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.patterns import pattern_step, stripe_stresses
 from dsfab.pipeline.steering import _same_guides, _same_sense
 from dsfab.preset_file import load_preset, overridden, preset_toml
+from dsfab.report.compliance.document import Numbers
+from dsfab.report.compliance.tables import pattern_table
+from dsfab.report.design.pattern import quality_facts, quality_lines
+from dsfab.results import CaseResult, StaticsResult
 from dsfab.slicing import material_area
 from dsfab.slicing.pattern_quality import pattern_quality
-from dsfab.study.archive import keep, kept
+from dsfab.statics import Equilibrium
 from dsfab.study.baselines import Brief
 from dsfab.study.baselines.striped import isotropic
-from dsfab.study.lines import design_lines
-from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
 from dsfab.surface import All, Ball, LoadCase, Surface
 from tests.presets import DOME_MODES
@@ -49,9 +50,15 @@ def plate(**more) -> Case:
     given = Case(surface, load, (0.375, 0.375), asked)
     sigma = np.zeros((surface.m, 3, 3))
     sigma[:, 0, 0] = 2e6
-    cases = {name: CaseResult(load, None, sigma, None) for name in given.preset.followed}
-    given.__dict__["statics"] = StaticsResult(load, None, sigma, None, cases)
+    given.__dict__["statics"] = stressed(given, sigma)
     return given
+
+
+def stressed(given: Case, sigma: np.ndarray) -> StaticsResult:
+    """Under stresses (m, 3, 3) of which no place moves more than another."""
+    nothing = np.zeros((given.surface.n, 3))
+    answer = given.load, Equilibrium(nothing, nothing, 0.0, 0.0), sigma, None
+    return StaticsResult(*answer, {name: CaseResult(*answer) for name in given.preset.followed})
 
 
 def degrees(given: Case, family: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -126,7 +133,7 @@ def test_a_curve_reaches_as_far_as_it_says():
     to = plate().surface.centroids[faces] - start
     away = np.linalg.norm(to - np.clip(to @ along, 0, 1.75)[:, None] * along, axis=1)
     assert off(found[away < 0.15], np.degrees(np.arctan(0.6))) < 6
-    assert off(found[away > 1.5], 0) < 6
+    assert off(found[away > 1.5], 0) < 7
 
 
 def test_left_out_a_reach_is_the_smaller_spacing():
@@ -345,8 +352,7 @@ def test_a_surface_with_one_side_turns_by_quarters_only():
     sigma = np.repeat(np.diag([2e6, 1e6, 0.0])[None], strip.m, axis=0)
     for angle in (45.0, 90.0):
         given = Case(strip, load, (0.5, 0.5), {"pattern.rotate": angle, "pattern.symmetry": "none"})
-        cases = {name: CaseResult(load, None, sigma, None) for name in given.preset.followed}
-        statics = StaticsResult(load, None, sigma, None, cases)
+        statics = stressed(given, sigma)
         if angle == 90:
             assert even_stripes(given.preset, strip, statics).steered is not None
             continue
@@ -408,7 +414,7 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     assert table.head == ("Measure", "Minor members")
     assert {len(row) for row in table.rows} == {2}
     member = float(next(n.text.split()[2] for n in ribs.notes if n.text.startswith("members are")))
-    assert 0.6 * member < measured("min_width", Making.of(ribs.preset)) < 1.05 * member  # thinner where they crowd
+    assert 0.6 * member < measured("min_width", Design.of(ribs.preset)) < 1.05 * member  # thinner where they crowd
     assert not ribs.pattern.tidy
 
 
@@ -507,7 +513,8 @@ def test_where_guides_lead_members_may_turn_back():
 def test_widths_follow_the_stress_along_the_stripes():
     plain, turned = drafted(), drafted(rotate=90)
     both = [stripe_stresses(made.surface, made.diffusion, made.pattern.even) for made in (plain, turned)]
-    assert np.array_equal(both[0], relative_stresses(plain.surface, plain.diffusion.tensors.principal))
+    own = relative_stresses(plain.surface, plain.diffusion.tensors.principal)
+    assert both[0] == pytest.approx(plain.pattern.even.symmetry.mean(own))  # at all images of a point
     away = np.linalg.norm(plain.surface.V[:, :2], axis=1) > 1.5  # from the crown, where the field is smoother than it
     assert np.abs(both[1] - both[0][:, ::-1])[away].max() < 0.05
     assert np.abs(both[1] - both[0])[away].max() > 0.5

@@ -7,6 +7,7 @@ import dsfab
 from dsfab.errors import PatternError
 from dsfab.pattern import evened
 from dsfab.pipeline.stressing import Stressed
+from dsfab.study.comparison import comparison
 from tests.zoo import grid
 
 SMALL = {"surface.edge": 0.06, "pattern.keep": 0.06, "pattern.rim": 0.02, "pattern.major.frequency": 5.0}
@@ -18,7 +19,7 @@ def cantilever(**width):
 
 
 def stiffness(design):
-    compared = dsfab.compare(design, against=())
+    compared = comparison(design, against=())
     return compared.full.compliance / compared.design.compliance
 
 

@@ -281,6 +281,15 @@ def test_a_share_out_of_reach_is_refused_with_what_can_be_reached():
         solved_factor(lambda f: 0.2 if f < 0.7 else 0.8, 0.5, 1e-3)
 
 
+def test_of_a_share_that_jumps_a_little_the_nearest_is_taken():
+    """As where a tidied end comes or goes: by .6 %, from .2 % under what is wanted."""
+
+    def share(f: float) -> float:
+        return min(0.5 * f + (0.006 if f > 0.996 else 0.0), 0.9)
+
+    assert share(solved_factor(share, 0.5, 4e-4)) == pytest.approx(0.498, abs=1e-4)
+
+
 @pytest.mark.parametrize("name", COARSE)
 @pytest.mark.parametrize(
     "width",
@@ -405,9 +414,36 @@ def test_evenly_spaced_members_of_one_width_leave_no_slit_where_they_crowd():
     some = family.half_widths(Widths("constant", member=0.2))
     assert some[[0, 300, -1]] == pytest.approx([0.1, 0.25, 0.5])  # as asked; thinner than 0.2 m; one
     assert wide[[0, 300]] == pytest.approx([0.35, 0.4375])
-    wider = [family.half_widths(Widths("constant", member=x))[300] for x in np.linspace(0.15, 0.4, 200)]
+    wider = [family.half_widths(Widths("constant", member=x))[300] for x in np.linspace(0.15, 0.4, 400)]
     assert (np.diff(wider) >= 0).all()
-    assert np.diff(wider).max() < 0.01  # no jump
+    assert np.diff(wider).max() < 0.02  # no jump
     assert closed[[0, 300]] == pytest.approx([0.5, 0.5])
-    graded = family.half_widths(Widths("graded"), 1.2)
-    assert (graded == graded[0]).all()
+    plain = family.half_widths(Widths(), 1.2)
+    assert (plain == plain[0]).all()
+
+
+@pytest.mark.parametrize("rule", ["graded", "stressed"])
+def test_evenly_spaced_members_leave_no_slit_where_the_stress_is_large(rule):
+    """Half-widths of .1 times the stress: up to .25 as asked, up to .2875 thinner, from .3125 on one."""
+    stress = np.ones(400)
+    stress[-8:] = [2.4, 2.6, 2.85, 2.9, 3.0, 3.1, 3.2, 9.0]
+    nothing = np.zeros((0, 3))
+    phase = CornerPhase(np.zeros(400), nothing, nothing, np.zeros(0, dtype=bool))
+    family = EvenFamily("major", Stripes(1.0, threshold=0.6), phase, (), np.ones(400), np.ones(400), stress)
+    found = family.half_widths(Widths(rule))
+    assert found[:392] == pytest.approx(np.full(392, 0.1))
+    assert found[392:] == pytest.approx([0.24, 0.25, 0.25, 0.275, 0.375, 0.475, 0.5, 0.5])
+    wide = family.half_widths(Widths(rule), 2.4)  # half of the members leave openings like that: 1.25 times the usual
+    assert wide[[0, 392, -1]] == pytest.approx([0.24, 0.5, 0.5])
+    grown = np.array([family.half_widths(Widths(rule), factor) for factor in np.linspace(0.5, 3, 500)])
+    assert (np.diff(grown, axis=0) >= -1e-12).all()
+    assert np.diff(grown, axis=0).max() < 0.1  # no jump: every share can be reached
+    bounded = family.half_widths(Widths(rule, max_width=0.48))
+    assert bounded.max() == pytest.approx(0.24)
+
+
+def test_round_corners_and_filled_specks_are_in_the_share():
+    """The fillets of the shipped dome alone are .17 % of its surface."""
+    design = dsfab.run(dsfab.load_preset("dome"))
+    assert design.preset.pattern.fillet > 0
+    assert design.sheet.surface.area / design.surface.area == pytest.approx(0.4, abs=1e-3)

@@ -1,15 +1,17 @@
-"""`[pattern] method = "auto"`: what is tried is told, the stiffest is taken, and it is made again without a search."""
-
-import re
+"""`[pattern] method = "auto"`: what is tried is told, the best is taken, and it is made again without a search."""
 
 import numpy as np
 import pytest
 
 import dsfab
-from dsfab.design import settled
+from dsfab.pipeline.measures import measured_pattern
+from dsfab.pipeline.stressing import Stressed
+from dsfab.report.design.choice import attempt_facts, attempt_lines
+from dsfab.results import Attempt
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.8, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.6}
+PLATE = {"surface.edge": 0.05, "pattern.method": "auto"}
 
 
 @pytest.fixture(scope="module")
@@ -17,28 +19,115 @@ def chosen():
     return dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL, "pattern.method": "auto"}))
 
 
-def test_the_stiffest_is_taken_and_all_are_told(chosen):
+@pytest.fixture(scope="module")
+def plate():
+    return dsfab.run(dsfab.load_preset("cantilever", PLATE))
+
+
+def test_all_are_told_and_the_best_is_taken(chosen):
+    tried = chosen.pattern.attempts
+    assert {one.name for one in tried} >= {
+        f"{way}, {rule}" for way in ("stripes", "modes") for rule in ("graded", "graded q 0.5")
+    }
     note = next(note.text for note in chosen.notes if note.text.startswith("method auto took"))
-    taken = re.match(r"method auto took (.*?): of", note).group(1)
-    tried = dict(re.findall(r"(?:^|[,;] )((?:halved stripes|stripes|modes), (?:constant|graded)) ([\d.]+) x", note))
-    assert all(f"{way}, {rule} " in note for way in ("; stripes", "modes") for rule in ("constant", "graded"))
-    assert float(tried[taken]) == min(map(float, tried.values()))
+    assert note.startswith(f"method auto took {tried[0].name}: of ")
+    assert all(f"{one.name} {one.over_uncut:.3g} x" in note for one in tried if not one.refused)
+    assert [one.rank for one in tried] == sorted(one.rank for one in tried)
+    width = chosen.settled.pattern.width
+    assert tried[0].name.endswith(width.rule if width.q == chosen.preset.pattern.width.q else f"q {width.q:g}")
+    assert ("modes" in tried[0].name) == (chosen.settled.pattern.method == "modes")
+
+
+def test_of_those_without_dead_ends_and_slits_the_stiffest_comes_first():
+    """By hand: 3 is the only one without both; of the others a slit is the lesser evil, then stiffness counts."""
+    soft, stiff, clean, slit, dead = (
+        Attempt("soft", 9.0, 9.0, 0.5),
+        Attempt("stiff", 8.0, 8.0, 0.5),
+        Attempt("clean but for material", 7.0, 7.0, 0.6),
+        Attempt("slit", 1.0, 1.0, 0.5, slits=1),
+        Attempt("dead", 0.5, 0.5, 0.5, dead_ends=1),
+    )
+    alike = Attempt("as slit, to three digits", 1.0001, 1.0001, 0.5, slits=7)
+    refused = Attempt("refused", refused="why")
+    ranked = sorted((refused, dead, alike, slit, soft, clean, stiff), key=lambda one: one.rank)
+    assert ranked == [stiff, clean, soft, alike, slit, dead, refused]
+
+
+def test_counted_are_those_of_the_sheet_that_would_be_built(plate):
+    """The best is built: what was counted on the trial is what the build tells, but for slits at the limit: the share
+    of material is met to 2e-3 in a trial, to 4e-4 in the build, and round corners come in the build only."""
+    found, best = measured_pattern(plate, symmetry=False), plate.pattern.attempts[0]
+    assert best.dead_ends == found.dead_ends
+    assert best.slits == pytest.approx(found.slits, rel=0.2)
+    assert any(one.slits for one in plate.pattern.attempts)  # or nothing was compared
+
+
+def test_the_table_has_a_line_for_each_and_the_facts_too(chosen):
+    attempts = (*chosen.pattern.attempts, Attempt("modes, plain", refused="no piece of material reaches a support"))
+    (table,) = attempt_lines(attempts)
+    head, *rows = table.split("\n")
+    assert head.split() == ["method", "over", "uncut", "kept", "dead", "ends", "slits"]
+    assert len(rows) == len(attempts)
+    assert rows[-1].endswith("no piece of material reaches a support")
+    facts = attempt_facts(attempts)["attempts"]
+    assert [fact["method"] for fact in facts] == [one.name for one in attempts]
+    assert facts[0]["compliance_over_uncut"] == attempts[0].over_uncut
+    assert facts[-1] == {"method": "modes, plain", "refused": "no piece of material reaches a support"}
+    assert attempt_lines(()) == []
+    assert attempt_facts(()) == {}
 
 
 def test_the_settled_preset_makes_the_same_sheet(chosen):
-    asked = settled(chosen.preset, chosen.pattern)
+    asked = chosen.settled
     assert asked == chosen.settled
     assert asked.pattern.method in ("stripes", "modes")
     again = dsfab.run(asked)
     assert np.array_equal(again.sheet.surface.V, chosen.sheet.surface.V)
     assert np.array_equal(again.sheet.surface.F, chosen.sheet.surface.F)
-    assert settled(again.preset, again.pattern) is again.preset
+    assert again.settled is again.preset
+    assert again.pattern.attempts == ()
 
 
 def test_a_plain_width_is_not_exchanged():
     made = dsfab.pipeline.draft(
         dsfab.load_preset(DOME_MODES, {**SMALL, "pattern.method": "auto", "pattern.width": {"rule": "plain"}})
     )
-    note = next(note.text for note in made.notes if note.text.startswith("method auto took"))
-    assert note.count(", plain") >= 3
-    assert "graded" not in note
+    assert len(made.pattern.attempts) >= 3
+    assert all(one.name.endswith(", plain") or one.refused for one in made.pattern.attempts)
+
+
+@pytest.mark.slow
+def test_stressed_widths_are_judged_evened():
+    """By the rule `stressed` the trial is worth what the width search ends with, not what it begins with."""
+    both = {}
+    for rule in ("graded", "stressed"):
+        words = {**PLATE, "pattern.width.rule": rule, "pattern.width.steps": 4}
+        made = dsfab.pipeline.draft(dsfab.load_preset("cantilever", words))
+        both[rule] = {one.name.split(",")[0]: one for one in made.pattern.attempts if one.name.endswith(rule)}
+    assert both["stressed"].keys() == both["graded"].keys() == {"halved stripes", "stripes", "modes"}
+    assert all(one.compliance < 0.99 * both["graded"][name].compliance for name, one in both["stressed"].items())
+
+
+@pytest.mark.slow
+def test_of_modes_the_pair_that_evening_makes_the_stiffest_is_taken():
+    """At 30 % of the cantilever the pair that is the stiffest with graded widths is not with evened ones."""
+    auto = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
+    light = {"surface.edge": 0.04, "pattern.width.rule": "stressed", "pattern.width.solid_fraction": 0.3}
+    made = dsfab.pipeline.draft(dsfab.load_preset("cantilever", {**auto, **light}))
+    ranked = made.pattern.choice
+    first = made.pattern.mode
+    assert (first, made.pattern.phase) == (ranked.mode, ranked.phase)
+    graded = min((one for one in ranked.candidates if not one.refused), key=lambda one: one.compliance * one.kept)
+    assert graded.mode != first  # or nothing would be tested
+    assert evened(made, ranked.candidates[0]) < 0.95 * evened(made, graded)
+
+
+def evened(made, one):
+    """What modes and phases are worth after eight steps."""
+    trial = Stressed(made.preset.settled(one.mode, one.phase), made.surface, made.statics, made.diffusion)
+    worth, grading = [], trial.start
+    for _ in range(8):
+        step = trial.step(grading)
+        worth.append(step.worth)
+        grading = step.after
+    return min(worth)

@@ -96,6 +96,7 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
+        ({"pattern.guide": 1}, r"pattern\.guide = 1: should be a list"),
         (
             {"pattern.major.frequncy": 3},
             r"unknown key pattern\.major\.frequncy; did you mean frequency\? \(",

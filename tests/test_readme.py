@@ -83,7 +83,8 @@ def test_the_python_example_runs(desk):
     names: dict[str, object] = {}
     exec(code, names)
     assert names["finer"].surface is names["design"].surface
-    assert (desk / "dome.stl").stat().st_size > 1000
+    assert (desk / "dome.step").stat().st_size > 1000
+    assert names["roof"].m == len(names["mesh"].faces)
 
 
 def test_the_preset_of_the_readme_builds(tmp_path):

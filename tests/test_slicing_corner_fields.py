@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from dsfab.pattern import Flow, Frames, corner_phase
 from dsfab.slicing import cut
 from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.slicing.seen import Seen
 from dsfab.surface import Surface, read_surface
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.topology import euler_characteristic, manifold_faults
@@ -296,6 +297,31 @@ def test_blank_faces_are_void_and_stay_whole():
     assert not sheet.material[blank[sheet.parent]].any()
     near = blank[sheet.parent] & (sheet.surface.areas < 0.99 * plate.areas[sheet.parent])
     assert near.any()  # filled with triangles again: their neighbours' new vertices are theirs too
+
+
+@zoo
+def test_turned_edges_are_those_whose_polygons_disagree(name):
+    """One by one: of two polygons that know, the first leads, the second may see the field turned over."""
+    surface = ZOO[name]()
+    field = trivial(surface, ripples(surface, 1), widths(surface, "even", 1))
+    rng = np.random.default_rng(3)
+    sign = np.where(rng.random((surface.m, 3)) < 0.1, -1.0, 1.0)  # corner by corner: whatever may come
+    field = replace(field, sign=sign, blank=rng.random(surface.m) < 0.1)
+    mesh = PolygonMesh.of(surface)
+    seen = Seen.of(mesh, field)
+    first, second = seen.turned_edges()
+    expected = np.zeros((2, 3 * surface.m), bool)
+    for h, g in surface.edges.pairs.tolist():
+        h, g = min(h, g), max(h, g)
+        if field.blank[h // 3] or field.blank[g // 3]:
+            continue
+        a = surface.F.ravel()[g]
+        c = h if surface.F.ravel()[h] == a else h - h % 3 + (h + 1) % 3
+        if seen.sign[c] * seen.sign[g] < 0:
+            expected[0, h] = expected[1, g] = True
+    assert np.array_equal(first, expected[0])
+    assert np.array_equal(second, expected[1])
+    assert surface.m < 50 or first.any()
 
 
 def test_parts_are_what_sides_connect():

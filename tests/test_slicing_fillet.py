@@ -1,5 +1,7 @@
 """Rounded corners of openings: areas in closed form, arcs that touch, nothing else changed."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -42,8 +44,10 @@ def check_added(uncut: Surface, before: Sheet, after: Sheet) -> None:
 def test_square_openings_gain_what_a_square_corner_less_a_quarter_disc_is(cells, radius):
     plate = grid(cells, cells, 1.0, 1.0)
     sheet = openings(plate)
-    done, count = rounded_corners(sheet, radius)
+    done, found = rounded_corners(sheet, radius)
+    count = len(found)
     assert count == 4 * 9
+    assert found == pytest.approx(np.full(count, radius))
     gain = (material_area(done) - material_area(sheet)) / count
     chords = radius**2 * (1 - 1.5 * np.sin(np.pi / 6))  # three chords of 30 degrees
     assert gain == pytest.approx(chords, rel=5e-3)
@@ -67,9 +71,10 @@ def test_new_walls_are_on_their_arcs():
 def test_a_radius_without_room_becomes_smaller():
     plate = grid(17, 17, 1.0, 1.0)
     sheet = openings(plate)
-    done, count = rounded_corners(sheet, 1.0)
+    done, found = rounded_corners(sheet, 1.0)
     opening = 9 * 0.2**2 - (material_area(done) - material_area(sheet))
-    assert count == 36
+    assert len(found) == 36
+    assert (found < 0.2).all()  # half of an opening's side
     assert 0.95 < opening / (9 * np.pi * 0.1**2) < 1.01  # nearly discs
     check_added(plate, sheet, done)
 
@@ -77,11 +82,13 @@ def test_a_radius_without_room_becomes_smaller():
 def test_nothing_to_round():
     plate = grid(8, 8, 1.0, 1.0)
     solid = cut(plate, [plate.V[:, 0]], [[-1.0]])
-    assert rounded_corners(solid, 0.1) == (solid, 0)
+    done, found = rounded_corners(solid, 0.1)
+    assert done is solid
+    assert not len(found)
     fine = grid(80, 80, 1.0, 1.0)
     distance = np.linalg.norm(fine.V - [0.5, 0.5, 0], axis=1)
     round_hole = cut(fine, [distance], [[0.3]])
-    assert rounded_corners(round_hole, 0.02)[1] == 0
+    assert not len(rounded_corners(round_hole, 0.02)[1])
     for radius in (0.0, -1.0, np.nan):
         with pytest.raises(PatternError, match="fillets"):
             rounded_corners(solid, radius)
@@ -92,8 +99,8 @@ def test_open_voids_are_rounded_at_their_inner_corners_only():
     plate = grid(20, 20, 1.0, 1.0)
     x, y = plate.V[:, :2].T
     sheet = cut(plate, [x, np.abs(y - 0.5)], [[0.61], [0.1]], snap=0)
-    done, count = rounded_corners(sheet, 0.05)
-    assert count == 2
+    done, found = rounded_corners(sheet, 0.05)
+    assert len(found) == 2
     assert material_area(done) - material_area(sheet) == pytest.approx(2 * 0.05**2 * 0.25, rel=0.01)
     check_added(plate, sheet, done)
 
@@ -162,3 +169,20 @@ def test_laws_over_the_zoo(name):
     assert euler_characteristic(kept.F, kept.edges) == euler_characteristic(
         sheet.kept().surface.F, sheet.kept().surface.edges
     )
+
+
+@pytest.mark.parametrize(
+    ("radius", "told"),
+    [
+        (0.03, r"\d+ corners of openings were rounded with 0.03 m, or less for want of room"),
+        (
+            3.0,
+            r"\d+ corners of openings were rounded, half of them with less than 0\.\d+ m for want of room: 3 m .*",
+        ),
+        (3000.0, r"no corner of an opening was rounded: none has room for a radius of 3e\+03 m \(pattern.fillet\)"),
+    ],
+)
+def test_what_became_of_the_radius_is_told(radius, told):
+    """Millimetres for metres are seen: nothing is rounded, and that is said."""
+    made = dsfab.run(dsfab.load_preset(BARREL_VAULT_MODES, {"surface.edge": 0.5, "pattern.fillet": radius}))
+    assert any(re.fullmatch(told, note.text) for note in made.notes)

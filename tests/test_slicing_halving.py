@@ -8,6 +8,8 @@ import pytest
 
 from dsfab.pattern import CornerPhase, EvenFamily, Stripes, Widths
 from dsfab.slicing import chart_of, cut, halved
+from dsfab.slicing.chart import _alike
+from dsfab.slicing.halving import _limit
 from dsfab.surface import Surface
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.hats import hat_gradients
@@ -202,3 +204,27 @@ def test_the_layers_draw_half_as_many_rays_inside(seed):
 
 def _polar(V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.linalg.norm(V, axis=1), np.arctan2(V[:, 1], V[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("means", "limit"),
+    [
+        ([0.2, 0.9, 1.1], 1.0),  # none is near
+        ([0.8, 0.99, 1.01, 1.02, 1.35], 0.945),  # one ring: all of it; others are out of reach beyond 0.9 and 1.1
+        ([0.93, 0.98, 1.01, 1.02, 1.35], 1.06),  # none of it, as the next is nearer below
+        ([0.93, 0.96, 1.03, 1.07], 0.995),  # between two
+    ],
+)
+def test_openings_that_are_alike_are_halved_alike(means, limit):
+    assert _limit(np.array(means), 1) == pytest.approx(limit)
+
+
+def test_things_that_are_alike_are_found_as_by_sorting_all():
+    """Against numpy: the same groups, in the order in which they come first."""
+    rng = np.random.default_rng(4)
+    key = rng.integers(0, 40, 300)
+    rows = np.stack([rng.integers(0, 2, 300), rng.integers(0, 2, 300)], axis=1).astype(float)
+    leads, of = _alike(key, rows)
+    _, first, inverse = np.unique(np.column_stack([key, rows]), axis=0, return_index=True, return_inverse=True)
+    assert np.array_equal(leads, np.sort(first))
+    assert np.array_equal(leads[of], first[inverse.ravel()])

@@ -71,3 +71,30 @@ def test_a_support_holds_an_end(plate):
     assert anchor.sum() == 1
     held = Tidy((True, True), (near(plate, 0.74, 0.8), None), anchor)
     assert material_area(plate, drawn, levels, 0, held) == pytest.approx(material_area(plate, drawn, levels, 0))
+
+
+def test_a_crossing_whose_other_member_has_gone_holds_no_end(plate):
+    """A wedge comes down into the stripe's end, and above it goes astray: what is left of it hangs on the end itself,
+    on two of its three sides."""
+    drawn, levels = fields(plate)
+    x, y = plate.V[:, 0] / np.ptp(plate.V[:, 0]), plate.V[:, 1] / np.ptp(plate.V[:, 1])
+    wedge = y - 0.525 - np.abs(x - 0.65)
+    above = plate.centroids[:, 1] / np.ptp(plate.V[:, 1]) > 0.6
+    loose = Tidy((True, True, True), (near(plate, 0.74, 0.8), None, above), np.zeros(plate.n, dtype=bool))
+    kept = material_area(plate, [*drawn, wedge], [*levels, [0.0]], 0, loose) / plate.area
+    assert kept == pytest.approx(2 * 0.1 + 0.2 * 0.55 - 2 * 0.1 * 0.2, abs=1e-9)
+
+
+def test_an_end_that_touches_two_others_beside_each_other_is_held_in_one_place(plate):
+    """A stripe ends in the corner between two that end there as well: each has the other on one of its sides."""
+    x, y = plate.V[:, 0] / np.ptp(plate.V[:, 0]), plate.V[:, 1] / np.ptp(plate.V[:, 1])
+    frame = np.minimum(x, y)  # kept along two edges of the plate, and a square bite in its corner is the other part
+    along = (x + y) / 2
+    d = np.where(along < 0.45, 0.08, -0.08)
+    stub, square = np.stack([x - y + d, x - y - d], axis=1), np.maximum(x, y)
+    blunt = np.abs(plate.centroids[:, :2].sum(axis=1) / 2 / np.ptp(plate.V[:, 0]) - 0.45) < 0.05
+    drawn, levels = [-square, -frame, stub], [[-0.15], [-0.1], [0.0]]
+    loose = Tidy((True, False, True), (None, None, blunt), np.zeros(plate.n, dtype=bool))
+    whole, kept = (material_area(plate, drawn, levels, 0, tidy) for tidy in (None, loose))
+    assert kept == pytest.approx((1 - 0.9**2 + 0.05**2) * plate.area, abs=1e-6)
+    assert whole > kept * 1.2

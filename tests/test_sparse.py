@@ -112,6 +112,30 @@ def test_another_pattern_is_refused(solver):
         solve.refactor(csr_array(diags_array(np.ones(K.shape[0]))))
 
 
+@pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
+def test_matrices_of_one_pattern_are_analysed_once(solver, monkeypatch):
+    require(solver)
+    made = []
+    monkeypatch.setattr(sparse, "solver_name", lambda: solver)
+    monkeypatch.setattr(sparse, "factorise", lambda *given: made.append(1) or factorise(*given, solver=solver))
+    K, points, node = system(ZOO["saddle"]())
+    pattern, b = sparse.OnePattern(points, node), np.ones(K.shape[0])
+    for values in (K, csr_array(K + diags_array(np.linspace(0, 1, len(b)))), K):
+        assert np.array_equal(pattern.factor(values)(b), factorise(values, points, node, solver)(b))
+    assert len(made) == 1
+    with pytest.raises(ValueError, match="pattern"):
+        pattern.factor(csr_array(diags_array(np.ones(len(b)))))
+
+
+def test_a_pattern_with_as_many_entries_a_row_elsewhere_is_refused():
+    require("PARDISO")
+    one = csr_array(np.array([[4.0, 1, 0], [1, 4, 0], [0, 0, 4]]))
+    other = csr_array(np.array([[4.0, 0, 1], [0, 4, 0], [1, 0, 4]]))
+    solve = factorise(one, np.eye(3), None, "PARDISO")
+    with pytest.raises(ValueError, match="pattern"):
+        solve.refactor(other)
+
+
 @direct
 @pytest.mark.parametrize("name", ["flat", "closed", "two pieces"])
 def test_indefinite_matrices_are_refused(solver, name):

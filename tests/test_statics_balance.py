@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from dsfab import load_preset, run
-from dsfab.app.balance import case_lines
-from dsfab.app.build import facts
+from dsfab.report.design.balance import case_lines
+from dsfab.report.design.facts import facts
 from dsfab.statics import Elements, Material, resultant, solve_statics, spread_load, support_reactions
 from dsfab.surface import Box, Line, LoadCase, Side, Snow, Support, Vertices
 from tests.presets import BARREL_VAULT_MODES

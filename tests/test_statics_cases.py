@@ -5,14 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from dsfab import load_preset, revise, run
-from dsfab.app.balance import case_lines
-from dsfab.app.build import facts
 from dsfab.diffusion import combined_stress, diffusion_tensors
 from dsfab.errors import PresetError, StaticsError, SurfaceError
 from dsfab.pattern import relative_stresses
 from dsfab.preset_file import overridden, preset_toml
+from dsfab.report.design.balance import case_lines
+from dsfab.report.design.facts import facts
 from dsfab.statics import Elements, Material, factor, solve, solve_cases, solve_statics, spread_load, stress
-from dsfab.study.comparison import compare
+from dsfab.study.comparison import comparison
 from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, load_cases, together
 from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, zoo
@@ -294,7 +294,7 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         {"diffusion.follow": "snow"},
         {"diffusion.weights": {"wind": 0, "back": 0, "snow": 3.0}},
     ):
-        full.append(compare(run(load_preset(DOME_MODES, {**changes, **more})), against=()).full.compliance)
+        full.append(comparison(run(load_preset(DOME_MODES, {**changes, **more})), against=()).full.compliance)
     assert full[2] == pytest.approx(full[0] + 3 * full[1], rel=1e-10)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import dsfab
+from dsfab.app.cli import main
 from dsfab.errors import DsfabError, StaticsError
 from dsfab.pipeline import draft
 from dsfab.pipeline.handover import lost_load, sheet_load
@@ -15,6 +16,7 @@ from dsfab.slicing import cut
 from dsfab.statics import Ask, solve_statics
 from dsfab.study import compare_at
 from dsfab.study.baselines import Brief, Structure
+from dsfab.study.comparison import comparison
 from dsfab.study.judging import quick
 from dsfab.surface import LoadCase
 from tests.presets import DOME_MODES, SPHERE_GRADED_MODES
@@ -30,7 +32,7 @@ def cantilever():
 
 @pytest.fixture(scope="module")
 def compared(cantilever):
-    return dsfab.compare(cantilever)
+    return comparison(cantilever)
 
 
 def test_handed_over_loads_keep_their_resultant_and_supports_hold_what_is_left(cantilever):
@@ -68,7 +70,7 @@ def test_a_load_on_a_piece_that_reaches_no_support_is_lost_and_told_by_build_and
     assert any(re.search(says + ": nothing carries it; set pattern.rim", text) for text in told)
     assert not any("removed material" in text for text in told)
     with pytest.raises(StaticsError, match=says):
-        dsfab.compare(design, against=())
+        comparison(design, against=())
 
 
 def test_only_concentrated_loads_are_lost_with_a_piece_and_only_more_than_a_hundredth_of_them():
@@ -138,7 +140,7 @@ def test_what_is_told_of_a_structure_is_in_equilibrium_with_its_loads(cantilever
 
 def test_the_full_sheet_moves_most_under_its_load_and_a_strength_is_compared(cantilever):
     strong = dsfab.revise(cantilever, dsfab.load_preset("cantilever", {**CHANGES, "statics.strength": 235e6}))
-    (case,) = dsfab.compare(strong, against=()).full.judgement.cases.values()
+    (case,) = comparison(strong, against=()).full.judgement.cases.values()
     assert case.displacement.place[0] == pytest.approx(1.0, abs=0.1)
     assert case.utilisation == pytest.approx((case.stress.quantile / 235e6, case.stress.value / 235e6))
 
@@ -150,7 +152,7 @@ def test_any_judge_may_take_the_place_of_the_quick_one(cantilever):
         seen.append(structure)
         return replace(quick(brief, structure), bound=0.01, verdict="pass")
 
-    compared = dsfab.compare(cantilever, ("thinner", "grid"), strict)
+    compared = comparison(cantilever, ("thinner", "grid"), strict)
     assert len(seen) == 4  # of the four grids the stiffest alone
     assert {one.judgement.verdict for one in compared.competitors} == {"pass"}
     assert all(row["bound"] == 0.01 for row in compared.record()["competitors"])
@@ -181,7 +183,7 @@ def test_competitors_that_fall_apart_are_told_and_do_not_count():
 
 def test_a_name_of_no_competitor_is_refused(cantilever):
     with pytest.raises(DsfabError, match="no competitor 'isotropc'; did you mean isotropic"):
-        dsfab.compare(cantilever, ["isotropc"])
+        comparison(cantilever, ["isotropc"])
 
 
 def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
@@ -195,3 +197,18 @@ def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
     assert case.buckling == pytest.approx(known.buckling.factor[0], rel=0.2)
     (alone,) = quick(brief, whole).cases.values()
     assert (alone.frequency, alone.buckling) == (None, None)
+
+
+def test_python_and_the_command_line_look_as_deep(tmp_path, capsys):
+    """The same levels by default: the design is checked on finer meshes, and so is what it is compared with."""
+    design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.1}))
+    found = dsfab.compare(design, ("thinner",))
+    sets = ["--set", "surface.edge=0.1", "--against", "thinner", "--no-report", "--quiet"]
+    assert main(["compare", "cantilever", *sets, "-o", str(tmp_path)]) == 0
+    told = json.loads((tmp_path / "results.json").read_text())["competitors"]
+    ours = found.record()["competitors"]
+    assert [row["compliance_J"] for row in ours] == pytest.approx([row["compliance_J"] for row in told])
+    assert [row["verdict"] for row in ours] == [row["verdict"] for row in told]
+    one = dsfab.compare(design, ("thinner",), level="quick").design
+    assert one.judgement.level == "quick"
+    assert one.compliance < found.design.compliance

@@ -11,20 +11,19 @@ import pytest
 import dsfab
 from dsfab import pipeline
 from dsfab.arrays import from_segments
-from dsfab.design import Design
+from dsfab.delivery.archive import keep, kept
+from dsfab.delivery.fields import design_fields
+from dsfab.delivery.files import delivered
+from dsfab.delivery.lines import design_lines
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
 from dsfab.pattern import frequency_for
+from dsfab.pipeline.design import Design
 from dsfab.preset_file import load_preset, overridden, preset_toml
 from dsfab.study import compare_at
-from dsfab.study.archive import keep, kept
 from dsfab.study.baselines import Brief
-from dsfab.study.delivery import delivered
 from dsfab.study.fabrication import fabrication
-from dsfab.study.fields import design_fields
 from dsfab.study.fix import _coarser
-from dsfab.study.lines import design_lines
-from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
 from tests.presets import DOME_MODES
 
@@ -259,9 +258,9 @@ def test_a_sweep_varies_the_distance_and_measures_widths():
     for spacing in (2.0, 1.2):
         preset = load_preset(DOME_MODES, SMALL | {"pattern.major.spacing": spacing, "pattern.width.solid_fraction": 0.0,
                                               "pattern.width.member": 0.3})  # fmt: skip
-        made = Making.of(preset, made)
+        made = Design.of(preset, made)
         width.append(measured("min_width", made))
-        assert made.draft.pattern.even is not None
+        assert made.pattern.even is not None
     assert width == pytest.approx([0.3, 0.3], rel=0.1)
 
 
@@ -313,6 +312,8 @@ def test_one_of_two_keys_takes_the_place_of_the_other_and_both_are_refused():
             {"pattern.minor.spacing": 1000.0},
             r"pattern\.minor\.spacing = 1000 m is too far for this surface, .* 17\.4 m",
         ),
+        ({"pattern.minor.spacing": 1200.0}, r"is the default \(lengths are in metres: 1\.2 for 1200 mm\)$"),
+        ({"pattern.minor.spacing": 1e6}, r"is the default$"),
         ({"pattern.minor.spacing": 8.5}, r"pattern\.minor\.spacing = 8\.5 m is too far for this surface"),
         ({"pattern.major.spacing": -1.0}, r"pattern\.major\.spacing = -1\.0: should be greater than or equal to 0"),
         ({"pattern.method": "stripe"}, r"pattern\.method = 'stripe': should be .* did you mean stripes"),

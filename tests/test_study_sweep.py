@@ -6,8 +6,9 @@ import pytest
 
 import dsfab
 from dsfab.errors import PresetError, StaticsError
+from dsfab.pipeline.design import Design
 from dsfab.study.sweeps import BASIC, METRICS
-from dsfab.study.sweeps.making import Making
+from dsfab.study.sweeps.cut_sheet import carried
 from dsfab.study.verdict import check
 from tests.presets import DOME_MODES
 
@@ -66,13 +67,13 @@ def test_metrics_can_be_functions():
     ],
 )
 def test_mistakes_are_told_before_anything_is_built(vary, metrics, says, monkeypatch):
-    monkeypatch.setattr("dsfab.study.sweeps.plain.Making", None)
+    monkeypatch.setattr("dsfab.study.sweeps.plain.draft", None)
     with pytest.raises(PresetError, match=says):
         dsfab.sweep(PRESET, vary, metrics)
 
 
 def test_metrics_by_name_make_only_the_stages_that_they_need(monkeypatch):
-    monkeypatch.setattr("dsfab.study.sweeps.making.thickening_step", None)
+    monkeypatch.setattr("dsfab.pipeline.design.thickening_step", None)
     (run,) = dsfab.sweep(PRESET, {"pattern.major.phase": [0.1]}, ["area", "pieces", "min_width", "compliance"])
     assert run.error == ""
     assert len(run.metrics) == 4
@@ -94,13 +95,13 @@ def whole():
 
 @pytest.fixture(scope="module")
 def in_the_making():
-    return Making.of(COARSE, Making.of(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.6})))
+    return Design.of(COARSE, Design.of(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.6})))
 
 
 def test_compliance_is_that_of_the_comparison(whole):
-    from dsfab.study import compare
+    from dsfab.study.comparison import comparison
 
-    assert METRICS["compliance"](whole) == compare(whole, against=()).design.compliance
+    assert METRICS["compliance"](whole) == comparison(whole, against=()).design.compliance
 
 
 def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
@@ -109,11 +110,11 @@ def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
     full = dsfab.load_preset(
         DOME_MODES, {**COARSE_KEYS, "pattern.width": {"rule": "plain"}, "pattern.major.threshold": -1.0}
     )
-    made, statics = Making.of(full), full.statics
+    made, statics = Design.of(full), full.statics
     loads = {"": made.load}
     whole = solve_cases(made.surface, statics.material, loads, statics.thickness, statics.law, "constant", "midedge")
     assert METRICS["ersatz"](made) == pytest.approx(whole[""].compliance, rel=1e-6)
-    assert METRICS["ersatz"](Making.of(COARSE)) > 1.2 * whole[""].compliance
+    assert METRICS["ersatz"](Design.of(COARSE)) > 1.2 * whole[""].compliance
 
 
 @pytest.mark.slow
@@ -133,7 +134,7 @@ def test_a_failed_verdict_is_told(whole, monkeypatch):
 def test_members_of_constant_width_have_that_width():
     """Stripes of constant width in metres: min_width finds it again."""
     wide = {"surface.edge": 0.4, "pattern.width": {"rule": "constant", "member": 0.25}, "pattern.keep": 0.5}
-    made = Making.of(dsfab.load_preset(DOME_MODES, wide))
+    made = Design.of(dsfab.load_preset(DOME_MODES, wide))
     assert METRICS["min_width"](made) == pytest.approx(0.25, rel=0.1)
 
 
@@ -142,31 +143,31 @@ def test_the_sheets_mass_is_nearly_that_of_the_solid(whole):
 
 
 def test_what_a_later_section_does_not_change_is_made_once():
-    thinner = Making.of(
+    thinner = Design.of(
         dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, "export.step_faces": 9})
     )
     solid = thinner.solid
-    after = Making.of(thinner.preset, thinner)
+    after = Design.of(thinner.preset, thinner)
     assert after.solid is solid
-    assert Making.of(PRESET, after).slicing is thinner.slicing
+    assert Design.of(PRESET, after).slicing is thinner.slicing
     other = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, "slicing.snap": 0.1})
-    assert "slicing" not in vars(Making.of(other, after))
+    assert "slicing" not in vars(Design.of(other, after))
 
 
 def test_stripes_by_their_spacing_are_as_wide_as_by_the_frequency_that_it_means():
     asked = {**COARSE_KEYS, "pattern.major.frequency": 0.0, "pattern.major.spacing": 0.8}
-    spaced = Making.of(dsfab.load_preset(DOME_MODES, asked))
-    frequency = spaced.draft.pattern.frequency[0]
-    same = Making.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "pattern.major.frequency": frequency}))
+    spaced = Design.of(dsfab.load_preset(DOME_MODES, asked))
+    frequency = spaced.pattern.frequency[0]
+    same = Design.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "pattern.major.frequency": frequency}))
     assert METRICS["min_width"](spaced) == pytest.approx(METRICS["min_width"](same))
 
 
 def test_several_load_cases_count_as_in_the_comparison():
-    from dsfab.study import compare
+    from dsfab.study.comparison import comparison
 
     force = {"kind": "force", "at": {"pick": "nearest", "points": [[0.0, 0.0, 4.0]]}}
     loads = [{**force, "case": "down", "force": [0.0, 0.0, -5e4]}, {**force, "case": "aside", "force": [4e4, 0.0, 0.0]}]
-    made = Making.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "surface.load": loads}))
-    assert set(made.carried) == {"down", "aside"}
-    assert METRICS["compliance"](made) == compare(made.design, against=()).design.compliance
-    assert METRICS["displacement"](made) == max(answer.largest_displacement for answer in made.carried.values())
+    made = Design.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "surface.load": loads}))
+    assert set(carried(made)) == {"down", "aside"}
+    assert METRICS["compliance"](made) == comparison(made, against=()).design.compliance
+    assert METRICS["displacement"](made) == max(answer.largest_displacement for answer in carried(made).values())

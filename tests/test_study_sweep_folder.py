@@ -16,13 +16,13 @@ import pytest
 
 from dsfab.errors import DsfabError, PresetError
 from dsfab.study.sweeps import local
-from dsfab.study.sweeps.conductor import TRIES
 from dsfab.study.sweeps.folder import SweepFolder, made, prepare
 from dsfab.study.sweeps.local import LocalFleet, cores, free_memory
 from dsfab.study.sweeps.lock import only_coordinator
 from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.plan_file import load_plan, plan_from
 from dsfab.study.sweeps.results import best, pareto, records, write_tables
+from dsfab.study.sweeps.scheduler import TRIES
 from dsfab.study.sweeps.store import Row, Store
 from dsfab.study.sweeps.worker import Outcome, execute
 from tests.presets import DOME_MODES

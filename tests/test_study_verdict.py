@@ -14,8 +14,8 @@ from dsfab.study.verdict import Setting, Sheeting, check, whole_sheet
 from dsfab.study.verdict.calibration import read_table, shipped_table, summary, table_text
 from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import HHJ, level
+from dsfab.study.verdict.loaded_surface import attached
 from dsfab.study.verdict.rules import QUICK, estimate
-from dsfab.study.verdict.setting import attached
 from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.trials import KINDS, calibrate, measured, random_design
 from dsfab.surface import LoadCase, Surface, shapes

@@ -168,7 +168,7 @@ def rows_of(*found: tuple[int, int, float], test="cook") -> list[Row]:
 def test_published_values_are_compared_at_equal_unknowns_else_on_equal_cells(
     monkeypatch, published, ours, basis, outcome
 ):
-    monkeypatch.setattr(verification.standing, "PUBLISHED", (published,))
+    monkeypatch.setattr(verification.benchmark_comparison, "PUBLISHED", (published,))
     (found,) = standings(rows_of((4, 100, 0.9), (8, 1000, 1.01), (16, 10000, 0.999)), TESTS)
     assert (found.basis, found.outcome) == (basis, outcome)
     assert found.ours == (None if ours is None else pytest.approx(ours, rel=0.01))
@@ -176,7 +176,7 @@ def test_published_values_are_compared_at_equal_unknowns_else_on_equal_cells(
 
 def test_a_value_that_passes_through_the_reference_counts_as_what_follows(monkeypatch):
     published = Published("cook", "x", 4, 0.98, NODAL, unknowns=100)
-    monkeypatch.setattr(verification.standing, "PUBLISHED", (published,))
+    monkeypatch.setattr(verification.benchmark_comparison, "PUBLISHED", (published,))
     (found,) = standings(rows_of((4, 100, 1.0001), (8, 1000, 1.04), (16, 10000, 1.01)), TESTS)
     assert found.ours == pytest.approx(0.04)
     assert found.outcome == "worse"

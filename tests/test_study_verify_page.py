@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.app.verify_page import page
+from dsfab.report.verification_page import page
 from dsfab.study.verification import TESTS, verify
 
 COMMITTED = Path(__file__).resolve().parent.parent / "outputs" / "verification" / "index.html"

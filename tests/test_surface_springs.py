@@ -6,10 +6,10 @@ from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 
 from dsfab import load_preset, run
-from dsfab.app.build import facts
 from dsfab.errors import PresetError, StaticsError, SurfaceError
 from dsfab.pipeline import draft
 from dsfab.pipeline.handover import sheet_load
+from dsfab.report.design.facts import facts
 from dsfab.slicing import cut
 from dsfab.statics import (
     Elements,

@@ -127,8 +127,8 @@ CHUNKS = (
     "slicing.triangulate",
     "thickening.normals",
     "thickening.offset",
-    "thickening.apart.prisms",
-    "thickening.apart.windings",
+    "thickening.separation_proof.prisms",
+    "thickening.separation_proof.windings",
 )
 
 

@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 import dsfab
-from dsfab.app.build import facts
 from dsfab.errors import DsfabError, SolidError
+from dsfab.report.design.facts import facts
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces

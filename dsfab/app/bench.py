@@ -12,13 +12,18 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Mesh, Set, Unit, read_preset
-from dsfab.app.report import Reporter, out, table
+from dsfab.app.options import Mesh, Set, Unit, read_preset
+from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
 from dsfab.sparse import peak_memory
+from dsfab.wording import table
 
-ROWS = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening", "export", "total")
-"""Columns of the table, seconds: those of the paper's Table 2, then the stages beyond it."""
+ROWS = (
+    *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
+    *("stripes", "slicing", "thickening", "export", "total"),
+)
+"""Columns of the table, seconds: those of the paper's Table 2, then the stages beyond it. `stripes` are evenly spaced:
+directions, densities and phases, which take the place of the modes."""
 
 SCALING = (10_000, 40_000, 100_000)
 """Vertices of the surfaces that `--scaling` runs."""
@@ -127,9 +132,9 @@ def _sizes(
 
 def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool) -> dict[str, Any]:
     """One run in this process: seconds per row, peak memory in MiB, and the sizes."""
+    from dsfab.delivery.files import delivered
     from dsfab.export import write
     from dsfab.pipeline import run
-    from dsfab.study.delivery import delivered
 
     start = time.perf_counter()
     design = run(read_preset(name, changes, mesh, unit))

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.app.report import table
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import DsfabError
 from dsfab.sparse import peak_memory
+from dsfab.wording import table
 
 if TYPE_CHECKING:
-    from dsfab.app.scene import Scene
-    from dsfab.app.shader import StripeShader
-    from dsfab.app.view import View
+    from dsfab.render.scene import Scene
+    from dsfab.render.shader import StripeShader
+    from dsfab.render.view import View
 
 SIZES = (10_000, 60_000, 300_000, 1_000_000)
 """Triangles of the surfaces."""
@@ -64,10 +64,10 @@ def measure(triangles: int) -> dict[str, Any]:
     Also over_clock and over_cpu, the time of a frame of the shader over that of a plain one, drawn in turn, by the
     clock and by the processor; the milliseconds that a change of numbers takes; and the peak memory, MiB.
     """
-    from dsfab.app.gl import require_rendering
-    from dsfab.app.scene import Body, Scene
-    from dsfab.app.shader import StripeShader
-    from dsfab.app.view import framed, named_side
+    from dsfab.render.opengl import require_rendering
+    from dsfab.render.scene import Body, Scene
+    from dsfab.render.shader import StripeShader
+    from dsfab.render.view import framed, named_side
 
     require_rendering()
     V, F, fields = wavy_torus(triangles)
@@ -119,7 +119,7 @@ def _frames(
 
 
 def _changed(stripes: "StripeShader", number: int, kind: str, eye: Floats) -> None:
-    from dsfab.app.shader import BY_VERTEX, NO_REACH, Settings
+    from dsfab.render.shader import BY_VERTEX, NO_REACH, Settings
 
     if kind == "walls":
         stripes.look(eye, 0.01)

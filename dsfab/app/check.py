@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Quiet, Set, read_preset
-from dsfab.app.report import Reporter, length, mass, out
+from dsfab.app.options import Quiet, Set, read_preset
+from dsfab.app.terminal import Reporter, out
+from dsfab.wording import length, mass
 
 if TYPE_CHECKING:
     from dsfab.arrays import Floats
-    from dsfab.design import Design
-    from dsfab.study.shipped import Checked, Clearance, Finding
+    from dsfab.pipeline.design import Design
+    from dsfab.study.file_check import Checked, Clearance, Finding
 
 FAULTS = {
     "open": "{} edges have one triangle only: there is a hole in the skin",
@@ -59,7 +60,7 @@ def check(
     file
         STL, 3MF or STEP.
     """
-    from dsfab.study.shipped import check_file, read_shipped
+    from dsfab.study.file_check import check_file, read_shipped
 
     source = preset if preset is not None else _beside(file)
     reporter = Reporter(quiet or json_)

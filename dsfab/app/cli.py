@@ -25,7 +25,7 @@ app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
 app.command("dsfab.app.export:export", name="export", help="Write one file: solid, lines, drawing, fields or model.")
-app.command("dsfab.app.previewing:preview", name="preview", help="Draw a design without building it.")
+app.command("dsfab.app.preview:preview", name="preview", help="Draw a design without building it.")
 app.command("dsfab.app.check:check", name="check", help="Read an exported solid again: is it sound, and the design?")
 app.command("dsfab.app.explore:explore", name="explore", help="Draw many variants of a design on one contact sheet.")
 app.command("dsfab.app.editor.command:edit", name="edit", help="Change a design in your browser and watch it.")

@@ -9,8 +9,8 @@ from typing import Annotated, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
 from dsfab.app.compare_one import Asked, compare_one
+from dsfab.app.options import Mesh, Quiet, Set, Unit, read_preset
 from dsfab.errors import DsfabError
 
 

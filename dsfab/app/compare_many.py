@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dsfab.app.build import versions
 from dsfab.app.compare_one import Asked, compare_one
-from dsfab.app.folder import whole_or_nothing
-from dsfab.app.report import Reporter, out
+from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
+from dsfab.export.folder import whole_or_nothing
+from dsfab.report.design.facts import versions
 
 if TYPE_CHECKING:
     from dsfab.preset import Preset
@@ -97,8 +97,8 @@ def _found(folder: Path) -> Row:
 
 
 def _write(rows: Sequence[Row], against: Sequence[str], folder: Path, partial_folder: Path) -> None:
-    from dsfab.app.compare_page import summary_page
-    from dsfab.app.compliance.html import page
+    from dsfab.report.comparison_summary import summary_page
+    from dsfab.report.compliance.html import page
 
     columns = list(dict.fromkeys(key for row in rows for key in row))
     with open(partial_folder / "summary.csv", "w", newline="", encoding="utf-8") as file:

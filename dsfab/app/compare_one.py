@@ -6,21 +6,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dsfab.app.compare_files import write_results
-from dsfab.app.folder import whole_or_nothing
-from dsfab.app.report import Reporter, out
+from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
+from dsfab.export.folder import whole_or_nothing
+from dsfab.report.comparison_files import write_results
 
 if TYPE_CHECKING:
-    from dsfab.app.compliance import Findings
     from dsfab.preset import Preset
+    from dsfab.report.compliance import Findings
     from dsfab.study import Comparison
-    from dsfab.study.baselines import Brief, Structure
-    from dsfab.study.judging import Judge, Judgement
-    from dsfab.study.sweeps.making import Making
-
-PATIENCE = 60.0
-"""Seconds that full checks may take in all where no level is asked for."""
 
 Compared = tuple[float | None, "Comparison"]
 """A share of the surface, None for the design as it is, and the comparison there."""
@@ -73,90 +67,38 @@ def _compared(preset: "Preset", asked: Asked, reporter: Reporter) -> list[Compar
     A design that does not carry its loads is told as an error of it; with shares it is left out, and they are made.
     """
     from dsfab.pipeline import draft
-    from dsfab.study import compare as compared
+    from dsfab.statics import Ask
     from dsfab.study import compare_at
-    from dsfab.study.sweeps.making import Making
+    from dsfab.study.comparison import comparison
+    from dsfab.study.judges import Checks, judges
 
-    making = Making(draft(preset, reporter))
+    design = draft(preset, reporter)
+    ask = Ask(frequencies=int(asked.frequency), buckling=int(asked.buckling))
+    checks = Checks(asked.level, ask, asked.memory, reporter)
     found: list[Compared] = []
     reporter("compare", "solving the design")
     try:
-        own, rival = _judges(making, asked, reporter)
+        own, rival, told = judges(design, asked.against, checks)
+        if told:
+            reporter.say(f"compare     {told} (--level full checks all)")
         beside = partial(reporter, "compare")
-        found.append((None, compared(making, asked.against, own, beside, rival, bool(asked.shares))))
+        found.append((None, comparison(design, asked.against, own, beside, rival, bool(asked.shares))))
     except DsfabError as error:
         if not asked.shares:
             raise
         reporter.say(f"compare     the design as its preset draws it is left out: {error}")
     # beside a cut sheet judged by one solve, a whole one on its own coarse mesh would look a quarter too soft, or more
-    judge = _judge(asked.level or "whole", asked, reporter)
+    judge = checks.judge(asked.level or "whole")
     for share in asked.shares:
         reporter("compare", f"{share:.0%} of the material: the design")
-        told = lambda name, share=share: reporter("compare", f"{share:.0%} of the material: {name}")  # noqa: E731
-        found.append((share, compare_at(making.draft, share, asked.against, judge, told)))
+        doing = lambda name, share=share: reporter("compare", f"{share:.0%} of the material: {name}")  # noqa: E731
+        found.append((share, compare_at(design, share, asked.against, judge, doing)))
     return found
-
-
-def _judges(making: "Making", asked: Asked, reporter: Reporter) -> "tuple[Judge, Judge]":
-    """Of the design, each case, and of its competitors; says where these are judged by one solve only."""
-    from dsfab.statics import flat_axis
-    from dsfab.study.full_check import seconds_needed
-
-    made = making.draft
-    if asked.level is None and _cuts(making):
-        plane = flat_axis(made.surface, *(case.load for case in made.statics.cases.values())) is not None
-        whole = 1 + ("thinner" in asked.against)
-        triangles = whole * made.surface.m + (2 + len(asked.against) - whole) * making.sheet.surface.m
-        seconds = seconds_needed(triangles, plane)
-        if seconds > PATIENCE:
-            told = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
-            reporter.say(f"compare     {told} (--level full checks all)")
-            return _judge("full", asked, reporter, True), _judge("whole", asked, reporter)
-    depth = asked.level or "full"
-    return _judge(depth, asked, reporter, True), _judge(depth, asked, reporter)
-
-
-def _cuts(making: "Making") -> bool:
-    """Whether its pattern can be cut at all."""
-    try:
-        return bool(making.sheet)
-    except DsfabError:
-        return False
-
-
-def _judge(depth: str, asked: Asked, reporter: Reporter, every: bool = False) -> "Judge":
-    """depth : quick, full, or whole: full for whole sheets, on whose meshes one solve is far off, quick for others.
-    every : whether all cases are judged.
-    """
-    from dsfab.statics import Ask
-    from dsfab.study.full_check import full
-    from dsfab.study.judging import quick
-
-    ask = Ask(frequencies=int(asked.frequency), buckling=int(asked.buckling))
-    if depth == "whole":
-        return _full_for_whole_sheets(_judge("full", asked, reporter), _judge("quick", asked, reporter))
-    if depth == "full":
-        return partial(full, ask=ask, every=every, budget=asked.memory, progress=reporter)
-    return partial(quick, ask=ask, every=every) if ask or every else quick
-
-
-def _full_for_whole_sheets(whole: "Judge", cut: "Judge") -> "Judge":
-    """`whole` for what is not cut, once for each thickness, and `cut` for the rest."""
-    known: dict[float, Judgement] = {}
-
-    def judge(brief: "Brief", made: "Structure") -> "Judgement":
-        if made.cells is not made.sheet:
-            return cut(brief, made)
-        if made.thickness not in known:
-            known[made.thickness] = whole(brief, made)
-        return known[made.thickness]
-
-    return judge
 
 
 def _findings(found: list[Compared], command: str) -> "Findings":
     """What the report is about: the design as it is, or else at the largest share at which it carries its loads."""
-    from dsfab.app.compliance import Findings
+    from dsfab.report.compliance import Findings
 
     volumes = [(share, one) for share, one in found if share is not None]
     drawn = [(share, one) for share, one in found if share is None]
@@ -167,7 +109,7 @@ def _findings(found: list[Compared], command: str) -> "Findings":
 
 def _reported(subject: "Findings", found: list[Compared], folder: Path, reporter: Reporter) -> list[str]:
     """Write the report; returns the names of its files, and says what could not be done."""
-    from dsfab.app.compliance import write_report
+    from dsfab.report.compliance import write_report
 
     rows = [
         {"volume": share, **row} for share, one in found if share is not None for row in one.record()["competitors"]
@@ -183,7 +125,7 @@ def _say(found: list[Compared], subject: "Findings | None", files: list[Path]) -
 
     out("\n\n".join(comparison_text(share, comparison) for share, comparison in found))
     if subject:
-        from dsfab.app.compliance.verdict_words import one_line
+        from dsfab.report.compliance.verdict_words import one_line
 
         out(one_line(subject))
     out("\n".join(f"  {path}" for path in files))

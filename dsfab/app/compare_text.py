@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from dsfab.app.compliance.words import within
-from dsfab.app.report import length, mass, table
+from dsfab.report.compliance.words import within
+from dsfab.wording import length, mass, table
 
 if TYPE_CHECKING:
     from dsfab.study import Comparison

@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
-from dsfab.app.fields import asking
-from dsfab.app.folder import whole_or_nothing
-from dsfab.app.options import Show, View, picture_size
-from dsfab.app.report import Reporter, out, size
-from dsfab.app.variations import Values, spelled, varied
+from dsfab.app.options import Mesh, Quiet, Set, Show, Unit, View, picture_size, read_preset
+from dsfab.app.terminal import Reporter, out
+from dsfab.export.folder import whole_or_nothing
 from dsfab.preset_file import overridden
+from dsfab.render.answers import asking
+from dsfab.study.variations import Values, spelled, varied
+from dsfab.wording import size
 
 if TYPE_CHECKING:
-    from dsfab.app.contact import Tile
     from dsfab.preset import Preset
+    from dsfab.report.contact_sheet import Tile
 
 SHOWN_WIDE = 380
 """Pixels across a tile of the contact sheet."""
@@ -54,11 +54,11 @@ def explore(
     preset
         Name of a shipped preset (see `dsfab presets`) or a TOML file.
     """
-    from dsfab.app.contact import PAGE_NAME, SHEET_NAME, pictures_of
-    from dsfab.app.film import check_film, write_film
-    from dsfab.app.gl import require_rendering
-    from dsfab.app.palette import PAPER
     from dsfab.app.variants import Variants, base_command
+    from dsfab.render.opengl import require_rendering
+    from dsfab.render.palette import PAPER
+    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, pictures_of
+    from dsfab.report.film import check_film, write_film
 
     given, pixels, values = asking(read_preset(preset, set_, mesh, unit), show), picture_size(size_), varied(vary)
     for key, listed in values.items():
@@ -96,7 +96,7 @@ def explore(
 def _write(
     tiles: "list[Tile]", preset: "Preset", values: Values, folder: Path, pixels: tuple[int, int], palette: Any
 ) -> None:
-    from dsfab.app.contact import PAGE_NAME, SHEET_NAME, columns, contact_sheet, page, save
+    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, columns, contact_sheet, page, save
 
     across = columns(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
     title = f"{preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Mesh, Quiet, Set, Unit, read_preset
-from dsfab.app.report import Reporter, length, out, size
+from dsfab.app.options import Mesh, Quiet, Set, Unit, read_preset
 from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
+from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
+from dsfab.wording import length, size
 
 if TYPE_CHECKING:
+    from dsfab.pipeline.design import Design
     from dsfab.preset import Preset
-    from dsfab.study.archive import Kept
     from dsfab.study.check_model import CheckModel
     from dsfab.surface import Surface
     from dsfab.thickening import Solid
@@ -97,9 +98,9 @@ def _source(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
     return given, Path("outputs") / given.name
 
 
-def _built(name: str, given: "Preset") -> "Kept | None":
+def _built(name: str, given: "Preset") -> "Design | None":
     """What the folder that was named holds of such a design, which is then not made again."""
-    from dsfab.study.archive import kept
+    from dsfab.delivery.archive import kept
 
     return kept(Path(name), given) if (Path(name) / "preset.toml").is_file() else None
 
@@ -168,11 +169,11 @@ def _told(made: "CheckModel", ask: Ask) -> list[str]:
     return lines
 
 
-def _mesh(given: "Preset", built: "Kept | None", ask: Ask, reporter: Reporter) -> list[str]:
+def _mesh(given: "Preset", built: "Design | None", ask: Ask, reporter: Reporter) -> list[str]:
     """Write the solid or a sheet, of what was built or made now; returns what to tell about it."""
+    from dsfab.delivery.files import delivered
     from dsfab.export import write
     from dsfab.pipeline import run
-    from dsfab.study.delivery import delivered
 
     told: list[str] = []
     how: dict[str, Any] = {}

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.build import read_preset
-from dsfab.app.fabrication import fabrication_facts, fabrication_lines
-from dsfab.app.pattern_told import quality_facts, quality_lines
-from dsfab.app.report import Reporter, length, out
+from dsfab.app.options import read_preset
+from dsfab.app.terminal import Reporter, out
 from dsfab.errors import PresetError
+from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
+from dsfab.report.design.pattern import quality_facts, quality_lines
+from dsfab.wording import length
 
 if TYPE_CHECKING:
     from dsfab.surface import MeshFacts
@@ -79,9 +80,9 @@ def _built(folder: Path) -> dict[str, Any]:
 
 def _made(preset: str, picture: Path | None) -> dict[str, Any]:
     """The same of a preset, which is run for it, and drawn if there is a file for that."""
-    from dsfab.app.workshop import write_workshop_picture
     from dsfab.pipeline import run
     from dsfab.pipeline.measures import measured_pattern
+    from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
 
     reporter = Reporter()

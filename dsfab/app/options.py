@@ -1,13 +1,23 @@
-"""Options that `dsfab preview` and `dsfab explore` share, and what they mean."""
+"""Options that several commands share, and what they mean."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from dsfab.errors import DsfabError
 
+if TYPE_CHECKING:
+    from dsfab.preset import Preset
+
 SMALLEST, LARGEST = 64, 8000
 """Pixels of a side of a picture."""
+
+Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
+Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
+Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")]
+Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
+
 
 View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]
 Show = Annotated[
@@ -30,3 +40,15 @@ def picture_size(text: str) -> tuple[int, int]:
     raise DsfabError(
         f"--size {text!r} is not WIDTHxHEIGHT, sides of {SMALLEST} to {LARGEST} pixels; write for instance 1600x1200"
     )
+
+
+def read_preset(
+    name: str, changes: tuple[str, ...] = (), mesh: Path | None = None, unit: str | None = None
+) -> "Preset":
+    """The preset of a command line, with its overrides."""
+    from dsfab.preset_file import load_preset, parse_override
+
+    overrides = dict(parse_override(text) for text in changes)
+    if unit is not None:
+        overrides["surface.unit"] = unit
+    return load_preset(name, overrides, mesh)

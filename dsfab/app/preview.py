@@ -1,93 +1,185 @@
-"""The picture of a finished structure: a plaster-like model on white paper, with its loads, supports and scale."""
+"""`dsfab preview`: one design, seen before anything is cut; again whenever its file is saved."""
 
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
-from numpy.typing import ArrayLike
+from cyclopts import Parameter
 
-from dsfab.app.drawing import rendered
-from dsfab.app.files import write_png
-from dsfab.app.gl import require_rendering
-from dsfab.app.lettering import lettered
-from dsfab.app.palette import PAPER, Palette
-from dsfab.app.scene import Body, Bytes, Scene
-from dsfab.app.staging import legend, staged
-from dsfab.app.view import best_side, up_axis
-from dsfab.arrays import Floats, Ints
+from dsfab.app.options import Mesh, Quiet, Set, Show, Unit, View, picture_size, read_preset
+from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
-from dsfab.surface import LoadCase, Surface
+from dsfab.render.answers import asking
+from dsfab.wording import size
+
+if TYPE_CHECKING:
+    from dsfab.preset import Preset
+    from dsfab.render.previewers import Studio
+
+POLL = 0.25
+"""Seconds between looks at the file that is watched."""
 
 
-def picture(
-    V: ArrayLike,
-    F: ArrayLike,
+def preview(
+    preset: str,
+    /,
     *,
-    surface: Surface | None = None,
-    load: LoadCase | None = None,
-    family: ArrayLike | None = None,
-    caption: str = "",
-    size: tuple[int, int] = (1600, 1200),
-    up: ArrayLike | None = None,
-    palette: Palette = PAPER,
-) -> Bytes:
-    """A picture of a solid (or a sheet), seen from a side that suits its shape, whole on the page.
+    set_: Set = (),
+    mesh: Mesh = None,
+    unit: Unit = None,
+    view: View = "iso",
+    show: Show = "structure",
+    layers: Annotated[
+        str | None,
+        Parameter(help="Comma list of loads, supports, reactions, person; or all, none [loads,supports,person]."),
+    ] = None,
+    ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper",
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png].")] = None,
+    size_: Annotated[
+        str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; each of several: 800x600].")
+    ] = None,
+    watch: Annotated[
+        bool, Parameter(negative=(), help="Draw again when the preset file is saved, until Ctrl-C.")
+    ] = False,
+    quiet: Quiet = False,
+) -> int:
+    """Draw a preset before it is cut: a picture in a few seconds.
 
-    V, F    : (n, 3) metres and (m, 3), outward oriented.
-    surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
-    family  : (m,) index into `palette.families` for each face, -1 for the one colour of all members.
-    caption : one line below. size : (width, height) in pixels. up : (3,) any length, found out when left out.
-
-    Returns (height, width, 3) bytes, red green blue. Raises DsfabError where nothing can be drawn (see
-    `dsfab.app.gl.require_rendering`) and for a solid without faces. Draw in one thread at a time.
+    Parameters
+    ----------
+    preset
+        Name of a shipped preset (see `dsfab presets`) or a TOML file.
     """
-    vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
-    if not len(faces):
-        raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
+    from dsfab.render.drawing import check_ground
+    from dsfab.render.opengl import require_rendering
+    from dsfab.render.previewers import Studio
+
+    def read() -> "Preset":
+        return read_preset(preset, set_, mesh, unit)
+
+    given = read()
+    finished = show.strip() == "fabrication"
+    names = ("structure",) if finished else _names(show, given)
+    marked = {} if layers is None else {"marks": _layers(layers)}
+    pixels = picture_size(size_ or ("1600x1200" if len(names) == 1 else "800x600"))
+    path = output if output is not None else Path(f"{given.name}.png")
+    if path.suffix.lower() != ".png":
+        raise DsfabError(f"-o {path} does not end in .png; previews are PNG files")
+    check_ground(ground)
+    if watch and not Path(preset).is_file():
+        raise DsfabError(f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first")
     require_rendering()
-    member = _member_colours(faces, family, palette)
-    axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)
-    side = best_side(vertices, axis / np.linalg.norm(axis))
-    half = _half_thickness(vertices, faces)
-    stage = staged(Body(vertices, faces, member, casts=True), side, axis, half, surface, load, palette, size)
-    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-        image = rendered(scene, stage, palette, size)
-    return np.asarray(lettered(image, legend(stage, caption, palette, size), palette))
+    reporter = Reporter(quiet)
+    with Studio(view=view, show=names[0], ground=ground, **marked) as studio:
+
+        def draw(asked: "Preset") -> None:
+            if finished:
+                _draw_finished(asked, pixels, path, reporter, view=view, ground=ground)
+            else:
+                _draw(studio, asked, names, pixels, path, reporter, view=view, ground=ground, **marked)
+            if not quiet:
+                out(f"  {path}  {size(path.stat().st_size)}")
+
+        try:
+            if watch:
+                return _watch(Path(preset), lambda: draw(read()), reporter)
+            draw(given)
+        finally:
+            reporter.stop()
+    return 0
 
 
-def write_picture(
-    path: str | Path,
-    V: ArrayLike,
-    F: ArrayLike,
-    *,
-    surface: Surface | None = None,
-    load: LoadCase | None = None,
-    family: ArrayLike | None = None,
-    caption: str = "",
-    size: tuple[int, int] = (1600, 1200),
-    up: ArrayLike | None = None,
-    palette: Palette = PAPER,
-) -> Path:
-    """Write `picture(V, F, ...)` as a PNG file, whole or not at all; returns its path.
+def _names(show: str, preset: "Preset") -> tuple[str, ...]:
+    from dsfab.render.panels import shows
 
-    Raises what `picture` raises, and ExportError for a file that cannot be written.
-    """
-    pixels = picture(
-        V, F, surface=surface, load=load, family=family, caption=caption, size=size, up=up, palette=palette
-    )
-    return write_png(pixels, Path(path))
+    return shows(show, preset)
 
 
-def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:
-    """(m, 3) colours of the faces."""
-    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # -1 is the last row
-    index = np.full(len(F), -1) if family is None else np.asarray(family)
-    if index.shape != (len(F),) or index.min() < -1 or index.max() >= len(palette.families):
-        raise ValueError(f"expected {len(F)} families between -1 and {len(palette.families) - 1}")
-    return np.asarray(table[index])
+def _layers(text: str) -> tuple[str, ...]:
+    """Names of layers; raises DsfabError for others."""
+    from dsfab.render.stage import EVERY_LAYER
+
+    if text in ("all", "none"):
+        return EVERY_LAYER if text == "all" else ()
+    names = tuple(word.strip() for word in text.split(",") if word.strip())
+    if unknown := [name for name in names if name not in EVERY_LAYER]:
+        raise DsfabError(f"--layers {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}, or all, none")
+    return names
 
 
-def _half_thickness(V: Floats, F: Ints) -> float:
-    """Half the mean thickness of a thin solid, metres: its volume over its area; 0 for a sheet."""
-    a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
-    area = np.cross(b - a, c - a)
-    return abs(float(np.einsum("mi,mi->", a, area))) / 3 / float(np.linalg.norm(area, axis=1).sum())
+def _draw(
+    studio: "Studio",
+    preset: "Preset",
+    names: tuple[str, ...],
+    pixels: tuple[int, int],
+    path: Path,
+    reporter: Reporter,
+    **options: Any,
+) -> None:
+    """One picture, or several on one page, into one file."""
+    from dsfab.render.panels import panels
+    from dsfab.render.png import write_png
+
+    for name in names:
+        preset = asking(preset, name)
+    if len(names) == 1:
+        previewer = studio.showing(preset, reporter)
+        reporter("preview", f"drawing {path.name}")
+        previewer.write(path, pixels)
+        reporter.done()
+    else:
+        made = studio.drafted(preset, reporter)
+        found = panels(made, names, pixels, reporter, **options)
+        reporter.done()
+        for line in found.left_out:
+            reporter.say(f"preview     left out: {line}")
+        write_png(found.pixels, path)
+    if studio.made:
+        for note in studio.made.notes:
+            reporter.say(f"note ({note.stage}): {note.text}")
+
+
+def _draw_finished(preset: "Preset", pixels: tuple[int, int], path: Path, reporter: Reporter, **options: Any) -> None:
+    """The design cut, thickened and measured, with the places of what is smallest."""
+    from dsfab.pipeline import run
+    from dsfab.render.fabrication import workshop_picture
+    from dsfab.render.png import write_png
+    from dsfab.study.fabrication import fabrication
+
+    design = run(preset, reporter)
+    reporter("fabrication", "measuring members, gaps and walls")
+    made = fabrication(design)
+    reporter("preview", f"drawing {path.name}")
+    write_png(workshop_picture(design, made, size=pixels, **options), path)
+    reporter.done()
+    for note in design.notes:
+        reporter.say(f"note ({note.stage}): {note.text}")
+
+
+def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
+    """Draw now and whenever the file has changed; a mistake in it is one sentence, and the watching goes on."""
+    seen: tuple[int, int] | None = None
+    reporter.say(f"watch       {file}; Ctrl-C ends it")
+    try:
+        while True:
+            now = _stamp(file)
+            if now is not None and now != seen:  # an editor may take the file away for a moment
+                seen = now
+                try:
+                    draw()
+                except DsfabError as error:
+                    reporter.stop()
+                    reporter.say(f"watch       {error}")
+            time.sleep(POLL)
+    except KeyboardInterrupt:
+        return 0
+
+
+def _stamp(file: Path) -> tuple[int, int] | None:
+    """What changes when a file is saved; None while it is not there."""
+    try:
+        found = file.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size

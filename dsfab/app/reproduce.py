@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Quiet, versions
-from dsfab.app.folder import whole_or_nothing
-from dsfab.app.report import Reporter, out, size
+from dsfab.app.options import Quiet
+from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError, did_you_mean
+from dsfab.export.folder import whole_or_nothing
+from dsfab.report.design.facts import versions
+from dsfab.wording import size
 
 if TYPE_CHECKING:
-    from dsfab.app.paper_figures import Made
+    from dsfab.report.paper.figures import Made
     from dsfab.study.paper import Figure
 
 FOLDER = Path("outputs/paper")
@@ -45,7 +47,7 @@ def reproduce(
     names
         Figures by their presets, such as bob or camel_nose; all 17 when left out (several minutes).
     """
-    from dsfab.app.gl import require_rendering
+    from dsfab.render.opengl import require_rendering
 
     chosen = choose(names)
     if not 1 <= coarser <= COARSEST:
@@ -82,8 +84,8 @@ def _write(
     chosen: "list[Figure]", folder: Path, coarser: float, reporter: Reporter, volumes: bool = False
 ) -> "list[Made]":
     """Make the figures one by one, then the page; pictures of an earlier page that are gone are removed."""
-    from dsfab.app.paper_figures import made
-    from dsfab.app.paper_page import PAGE_NAME, About, page, pictures_of
+    from dsfab.report.paper.figures import made
+    from dsfab.report.paper.page import PAGE_NAME, About, page, pictures_of
 
     figures: list[Made] = []
     with whole_or_nothing(folder) as partial:
@@ -91,7 +93,7 @@ def _write(
             reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
             figures.append(made(figure, partial, coarser))
         if volumes:
-            from dsfab.app.paper_volumes import sphere_volumes
+            from dsfab.report.paper.volumes import sphere_volumes
 
             sphere_volumes(partial, reporter, coarser)
         text = page(figures, About(coarser, _machine()), _volumes(partial) or _volumes(folder))

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.report import Reporter, out, size, table
+from dsfab.app.terminal import Reporter, out
+from dsfab.wording import size, table
 
 if TYPE_CHECKING:
-    from dsfab.design import Design
     from dsfab.export import Estimate
+    from dsfab.pipeline.design import Design
     from dsfab.preset import Preset
-    from dsfab.study.archive import Kept
 
 Step = Annotated[
     str | None,
@@ -31,7 +31,7 @@ def overrides(step: str | None, max_faces: int | None, max_mb: float | None) -> 
     return tuple(f"export.{key}={json.dumps(value)}" for key, value in given.items() if value is not None)
 
 
-def estimated(given: "Preset", reporter: Reporter, built: "Kept | None" = None) -> int:
+def estimated(given: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
     """Make the design, unless it was built, and say what its STEP file would cost; nothing is written."""
     from dsfab.pipeline import run
 
@@ -47,10 +47,10 @@ def estimated(given: "Preset", reporter: Reporter, built: "Kept | None" = None) 
     return 0
 
 
-def estimate_lines(design: "Design | Kept") -> Iterator[str]:
+def estimate_lines(design: "Design") -> Iterator[str]:
     """A row for each way, the way that would be taken, and why not otherwise."""
+    from dsfab.delivery.files import delivered
     from dsfab.export import step_estimates
-    from dsfab.study.delivery import delivered
 
     thing, how = delivered(design, ".step")
     how.pop("details", None)  # what the file says beside its shape weighs nothing

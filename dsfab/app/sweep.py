@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Mesh, Quiet, Set, Unit
-from dsfab.app.report import out
+from dsfab.app.options import Mesh, Quiet, Set, Unit
+from dsfab.app.terminal import out
 from dsfab.errors import DsfabError
 
 if TYPE_CHECKING:
-    from dsfab.study.sweeps.conductor import Progress
-    from dsfab.study.sweeps.fleet import Fleet
     from dsfab.study.sweeps.folder import SweepFolder
     from dsfab.study.sweeps.plan import Plan
+    from dsfab.study.sweeps.scheduler import Progress
     from dsfab.study.sweeps.worker import Drawer
+    from dsfab.study.sweeps.workers import Fleet
 
 Words = Annotated[tuple[str, ...], Parameter(negative=())]
 
@@ -143,7 +143,7 @@ def _run(
     quiet: bool,
 ) -> int:
     from dsfab.app.sweep_progress import Teller
-    from dsfab.app.sweep_show import headline, summary
+    from dsfab.report.sweep_folder import headline, summary
     from dsfab.study.sweeps.folder import checked, made, prepare
     from dsfab.study.sweeps.lock import only_coordinator
     from dsfab.study.sweeps.plan_file import plan_from
@@ -170,7 +170,7 @@ def _run(
 
 def _conducted(found: "SweepFolder", fleet: "Fleet", teller: Any) -> bool:
     """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
-    from dsfab.app.sweep_show import Shown
+    from dsfab.report.sweep_folder import Shown
 
     shown, stopped = Shown(found), False
 
@@ -193,9 +193,9 @@ def _conducted(found: "SweepFolder", fleet: "Fleet", teller: Any) -> bool:
 
 def _drawer(plan: "Plan") -> "Drawer | None":
     """Draws the runs' pictures; raises DsfabError where nothing can be drawn, before the work begins."""
-    from dsfab.app.gl import require_rendering
     from dsfab.app.options import picture_size
-    from dsfab.app.sweep_picture import SheetDrawer, require_view
+    from dsfab.render.opengl import require_rendering
+    from dsfab.report.sweep_picture import SheetDrawer, require_view
 
     if "picture" not in plan.keep:
         return None

@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
-from dsfab.app.report import out, table
-from dsfab.app.sweep_show import headline
-from dsfab.app.variations import short_names, spelled
+from dsfab.app.terminal import out
 from dsfab.errors import DsfabError
+from dsfab.report.sweep_folder import headline
 from dsfab.study.sweeps.folder import PRESET, SweepFolder
 from dsfab.study.sweeps.results import best as best_of
 from dsfab.study.sweeps.store import Row
+from dsfab.study.variations import short_names, spelled
+from dsfab.wording import table
 
 
 def ask(path: Path, best: int | None, by: str | None, number: int | None, quiet: bool) -> int:

@@ -7,9 +7,9 @@ from math import isfinite
 from rich.console import Console
 from rich.status import Status
 
-from dsfab.study.sweeps.conductor import Progress
 from dsfab.study.sweeps.constraints import Constraint
 from dsfab.study.sweeps.metrics import ABOUT
+from dsfab.study.sweeps.scheduler import Progress
 
 EVERY = 10.0
 """Seconds between two lines in a pipe."""

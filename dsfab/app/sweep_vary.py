@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dsfab.app.variations import varied
 from dsfab.errors import DsfabError
 from dsfab.preset_file import parse_override
 from dsfab.study.sweeps.values import number
+from dsfab.study.variations import varied
 
 Tables = dict[str, Any]
 

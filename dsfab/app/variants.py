@@ -6,24 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dsfab.app import light
-from dsfab.app.contact import Tile
-from dsfab.app.files import png
-from dsfab.app.report import Reporter, size
-from dsfab.app.studio import Studio
-from dsfab.app.variations import (
-    Values,
-    best_order,
-    combinations,
-    count,
-    expected_seconds,
-    short_names,
-    spelled,
-)
+from dsfab.app.terminal import Reporter
 from dsfab.errors import DsfabError
 from dsfab.pipeline import ROWS
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
+from dsfab.render import light
+from dsfab.render.png import png
+from dsfab.render.previewers import Studio
+from dsfab.report.contact_sheet import Tile
+from dsfab.study.variations import Values, best_order, combinations, count, expected_seconds, short_names, spelled
+from dsfab.wording import size
 
 ASKS = 200
 """More variants than this are drawn only after --yes."""

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.report import Reporter, out, table
+from dsfab.app.terminal import Reporter, out
 from dsfab.app.verify_calibration import summary_text
+from dsfab.wording import table
 
 if TYPE_CHECKING:
     from dsfab.study.verification import Row, Test
@@ -63,7 +64,7 @@ def verify(
         told = lambda test, cells: reporter("verify", f"{test}, {cells}")  # noqa: E731
         rows = list(verification.verify(chosen, pairs, told))
         if page:
-            from dsfab.app.verify_page import write_page
+            from dsfab.report.verification_page import write_page
 
             reporter("page", str(out_ / "index.html"))
             write_page(out_, chosen, rows)

@@ -6,7 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dsfab.app.report import Reporter, out, table
+from dsfab.app.terminal import Reporter, out
+from dsfab.wording import table
 
 if TYPE_CHECKING:
     from dsfab.study.verdict.calibration import Row

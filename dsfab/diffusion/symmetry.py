@@ -67,6 +67,10 @@ class Symmetry:
         """The mean of a field (n, ...) over the group: the same at all images, up to interpolation."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
+    def most(self, x: Floats) -> Floats:
+        """(n,) the largest of a field's values (n,) at the images of each point."""
+        return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
+
     def stress(self, sigma: Floats) -> Floats:
         """The mean over the group of tensors (m, 3, 3) on the faces, each turned back: R^T sigma(R x) R."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))

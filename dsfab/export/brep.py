@@ -13,7 +13,7 @@ from dsfab.export import ladder, step
 from dsfab.export.part import Part
 from dsfab.export.readback import TOLERANCE, Found, check_measure, differs
 from dsfab.export.shells import solids_of
-from dsfab.export.smooth.make import made
+from dsfab.export.smooth.build import made
 
 
 def told(part: Part, refused: Sequence[ExportError]) -> str:

@@ -17,7 +17,7 @@ from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import usual_tolerance
-from dsfab.export.smooth.make import drafted
+from dsfab.export.smooth.build import drafted
 from dsfab.export.step_text import faceted_bytes
 
 

@@ -18,7 +18,7 @@ from dsfab.export.budget import BudgetError, none_within
 from dsfab.export.part import Part, settled
 from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.simplify import simplified, usual_tolerance
-from dsfab.export.smooth.make import made
+from dsfab.export.smooth.build import made
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
 from dsfab.surface.topology import edge_table, half_edges
 

@@ -40,7 +40,7 @@ from dsfab.export.plate_text import plate_entities
 from dsfab.export.program import ProgramError, last_line
 from dsfab.export.readback import Found, check_measure, differs
 from dsfab.export.shells import solids_of
-from dsfab.export.smooth.make import made
+from dsfab.export.smooth.build import made
 from dsfab.export.step_text import entities, faceted_bytes
 
 CHECK_SECONDS = 120

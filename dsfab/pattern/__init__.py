@@ -1,6 +1,7 @@
 """Stage 4, pattern: stripes of material, how wide they are, and what is kept besides them."""
 
 from dsfab.pattern.boundary import boundary_lines
+from dsfab.pattern.combing import crossed_over
 from dsfab.pattern.corners import CornerPhase, corner_phase
 from dsfab.pattern.cross_field import StressDirections, cross_field
 from dsfab.pattern.density import Halving, density, halving, log_density
@@ -9,9 +10,9 @@ from dsfab.pattern.evening import evened
 from dsfab.pattern.frames import Frames
 from dsfab.pattern.guides import Guidance, Guide
 from dsfab.pattern.images import Images
-from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices
+from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices, kept_layers
 from dsfab.pattern.layers import Drawable, Family, Layer, mean_duty_factor, stripe_layers
-from dsfab.pattern.phase import Flow
+from dsfab.pattern.phase import Flow, through_peaks
 from dsfab.pattern.shares import counted_share, face_points, material_points
 from dsfab.pattern.stripes import Stripes, frequency_for
 from dsfab.pattern.wave import wave
@@ -37,6 +38,7 @@ __all__ = [
     "corner_phase",
     "counted_share",
     "cross_field",
+    "crossed_over",
     "density",
     "distance_to_boundary",
     "distance_to_vertices",
@@ -44,6 +46,7 @@ __all__ = [
     "face_points",
     "frequency_for",
     "halving",
+    "kept_layers",
     "log_density",
     "material_points",
     "mean_duty_factor",
@@ -51,6 +54,7 @@ __all__ = [
     "slopes",
     "solved_factor",
     "stripe_layers",
+    "through_peaks",
     "vertex_means",
     "wave",
 ]

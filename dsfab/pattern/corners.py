@@ -115,27 +115,34 @@ def _aligned(surface: Surface, given: CornerPhase) -> CornerPhase:
         root = int(np.argmax(todo))
         order, before = breadth_first_order(link, root, directed=False)
         todo[order] = False
-        _carry(link, order.tolist(), before.astype(np.int64), s, q, signs, shifts)
+        _carry(link, order.astype(np.int64), before.astype(np.int64), s, q, signs, shifts)
     shift_all = signs[:, None] * given.shift + shifts[:, None]
     aligned = replace(given, sign=signs[:, None] * given.sign, shift=shift_all)
     return _from_majority(surface, aligned)
 
 
-def _carry(
-    link: csr_array, order: list[int], before: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
-) -> None:
-    """Signs and shifts (m,) of the faces in the order of a search, each from that of the face before it."""
-    child = np.array(order[1:], dtype=np.int64)
+def _carry(link: csr_array, order: Ints, before: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats) -> None:
+    """Signs and shifts (m,) of the faces in the order of a search, each from that of the face before it.
+
+    Each face knows its step from an earlier one, and in every round the earlier one's step is put before it: paths to
+    the root are halved.
+    """
+    child = order[1:]
     if not len(child):
         return
     parent = before[child]
     at = np.asarray(link[parent, child]).ravel()
     index, forward = np.abs(at) - 1, at > 0  # forward: parent is f, child is g: z_parent = s z_child + q
     own, add = s[index], np.where(forward, q[index], -s[index] * q[index])
-    for c, p, a, b in zip(child.tolist(), parent.tolist(), own.tolist(), add.tolist(), strict=True):
-        # the parent is seen as signs[p] z_p + shifts[p]; z_p = a z_c + b
-        signs[c] = signs[p] * a
-        shifts[c] = signs[p] * b + shifts[p]
+    place = np.empty(len(before), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    earlier = np.concatenate([[0], place[parent]])
+    sign, shift = np.concatenate([[1.0], own]), np.concatenate([[0.0], add])  # z_earlier = sign z + shift
+    while earlier.any():
+        shift = sign[earlier] * shift + shift[earlier]
+        sign = sign[earlier] * sign
+        earlier = earlier[earlier]
+    signs[order], shifts[order] = sign, shift
 
 
 def _from_majority(surface: Surface, given: CornerPhase) -> CornerPhase:

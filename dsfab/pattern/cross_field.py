@@ -8,13 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import diags_array
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import PatternError
 from dsfab.pattern.frames import Frames, corner_sums, dots
 from dsfab.pattern.guides import Guidance
-from dsfab.sparse import factorise
 
 UNCLEAR = 0.3
 """Where principal stresses differ by this share of the reference stress, they count half."""
@@ -71,8 +69,7 @@ def cross_field(
         right += np.concatenate([asked.real, asked.imag])
         weight += surface.vertex_areas * guide.weight
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
-    K = length**2 * frames.laplacian(2 * frames.turning) + diags_array(np.tile(weight, 2))
-    x = factorise(K.tocsr(), surface.V, np.tile(np.arange(surface.n), 2))(right)
+    x = frames.two_numbers.factor(length**2 * frames.twisted(2 * frames.turning), np.tile(weight, 2))(right)
     real, imaginary = np.split(x, 2)
     size = np.hypot(real, imaginary)
     angle = np.where(size > VAGUE * size.max(), np.arctan2(imaginary, real) / 2, _along_an_edge(frames))

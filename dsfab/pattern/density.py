@@ -8,11 +8,9 @@ the curl-free frame fields of Diamanti et al. 2015; least squares here].
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
 
 from dsfab.arrays import Floats
-from dsfab.pattern.frames import Frames, unit
-from dsfab.sparse import factorise
+from dsfab.pattern.frames import Frames, corner_sums, unit
 from dsfab.surface.hats import assemble, hat_gradients
 from dsfab.surface.mesh import Surface
 
@@ -54,12 +52,12 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     length = np.linalg.norm(mean, axis=1)
     along = np.cross(surface.normals, unit(mean))
     weight = surface.areas * confidence * agree * np.clip(length, 0, 1) ** 4
-    rows = np.repeat(np.arange(surface.m), 3)
-    P = csr_array((np.einsum("mci,mi->mc", grad, along).ravel(), (rows, surface.F.ravel())), (surface.m, surface.n))
+    p = np.einsum("mci,mi->mc", grad, along)
     mass = np.maximum(surface.vertex_areas, np.finfo(float).eps * surface.area)
-    L = assemble(surface, np.einsum("mai,mbi,m->mab", grad, grad, surface.areas))
-    K = P.T @ diags_array(weight) @ P + SMOOTH * L + diags_array(EVEN / surface.area * mass)
-    u = factorise(csr_array(K), surface.V)(P.T @ (weight * curl / np.maximum(length, 1e-9)))
+    blocks = np.einsum("ma,mb,m->mab", p, p, weight)
+    blocks += SMOOTH * np.einsum("mai,mbi,m->mab", grad, grad, surface.areas)
+    solve = frames.one_number.factor(assemble(surface, blocks, EVEN / surface.area * mass))
+    u = solve(corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None]))
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
@@ -83,9 +81,13 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     if not allowed:
         return Halving(0, np.zeros_like(u), RANGE)
 
-    def ratio(wish: Floats) -> float:
-        v = np.clip(u, *COARSE_RANGE) - np.log(2) * np.clip(np.floor(wish), 0, MOST_HALVINGS)
-        narrow, wide = weighted_quantiles(v, mass, (0.05, 0.95))
+    ascending = np.argsort(u, kind="stable")  # few runs are left to be merged for each limit
+    sorted_u, sorted_mass = u[ascending], mass[ascending]
+
+    def ratio(limit: float) -> float:
+        wish = sorted_u / np.log(2) + limit
+        v = np.clip(sorted_u, *COARSE_RANGE) - np.log(2) * np.clip(np.floor(wish), 0, MOST_HALVINGS)
+        narrow, wide = weighted_quantiles(v, sorted_mass, (0.05, 0.95))
         return wide - narrow
 
     def most(limit: float) -> int:
@@ -94,7 +96,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     powers = u / np.log(2)
     close = weighted_quantile(powers, mass, HALVED_FROM)
     limits = np.arange(BEGINS * LIMITS) / LIMITS
-    best = min(limits, key=lambda limit: round(ratio(powers + limit) + WORTH * most(limit), 6))
+    best = min(limits, key=lambda limit: round(ratio(limit) + WORTH * most(limit), 6))
     return Halving(most(best), np.clip(powers + best, 0, most(best)), COARSE_RANGE)
 
 

@@ -4,6 +4,7 @@ A direction field at the vertices of a surface is a number in each frame. Neighb
 that takes the normal of one onto that of the other [Knoeppel et al. 2013, section 6.1.1, on normals of the vertices].
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
@@ -11,7 +12,8 @@ from typing import Self
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, cross
+from dsfab.sparse import OnePattern
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
 
@@ -66,33 +68,65 @@ class Frames:
         Which of two that are square to each other is turned over is decided by the surface's sense of turning: by
         rounding it would be another one when the surface is turned.
         """
-        square = np.cross(self.normal[j], g[j])
+        square = cross(self.normal[j], g[j])
         return np.where(dots(g[i], g[j]) + TIE * dots(g[i], square) < 0, -1.0, 1.0)
 
     def direction(self, angle: Floats) -> Floats:
         """(n, 3) unit vectors at angles (n,) in the frames."""
         return np.cos(angle)[:, None] * self.t1 + np.sin(angle)[:, None] * self.t2
 
-    def laplacian(self, transport: Floats) -> csr_array:
-        """(2 n, 2 n) real form of sum w |x_i - R x_j|^2 over the edges, R turning by the angles `transport` (e,)."""
-        return twisted_laplacian(self.surface.n, self.ends, self.weight, transport, np.ones(len(self.weight)))
+    def twisted(self, turn: Floats, sign: Floats | float = 1.0) -> Floats:
+        """(4, e) the part between both ends of x^T K x = sum over edges (i, j) of w |x_i - R(turn) C x_j|^2.
+
+        R turns by an angle (e,), radians; C is the complex conjugate where sign (e,) is -1 [Knoeppel et al. 2015, eq.
+        8]. w R C as real numbers: row by row what each part of x_i takes from each part of x_j.
+        """
+        c, s = self.weight * np.cos(turn), self.weight * np.sin(turn)
+        return np.stack([c, -sign * s, s, sign * c])
+
+    @cached_property
+    def one_number(self) -> OnePattern:
+        """Factors of matrices that couple the numbers at both ends of every edge."""
+        return OnePattern(self.surface.V)
+
+    @cached_property
+    def two_numbers(self) -> "TwistedFactors":
+        """The same with two numbers at every vertex."""
+        return TwistedFactors(self.surface.V, self.ends)
 
 
-def twisted_laplacian(n: int, ends: Ints, weight: Floats, turn: Floats, sign: Floats) -> csr_array:
-    """(2 n, 2 n) K with x^T K x = sum over edges (i, j) of w |x_i - R(turn) C x_j|^2, x = real parts, then imaginary.
+class TwistedFactors:
+    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), which have one pattern: it is analysed once.
 
-    R turns by an angle, radians; C is the complex conjugate where sign is -1 [Knoeppel et al. 2015, eq. 8].
+    Inside, both parts of a complex number stand one after the other: a solver finds blocks of two then.
     """
-    i, j = ends.T
-    c, s = weight * np.cos(turn), weight * np.sin(turn)
-    blocks = ((0, 0, c), (0, 1, -sign * s), (1, 0, s), (1, 1, sign * c))  # of R C: row part, column part, value
-    rows, columns, values = [i, j, i + n, j + n], [i, j, i + n, j + n], [weight] * 4
-    for a, b, value in blocks:
-        rows += [i + a * n, j + b * n]
-        columns += [j + b * n, i + a * n]
-        values += [-value, -value]
-    at = np.concatenate(rows), np.concatenate(columns)
-    return coo_array((np.concatenate(values), at), shape=(2 * n, 2 * n)).tocsr()
+
+    def __init__(self, V: Floats, ends: Ints) -> None:
+        n = len(V)
+        i, j = 2 * ends.T
+        parts = ((0, 0), (0, 1), (1, 0), (1, 1))
+        rows = np.concatenate([i + a for a, _ in parts] + [j + b for _, b in parts] + [np.arange(2 * n)])
+        columns = np.concatenate([j + b for _, b in parts] + [i + a for a, _ in parts] + [np.arange(2 * n)])
+        place = coo_array((np.arange(1, len(rows) + 1), (rows, columns)), shape=(2 * n, 2 * n)).tocsr()
+        self._place, self._indices, self._indptr = place.data - 1, place.indices, place.indptr
+        self._ends, self._n = ends, n
+        self._pattern = OnePattern(V, np.repeat(np.arange(n), 2))
+
+    def matrix(self, twisted: Floats, diagonal: Floats) -> csr_array:
+        """(2 n, 2 n) K + diagonal (2 n,), both parts of each number one after the other; see `Frames.twisted`.
+
+        diagonal : real parts, then imaginary ones.
+        """
+        n = self._n
+        weight = np.hypot(twisted[0], twisted[2])
+        whole = np.bincount(self._ends.ravel(), np.repeat(weight, 2), n) + diagonal.reshape(2, n)
+        values = np.concatenate([-twisted.ravel(), -twisted.ravel(), whole.T.ravel()])
+        return csr_array((values[self._place], self._indices, self._indptr), shape=(2 * n, 2 * n))
+
+    def factor(self, twisted: Floats, diagonal: Floats) -> Callable[[Floats], Floats]:
+        """b -> (K + diagonal)^-1 b until the next one is asked for; b (2 n,) is real parts, then imaginary ones."""
+        solve = self._pattern.factor(self.matrix(twisted, diagonal))
+        return lambda b: solve(b.reshape(2, -1).T.ravel()).reshape(-1, 2).T.ravel()
 
 
 def dots(a: Floats, b: Floats) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.sparse import block_diag, csr_array, eye_array
+from scipy.sparse import block_array, csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
@@ -61,15 +61,26 @@ class Images:
         xy = np.einsum("ni,nij,nj->n", frames.t1, total, frames.t2)
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
-    def projection(self, g: Floats) -> Projection:
-        """Of phases whose gradients point along g (n, 3): an image that sees g turned over has the conjugate."""
-        own = [self._phase_map(R, T, g) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
+    def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
+        """Of phases at vertices V (n, 3) that grow along g (n, 3) by so many periods per metre, density (n,): an image
+        that sees g turned over has the conjugate.
+
+        Where the image of a vertex lies between others, their phases are carried to it before they are averaged: they
+        are turned by what a phase grows by in between, or where few edges make a period the mean of them would lag.
+        """
+        own = [self._phase_map(R, T, V, density[:, None] * g) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
         return lambda x: np.asarray(sum((T @ x for T in own), x) / len(self.maps))
 
     @staticmethod
-    def _phase_map(R: Floats, T: csr_array, g: Floats) -> csr_array:
+    def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> csr_array:
+        """(2 n, 2 n) growth (n, 3) is the gradient of the phase, up to sign, periods per metre."""
         entries = T.tocoo()
         row, column = entries.coords
-        sign = np.where(dots(g[row] @ R.T, g[column]) < 0, -1.0, 1.0)
-        turned = csr_array((entries.data * sign, (row, column)), shape=T.shape)
-        return csr_array(block_diag([T, turned], format="csr"))
+        there, here = growth[row] @ R.T, growth[column]
+        sign = np.where(dots(there, here) < 0, -1.0, 1.0)
+        step = (T @ V)[row] - V[column]
+        turn = np.pi * dots(here + sign[:, None] * there, step)  # of the mean growth of both ends
+        c, s = entries.data * np.cos(turn), entries.data * np.sin(turn)
+        parts = ((c, -s), (sign * s, sign * c))
+        blocks = [[csr_array((part, (row, column)), shape=T.shape) for part in line] for line in parts]
+        return csr_array(block_array(blocks, format="csr"))

@@ -11,6 +11,7 @@ from dsfab.arrays import Floats
 from dsfab.pattern.stripes import Stripes
 from dsfab.pattern.width import Widths, slopes, solved_factor
 from dsfab.surface.corner_field import CornerField
+from dsfab.surface.divided import DividedField
 from dsfab.surface.mesh import Surface
 
 DUTY_TOLERANCE = 1e-9
@@ -18,13 +19,14 @@ DUTY_TOLERANCE = 1e-9
 
 
 class Layer(NamedTuple):
-    """What slicing cuts: a field (n,) whose odd strips are material, or (n, 2), see `Stripes.band`; or that at corners.
+    """What slicing cuts: a field (n,) whose odd strips are material, or (n, 2), see `Stripes.band`; or that at corners,
+    or on parts of the faces.
 
     half_width : (n,) d in periods, for shaders.
     """
 
     name: str
-    field: Floats | CornerField
+    field: Floats | CornerField | DividedField
     levels: Floats
     half_width: Floats
 

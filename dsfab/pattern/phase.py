@@ -4,21 +4,24 @@ Stripes have no front: where the direction field is carried around a singular po
 the phase becomes its conjugate. So phases are values up to sign and whole periods [Knoeppel et al. 2015].
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
 
 from dsfab.arrays import Bools, Floats
-from dsfab.pattern.frames import Frames, dots, twisted_laplacian
+from dsfab.pattern.frames import Frames, dots
 from dsfab.pattern.images import Projection
-from dsfab.sparse import factorise
 
 SHIFT = 1e-3
 """Of the inverse iteration, over the squared spacing: makes the matrix definite and changes no eigenvector."""
 STEPS = 20
 """Inverse iterations: the lowest eigenvectors differ little from each other, and any of them will do."""
+KRYLOV = 12
+"""Solves that these take: what they end at is in the Krylov space of twelve of them to 1e-5 or better."""
+EXHAUSTED = 1e-12
+"""What is left of a product is nothing if it is under this share of it."""
 FLOWS = 10
 """Rounds of diffusion and normalisation, in which pairs of dislocations find each other and vanish."""
 FLOW = 0.25
@@ -27,6 +30,8 @@ EXACT = 0.05
 """Locked phases that are off by less, in periods, are not off at all: the edge of a surface gets a straight member."""
 LOCK = 3.0
 """Weight of a locked phase, over (2 pi / spacing)^2."""
+CHANCE = 0.02
+"""A mean cosine of phases that is this small says nothing: as many stressed places are on lines as between them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +60,11 @@ class Flow:
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
         return dots(mean, step) / 2
 
+    @cached_property
+    def twisted(self) -> Floats:
+        """What the phases at both ends of the edges share; see `Frames.twisted`."""
+        return self.frames.twisted(-2 * np.pi * self.turn, self.sign)
+
     def solve(self, start: Floats, lock: Bools, projection: Projection | None = None, free: bool = False) -> Floats:
         """(n,) phases at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
 
@@ -67,33 +77,68 @@ class Flow:
         free  : begin without them: from where they are the first phases may meet out of step in between.
         """
         surface, n = self.frames.surface, self.frames.surface.n
-        points, node = surface.V, np.tile(np.arange(n), 2)
+        factor = self.frames.two_numbers.factor
         mass = np.tile(np.maximum(surface.vertex_areas, 1e-12 * surface.area), 2)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
         wave = 4 * np.pi**2 * inverse_square
-        A = twisted_laplacian(n, self.frames.ends, self.frames.weight, -2 * np.pi * self.turn, self.sign)
         project = projection or (lambda x: x)
         held = LOCK * wave * mass * np.tile(lock, 2)
         target = held * np.repeat([1.0, 0.0], n)
         from_lock = bool(lock.any()) and not free
-        solve = factorise(_shifted(A, SHIFT * inverse_square * mass + (held if from_lock else 0.0)), points, node)
+        solve = factor(self.twisted, SHIFT * inverse_square * mass + (held if from_lock else 0.0))
         if from_lock:
             x = project(solve(target))
         else:
-            x = np.concatenate([start, np.zeros(n)])
-            for _ in range(STEPS):
-                x = project(solve(mass * x))
-                x /= np.sqrt(x @ (mass * x))
+            x = powered(lambda x: project(solve(mass * x)), np.concatenate([start, np.zeros(n)]), mass, STEPS, KRYLOV)
         tau = FLOW * wave
-        solve.refactor(_shifted(A, tau * mass + held))
+        solve = factor(self.twisted, tau * mass + held)
         for _ in range(FLOWS):
             x = project(solve(tau * mass * _normalised(x) + target))
         phase = np.arctan2(x[n:], x[:n]) / (2 * np.pi)
         return np.where(lock & (np.abs(phase) < EXACT), 0.0, phase)
 
 
-def _shifted(A: csr_array, diagonal: Floats) -> csr_array:
-    return csr_array(A + diags_array(diagonal))
+def powered(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
+    """B^power x, of length 1 in the mass (N,), from the Krylov space of so many products with a linear B.
+
+    Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
+    With as many products as powers it is exact.
+    """
+    basis = [_of_length_1(B(x), mass)]
+    H = np.zeros((products, products - 1))
+    for k in range(products - 1):
+        rest = B(basis[k])
+        for _ in range(2):  # the second time what rounding has left
+            for j, q in enumerate(basis):
+                share = q @ (mass * rest)
+                H[j, k] += share
+                rest = rest - share * q
+        H[k + 1, k] = np.sqrt(rest @ (mass * rest))
+        if H[k + 1, k] <= EXHAUSTED * H[k, k]:
+            H = H[: k + 1, : k + 1]
+            break
+        basis.append(rest / H[k + 1, k])
+    y = np.eye(1, max(H.shape[1], 1))[0]
+    for _ in range(power - 2 if H.size else 0):
+        y = H[: len(y)] @ y
+        y /= np.linalg.norm(y)
+    y = H @ y if power > 1 and H.size else y
+    return _of_length_1(y @ np.array(basis), mass)
+
+
+def _of_length_1(x: Floats, mass: Floats) -> Floats:
+    return np.asarray(x / np.sqrt(x @ (mass * x)))
+
+
+def through_peaks(phase: Floats, weight: Floats) -> Floats:
+    """(n,) the phases at the vertices, in periods, or those half a period on, such that lines run where weight (n,) is
+    large.
+
+    What `Flow.solve` minimises does not tell the two apart, nor do signs and images of phases: 1/2 and -1/2 are one.
+    """
+    if weight @ np.cos(2 * np.pi * phase) >= -CHANCE * weight.sum():
+        return phase
+    return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
 
 
 def _normalised(x: Floats) -> Floats:

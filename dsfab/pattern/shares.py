@@ -7,6 +7,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats
 from dsfab.pattern.layers import Layer
 from dsfab.surface.corner_field import CornerField
+from dsfab.surface.divided import DividedField
 from dsfab.surface.mesh import Surface
 
 SIDE = 3
@@ -31,6 +32,9 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
     """(m, p) whether any of the layers makes points of each face, in barycentric coordinates (p, 3), material."""
     kept = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
+        if isinstance(layer.field, DividedField):
+            kept |= np.searchsorted(layer.levels, layer.field.at_points(points)) % 2 == 1
+            continue
         below = [np.searchsorted(layer.levels, x @ points.T) for x in _corner_values(surface, layer.field)]
         if isinstance(layer.field, CornerField):
             kept |= (below[0] > below[1]) & _drawn(layer.field)[:, None]

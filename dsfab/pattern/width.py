@@ -24,6 +24,8 @@ LARGEST_FACTOR = 1e9
 """What stripes cannot reach when they are made so many times wider, they cannot reach."""
 ROUNDS = (2, 60)
 """Fewest and most rounds in which values are averaged."""
+JUMP = 5e-3
+"""A share may jump past the wanted one by this much, where tidied ends come and go: the nearest there is will do."""
 STEPS = 30
 """Several times what the search needs on a share without jumps."""
 
@@ -154,7 +156,7 @@ def solved_factor(share: Callable[[float], float], wanted: float, tolerance: flo
             are tried first.
 
     The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
-    [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share.
+    [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share, but for a jump within `JUMP`.
     """
     high = (1.0, share(1.0) - wanted)
     if slope > 0:
@@ -181,6 +183,8 @@ def solved_factor(share: Callable[[float], float], wanted: float, tolerance: flo
             low, high, kept = new, (high[0], high[1] / (2 if kept == 1 else 1)), 1
         else:
             low, high, kept = (low[0], low[1] / (2 if kept == -1 else 1)), new, -1
+    if _miss(best) <= JUMP:
+        return best[0]
     raise PatternError(
         f"the kept share jumps past {wanted:.1%} of the surface (nearest: {best[1] + wanted:.2%}); "
         "change the phase or the frequency a little"

@@ -7,11 +7,12 @@ does to one family depends little on the other family, and it is smooth, so that
 from collections.abc import Iterable, Iterator
 from itertools import product
 
-from dsfab.design import Candidate, Choice, DiffusionResult, StaticsResult
 from dsfab.errors import PatternError
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.stressing import stressed_choice
 from dsfab.pipeline.trial import Trial
 from dsfab.preset import AUTO, FAMILIES, Preset
+from dsfab.results import Candidate, Choice, DiffusionResult, StaticsResult
 from dsfab.surface import Surface
 
 MODES = 4
@@ -48,7 +49,9 @@ def choice_step(
     """The candidates for what is `auto`, best first.
 
     Best is the smallest compliance per share of material, of those in which every concentrated load stands on a piece
-    that reaches a support. At most 57 are tried, as many as the steps of a topology optimisation.
+    that reaches a support. At most 57 are tried, as many as the steps of a topology optimisation. By the width rule
+    `stressed` they are tried as wide as by `graded`, and of the best few the one that evening makes the stiffest is
+    first.
 
     Raises PatternError when none carries the loads.
     """
@@ -74,7 +77,10 @@ def choice_step(
         f"modes {best.mode[0]} and {best.mode[1]} with phases {best.phase[0]:g} and {best.phase[1]:g} are the stiffest "
         f"of {len(ranked)} tried: about {best.over_uncut:.3g} x the compliance of the uncut sheet",
     )
-    return Choice(ranked)
+    choice = Choice(ranked)
+    if preset.pattern.width.rule == "stressed":
+        return stressed_choice(preset, surface, statics, diffusion, log, choice)
+    return choice
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, Numbers]:

@@ -3,7 +3,6 @@
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import DiffusionResult, StaticsResult
 from dsfab.diffusion import (
     CLEAR,
     combined_stress,
@@ -15,6 +14,7 @@ from dsfab.diffusion import (
 )
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
+from dsfab.results import DiffusionResult, StaticsResult
 from dsfab.surface import LoadCase, Surface
 
 CELLS_PER_ROOT_R = 3.2

@@ -1,15 +1,16 @@
 """The last two steps: the sheet cut along the stripes, and the solid."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Ints, first
-from dsfab.design import PatternResult, Piece, SlicingResult, StaticsResult, settled
+from dsfab.arrays import Floats, Ints, first
 from dsfab.errors import PatternError, SolidError
 from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
-from dsfab.preset import Preset
+from dsfab.preset import Preset, Slicing
+from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.features import filled_openings, kept_cells
 from dsfab.slicing.fillet import rounded_corners
@@ -21,6 +22,8 @@ from dsfab.thickening import Base, Layer, Solid, apart, offsets, thicken, with_e
 SPECK = 0.15
 """Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
 the surface leaves of an opening that it cuts through."""
+ROOM = 0.5
+"""The user is told of the median radius of corners where it is less than this share of what was asked."""
 SPRINGS_LOST = 0.005
 """The user is told when a larger share of the stiffness of spring supports lies on removed material."""
 
@@ -28,16 +31,14 @@ SPRINGS_LOST = 0.005
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    ask = preset.slicing
+    ask, radius = preset.slicing, preset.pattern.fillet
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-        smallest = _smallest_opening(settled(preset, pattern), surface)
-        cells, filled = filled_openings(pinched.sheet, smallest) if smallest else (pinched.sheet, 0)
+        smallest = _smallest_opening(pattern.settled(preset), surface)
         radius = preset.pattern.fillet
-        cells, rounded = rounded_corners(cells, radius) if radius else (cells, 0)
+        cells, pinches, filled, rounded = finished_cells(preset, cells, ask, smallest)
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
@@ -49,14 +50,59 @@ def slicing_step(
         lost = lost_load(surface, sheet, carried, [case.load for case in statics.cases.values()])
         if ask.loose == "drop" and carried is not sheet:
             sheet, built = carried, tuple(p for p in listed if p.held)
-    _note_slicing(preset, sheet, listed, statics.load, pinched.count, lost, log)
+    _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
     if filled:
         log.note("slicing", f"{filled} openings smaller than {smallest:.3g} m were filled")
-    if rounded:
-        log.note("slicing", f"{rounded} corners of openings were rounded with {radius:.3g} m, or less for want of room")
+    if radius:
+        log.note("slicing", _rounded(radius, rounded))
     if better:
         log.note("slicing", better.told)
-    return SlicingResult(cells, sheet, built, pinched.count)
+    return SlicingResult(cells, sheet, built, pinches)
+
+
+class Finished(NamedTuple):
+    """All cells without point contacts and specks, with round corners; how many of each there were, and the radii."""
+
+    cells: Sheet
+    pinches: int
+    filled: int
+    rounded: Floats
+
+
+def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: float) -> Finished:
+    """What is made of cells as they were cut; openings smaller than `smallest` metres are filled."""
+    pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
+    cells, filled = filled_openings(pinched.sheet, smallest) if smallest else (pinched.sheet, 0)
+    radius = preset.pattern.fillet
+    cells, rounded = rounded_corners(cells, radius) if radius else (cells, np.empty(0))
+    return Finished(cells, pinched.count, filled, rounded)
+
+
+def added_share(preset: Preset, surface: Surface, pattern: PatternResult) -> float:
+    """The share of the surface that the sheet of a pattern has beyond what its stripes keep: round corners above all.
+
+    By the defaults of [slicing]: no stage depends on a later section.
+    """
+    ask = Slicing()
+    cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
+    if not cells.material.any():
+        return 0.0
+    plain = preset.model_copy(update={"slicing": ask})
+    done = finished_cells(preset, cells, ask, _smallest_opening(pattern.settled(plain), surface)).cells
+    before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
+    return (after - before) / surface.area
+
+
+def _rounded(radius: float, found: Floats) -> str:
+    """What became of the corners of openings for a radius that was asked for."""
+    if not len(found):
+        return f"no corner of an opening was rounded: none has room for a radius of {radius:.3g} m (pattern.fillet)"
+    told = f"{len(found)} corners of openings were rounded"
+    if np.median(found) < ROOM * radius:
+        return (
+            f"{told}, half of them with less than {np.median(found):.2g} m for want of room: {radius:.3g} m was asked"
+        )
+    return f"{told} with {radius:.3g} m, or less for want of room"
 
 
 def _smallest_opening(preset: Preset, surface: Surface) -> float:

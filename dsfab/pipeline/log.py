@@ -5,10 +5,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from dsfab.design import Note
+from dsfab.results import Note
 
 Progress = Callable[[str, str], None]
 """Called with a stage and what it is about to do."""
+
+
+def silent(_stage: str, _doing: str) -> None:
+    """The progress that nobody wants to see."""
 
 
 @dataclass

@@ -2,24 +2,31 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import igl
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats
-from dsfab.design import Design, DiffusionResult, Draft, PatternResult
 from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
 from dsfab.errors import PatternError
 from dsfab.pattern import StressDirections
 from dsfab.pipeline.directions import followed_stress
 from dsfab.preset import FAMILIES
+from dsfab.results import DiffusionResult, PatternResult
 from dsfab.slicing import Chart
-from dsfab.slicing.arms import arms
+from dsfab.slicing.arms import Arms, arms
 from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
 from dsfab.surface import Surface
+from dsfab.surface.corner_field import CornerField
+from dsfab.surface.divided import DividedField
+
+if TYPE_CHECKING:
+    from dsfab.pipeline.design import Design
+
 
 TOUCH = 0.1
 """A dead end is still there if material is this near to it, as a share of a mean edge."""
@@ -33,11 +40,16 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])
 """Steps of a sequence of points that fills a square evenly: the powers of 1 / 1.3247..., the root of x^3 = x + 1."""
 
 
-def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQuality:
-    """The measures of what is drawn, before anything is cut.
+def measured_pattern(
+    made: "Design", symmetry: bool = True, sheet: Surface | None = None, cut: bool = True
+) -> PatternQuality:
+    """The measures of what is drawn; of what is cut and tidied, dead ends and slits are those of the sheet.
 
     symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
+    sheet    : what a design that is not cut yet was cut to; one that is has its own, unless `cut` is false.
     """
+    sheet = made.sheet.surface if cut and made.has("slicing") else sheet
+    sheet = sheet if made.pattern.tidy else None
     chart = pattern_chart(made)
     drawn = drawn_pattern(made.surface, chart, made.pattern)
     given = _followed(made)
@@ -48,51 +60,45 @@ def measured_pattern(made: Draft | Design, symmetry: bool = True) -> PatternQual
     parent = chart.parent
     steered = made.pattern.even.steered if made.pattern.even else None
     guided = steered.guided[parent] > GUIDED if steered else None
-    found = pattern_quality(drawn, given.stress[parent], given.direction[parent], confidence[parent], guided=guided)
+    columns = given.stress[parent], given.direction[parent], confidence[parent]
+    found = pattern_quality(drawn, *columns, guided=guided, sheet=sheet)
     found = replace(found, turned=made.preset.pattern.rotate if steered else 0.0)
-    if isinstance(made, Design) and made.pattern.tidy:
-        major, minor = (_built(made, family, drawn.d[:, k]) for k, family in enumerate((found.major, found.minor)))
+    if sheet is not None:
+        near, d = TOUCH * made.surface.mean_edge, drawn.d
+        major, minor = (_built(sheet, near, family, d[:, k]) for k, family in enumerate((found.major, found.minor)))
         found = replace(found, major=major, minor=minor)
     group = used_symmetry(made) if symmetry else None
     return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
 
 
-def _built(design: Design, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
+def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """The family without dead ends that are none on the sheet: where nothing is left, as they were taken off, and where
     the member goes on, as one of the other family does around a singular point of the stress.
 
+    near       : metres; where material is no farther from a dead end it is still there.
     half_width : (n,) of its members, in periods.
     """
-    sheet = design.sheet.surface
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
-    def left(places: Floats, dead: Callable[[Floats], bool]) -> Floats:
+    def left(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
         if not len(places):
             return places
         squared = igl.point_mesh_squared_distance(np.ascontiguousarray(places), sheet.V, sheet.F)[0]
-        there = squared < (TOUCH * design.surface.mean_edge) ** 2
-        there[there] = [dead(arms(sheet, place, REACH * width)) for place in places[there]]
+        there = squared < near**2
+        there[there] = [dead(arms(sheet, place, REACH * width), width) for place in places[there]]
         return np.asarray(places[there])
 
     ends = family.dead_ends
-    return replace(family, dead_ends=DeadEnds(left(ends.loose, _tip), left(ends.turns, _hairpin)))
+    return replace(family, dead_ends=DeadEnds(left(ends.loose, Arms.tip), left(ends.turns, Arms.hairpin)))
 
 
-def _tip(arms: Floats) -> bool:
-    return len(arms) < 2
-
-
-def _hairpin(arms: Floats) -> bool:
-    return len(arms) < 2 or (len(arms) == 2 and bool(arms[0] @ arms[1] > 0))
-
-
-def pattern_chart(made: Draft | Design) -> Chart:
+def pattern_chart(made: "Design") -> Chart:
     """The chart of either kind of stripes."""
     even = made.pattern.even
     return even.chart if even is not None else modes_chart(made.surface, made.diffusion, made.pattern)
 
 
-def drawn_on_chart(made: Draft | Design) -> Drawn:
+def drawn_on_chart(made: "Design") -> Drawn:
     """What is drawn, on that chart."""
     return drawn_pattern(made.surface, pattern_chart(made), made.pattern)
 
@@ -110,18 +116,22 @@ def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Dra
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
-        if name not in FAMILIES and isinstance(x, np.ndarray):
-            kept = np.maximum(kept, x - levels[0])
+        if name not in FAMILIES and not isinstance(x, CornerField):
+            at = x.at_vertices if isinstance(x, DividedField) else x
+            kept = np.maximum(kept, at - levels[0])
     return Drawn.of(chart, d, np.maximum(kept, -surface.size))
 
 
-def _followed(made: Draft | Design) -> StressDirections:
+def _followed(made: "Design") -> StressDirections:
     """What the members of both families were to run along, but for guides."""
     ask = made.preset
     stress, direction = principal_stresses(made.surface, followed_stress(ask, made.surface, made.statics))
     if made.pattern.even is None and ask.diffusion.labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
         stress[swap], direction[swap] = stress[swap, ::-1], direction[swap, ::-1]
+    if made.pattern.even is not None and made.pattern.even.steered:
+        over = made.pattern.even.steered.over
+        stress[over], direction[over] = stress[over, ::-1], direction[over, ::-1]
     if made.pattern.even is not None and ask.pattern.rotate:
         a = np.radians(ask.pattern.rotate)
         square = np.cross(made.surface.normals[:, None], direction)
@@ -130,7 +140,7 @@ def _followed(made: Draft | Design) -> StressDirections:
     return StressDirections(stress, direction)
 
 
-def used_symmetry(made: Draft | Design) -> Symmetry | None:
+def used_symmetry(made: "Design") -> Symmetry | None:
     """The mirrors and turns that the pattern was made with; None without any."""
     if made.pattern.even is not None:
         return made.pattern.even.symmetry

@@ -1,58 +1,66 @@
-"""`[pattern] method = "auto"`: modes or evenly spaced stripes, halved or not, by one width rule or the other.
+"""`[pattern] method = "auto"`: modes or evenly spaced stripes, halved or not, by one of three width rules.
 
 Which is the stiffest depends on the surface: evenly spaced stripes on most shells, modes on some plates. So each is cut
-and solved, as for modes that are `auto`, and the best is taken.
+and solved, as for modes that are `auto`, and its dead ends and slits are counted on what was cut.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
-from dsfab.design import DiffusionResult, EvenStripes, StaticsResult
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.measures import measured_pattern
+from dsfab.pipeline.stressing import stressed_step
 from dsfab.pipeline.trial import Trial
-from dsfab.preset import Preset
+from dsfab.preset import Preset, Width
+from dsfab.results import Attempt, DiffusionResult, EvenStripes, StaticsResult
 from dsfab.surface import Surface
 
 RULES = ("constant", "graded")
 """Width rules of which the better one is taken, where one of them is asked for with a share of the surface to keep."""
+GENTLE = 0.5
+"""Widths are graded by this power of what is asked, too. Were stripes bars that nothing bends, the stiffest would be as
+wide as their force is large; members that carry little in the plane still carry their own weight and brace others."""
 
 
-class Attempt(NamedTuple):
-    """A way to draw the stripes, and what it is worth.
+class _Drawn(NamedTuple):
+    """A way to draw the stripes, where evenly spaced ones run (None for modes), and what it is worth."""
 
-    worth : compliance times share of the surface, joules; infinite where it does not carry the loads.
-    over  : its compliance over that of the uncut sheet.    refused : why it cannot be taken, or ''.
-    even  : where evenly spaced stripes run; None for modes.
-    """
-
-    name: str
     preset: Preset
-    even: EvenStripes | None = None
-    worth: float = float("inf")
-    over: float = float("inf")
-    refused: str = ""
+    even: EvenStripes | None
+    attempt: Attempt
 
 
 def method_step(
     preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult, log: Log
-) -> tuple[Preset, EvenStripes | None]:
-    """The preset with the method, halving and width rule that are the stiffest per share of material; and its evenly
-    spaced stripes, or None for modes.
+) -> tuple[Preset, EvenStripes | None, tuple[Attempt, ...]]:
+    """The preset with the method, halving and width rule that are the best; its evenly spaced stripes, or None for
+    modes; and all that was tried, best first: without dead ends, then without slits, then the stiffest per share of
+    material (see `Attempt.rank`).
 
     Raises PatternError when none carries the loads.
     """
-    found: list[Attempt] = []
+    found: list[_Drawn] = []
     for method, halve in _methods(preset):
         with log.row("method"):
-            found += _attempts(preset, surface, statics, diffusion, log, method, halve)
-    best = min(found, key=lambda attempt: attempt.worth)
-    if best.refused:
-        raise PatternError(f"no method draws stripes that carry the loads; the first: {best.refused}")
-    told = "; ".join(f"{one.name} {one.over:.3g} x" if not one.refused else f"{one.name} refused" for one in found)
-    log.note("pattern", f"method auto took {best.name}: of compliances over that of the uncut sheet, {told}")
-    return best.preset, best.even
+            found += _tried(preset, surface, statics, diffusion, log, method, halve)
+    ranked = sorted(found, key=lambda one: one.attempt.rank)
+    best = ranked[0]
+    if best.attempt.refused:
+        raise PatternError(f"no method draws stripes that carry the loads; the first: {found[0].attempt.refused}")
+    told = "; ".join(_told(one.attempt) for one in found)
+    log.note("pattern", f"method auto took {best.attempt.name}: of compliances over that of the uncut sheet, {told}")
+    return best.preset, best.even, tuple(one.attempt for one in ranked)
+
+
+def _told(attempt: Attempt) -> str:
+    if attempt.refused:
+        return f"{attempt.name} refused"
+    counted = {"dead end": attempt.dead_ends, "slit": attempt.slits}
+    flaws = " and ".join(f"{count} {what}{'s' if count > 1 else ''}" for what, count in counted.items() if count)
+    return f"{attempt.name} {attempt.over_uncut:.3g} x{f' with {flaws}' if flaws else ''}"
 
 
 def _methods(preset: Preset) -> list[tuple[str, bool]]:
@@ -61,7 +69,7 @@ def _methods(preset: Preset) -> list[tuple[str, bool]]:
     return [*halved, ("stripes", False), *modes]
 
 
-def _attempts(
+def _tried(
     preset: Preset,
     surface: Surface,
     statics: StaticsResult,
@@ -69,28 +77,61 @@ def _attempts(
     log: Log,
     method: str,
     halve: bool,
-) -> list[Attempt]:
+) -> list[_Drawn]:
     """One method by each width rule."""
-    words = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}
+    words = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     asked = preset.with_pattern(method=method, halve=halve)
+    if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
+        asked = asked.with_pattern(tidy=True)  # what ends in the air is taken off, as of evenly spaced ones
     if log.progress:
-        log.progress("pattern", f"trying {words[method]}: cutting and solving")
+        log.progress("pattern", f"trying {words}: cutting and solving")
     try:
         even = even_stripes(asked, surface, statics) if method == "stripes" else None
         if asked.pattern.auto:
             chosen = choice_step(asked, surface, statics, diffusion, log)
             asked = asked.settled(chosen.mode, chosen.phase)
     except DsfabError as error:
-        return [Attempt(words[method], asked, refused=str(error))]
+        return [_Drawn(asked, None, Attempt(words, refused=str(error)))]
     found = []
-    width = preset.pattern.width
-    for rule in RULES if width.rule in RULES and width.solid_fraction else (width.rule,):
-        variant = asked.with_pattern(width=width.model_copy(update={"rule": rule}))
-        name = f"{words[method]}, {rule}"
-        try:
-            candidate = Trial(variant, surface, statics, diffusion, even).drawn()
-        except DsfabError as error:
-            found.append(Attempt(name, variant, even, refused=str(error)))
-            continue
-        found.append(Attempt(name, variant, even, candidate.compliance * candidate.kept, candidate.over_uncut))
+    for rule, width in _widths(preset.pattern.width).items():
+        variant = asked.with_pattern(width=width)
+        attempt = _attempt(f"{words}, {rule}", variant, surface, statics, diffusion, log, even)
+        found.append(_Drawn(variant, even, attempt))
     return found
+
+
+def _attempt(
+    name: str,
+    preset: Preset,
+    surface: Surface,
+    statics: StaticsResult,
+    diffusion: DiffusionResult,
+    log: Log,
+    even: EvenStripes | None,
+) -> Attempt:
+    """What a preset without anything `auto` is worth."""
+
+    given = preset, surface, statics, diffusion
+    try:
+        grading = None
+        if preset.pattern.width.rule == "stressed":
+            grading = stressed_step(*given, replace(log, notes=[]), even=even)
+        candidate, pattern, sheet = Trial(*given, even).drawn(preset, grading)
+    except DsfabError as error:
+        return Attempt(name, refused=str(error))
+    from dsfab.pipeline.design import Design  # it is made of this, among others
+
+    stages = {"surface": surface, "statics": statics, "diffusion": diffusion, "pattern": pattern}
+    tentative = Design.known(preset, **stages)
+    quality = measured_pattern(tentative, symmetry=False, sheet=sheet)
+    worth = candidate.compliance, candidate.over_uncut, candidate.kept
+    return Attempt(name, *worth, quality.dead_ends, quality.slits)
+
+
+def _widths(asked: Width) -> dict[str, Width]:
+    """Rules to try, by name."""
+    if asked.rule not in RULES or not asked.solid_fraction:
+        return {asked.rule: asked}
+    gentle = GENTLE * asked.q
+    constant, graded = (asked.model_copy(update={"rule": rule}) for rule in RULES)
+    return {"constant": constant, "graded": graded, f"graded q {gentle:g}": graded.model_copy(update={"q": gentle})}

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from dsfab.design import CaseResult
 from dsfab.pipeline.log import Log
+from dsfab.results import CaseResult
 from dsfab.statics import needles_told
 from dsfab.surface import Surface
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Choice, DiffusionResult, EvenStripes, PatternResult, StaticsResult
 from dsfab.errors import PatternError
 from dsfab.pattern import (
     Drawable,
@@ -17,22 +16,26 @@ from dsfab.pattern import (
     Stripes,
     Widths,
     counted_share,
-    distance_to_boundary,
-    distance_to_vertices,
     frequency_for,
+    kept_layers,
     mean_duty_factor,
     relative_stresses,
     solved_factor,
     stripe_layers,
 )
+from dsfab.pipeline.geometry import added_share
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import FAMILIES, Preset
+from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StaticsResult
 from dsfab.slicing import material_area
 from dsfab.surface import LoadCase, Surface
 
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
+
+CORRECTIONS = 3
+"""Rounds at most in which it is corrected by what round corners and filled specks add."""
 
 COUNTED = 2
 """Points along each side of a face, by which the search for it begins."""
@@ -58,7 +61,7 @@ def pattern_step(
     settled = preset.settled(choice.mode, choice.phase) if choice else preset
     ask = settled.pattern
     with log.stage("pattern", "drawing stripes"):
-        kept = kept_regions(settled, surface, statics.load)
+        kept = kept_regions(settled, surface, statics.load, even)
         widths = ask.width.widths(np.sqrt(surface.area))
         families = striped_families(settled, surface, diffusion, widths.radius, grading, even)
         for family in families:
@@ -67,31 +70,44 @@ def pattern_step(
                 told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
                 log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
 
+        counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
+        reached: list[float] = []
+
         def share(layers: Sequence[Layer]) -> float:
             fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
             tidy = tidy_of(settled, surface, statics.load, diffusion, layers)
-            return material_area(surface, fields, levels, SHARE_SNAP, tidy) / surface.area
+            reached.append(material_area(surface, fields, levels, SHARE_SNAP, tidy) / surface.area)
+            return reached[-1]
 
-        counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
-        layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE, counted=counted)
-        if ask.width.solid_fraction:
-            log.note("pattern", _solved(settled, widths, factor))
+        def made(added: float = 0.0, guess: float = 0.0) -> PatternResult:
+            reached.clear()
+            first = None if guess else counted
+            layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE, guess, first, added)
+            tidy = tidy_of(settled, surface, statics.load, diffusion, layers)
+            found = pattern_of(settled, families, layers)
+            return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
+
+        result, added = made(), 0.0
+        for _ in range(CORRECTIONS if (ask.fillet or even) and ask.width.solid_fraction else 0):
+            more = added_share(settled, surface, result)
+            if abs(more - added) < SHARE_TOLERANCE:
+                break
+            result, added = made(more, result.factor), more
+        if wanted := ask.width.solid_fraction:
+            nearest = min(reached, key=lambda one: abs(one + added - wanted)) + added
+            log.note("pattern", _solved(settled, widths, result.factor, nearest))
+    return result
+
+
+def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[Layer]) -> PatternResult:
+    """Layers that are cut together, and the numbers of the families that are drawn."""
+    ask = preset.pattern
     names, fields, levels, half_widths = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
     major, minor = (stripes.get(name, getattr(ask, name).stripes) for name in FAMILIES)
-    return PatternResult(
-        names,
-        fields,
-        levels,
-        half_widths,
-        factor,
-        (major.frequency, minor.frequency),
-        (ask.major.number, ask.minor.number),
-        (major.phase, minor.phase),
-        choice,
-        even,
-        tidy_of(settled, surface, statics.load, diffusion, layers),
-    )
+    modes = ask.major.number, ask.minor.number
+    frequencies, phases = (major.frequency, minor.frequency), (major.phase, minor.phase)
+    return PatternResult(names, fields, levels, half_widths, frequency=frequencies, mode=modes, phase=phases)
 
 
 def drawn(
@@ -103,12 +119,14 @@ def drawn(
     tolerance: float,
     guess: float = 0.0,
     counted: Callable[[Sequence[Layer]], float] | None = None,
+    added: float = 0.0,
 ) -> tuple[list[Layer], float]:
     """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
 
     share     : the share of the surface that layers keep; pattern.width.solid_fraction is reached in its measure.
     tolerance : how closely.    guess : what the multiplier was for a like pattern; saves time.
     counted   : a quicker, rougher `share`, with which the search begins.
+    added     : the share that round corners bring on top: stripes keep that much less than is asked.
 
     Raises PatternError where that share cannot be reached.
     """
@@ -119,8 +137,8 @@ def drawn(
     def layers(factor: float) -> list[Layer]:
         return [*kept, *stripe_layers(families, widths, factor)]
 
-    if wanted := width.solid_fraction:
-        slope = 0.0
+    if width.solid_fraction:
+        wanted, slope = width.solid_fraction - added, 0.0
         if counted is not None:
             with suppress(PatternError):  # the search below says it better
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
@@ -129,15 +147,18 @@ def drawn(
     return layers(factor), factor
 
 
-def kept_regions(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
-    """What is material whatever the stripes do."""
-    ask, regions = preset.pattern, []
-    if ask.keep:
-        regions.append(("keep", distance_to_vertices(surface, load.held | load.loaded), ask.keep))
-    if ask.rim and surface.edges.boundary.any():
-        regions.append(("rim", distance_to_boundary(surface), ask.rim))
-    every = np.full(surface.n, np.inf)
-    return [Layer(name, -distance, np.array([-reach]), every) for name, distance, reach in regions]
+def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
+    """What is material whatever the stripes do; of symmetric ones with the images of ragged patches, which are picked
+    to one edge.
+    """
+    layers = kept_layers(surface, load.held | load.loaded, preset.pattern.keep, preset.pattern.rim)
+    symmetry = even.symmetry if even else None
+    if symmetry is None:
+        return layers
+    return [
+        layer._replace(field=symmetry.most(layer.field)) if isinstance(layer.field, np.ndarray) else layer
+        for layer in layers
+    ]
 
 
 def striped_families(
@@ -189,7 +210,8 @@ def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStri
     if even is not None and even.steered:
         along = even.steered.along[:, None]
         sizes = along * sizes + (1 - along) * sizes[:, ::-1]
-    return relative_stresses(surface, sizes)
+    found = relative_stresses(surface, sizes)
+    return even.symmetry.mean(found) if even is not None and even.symmetry is not None else found
 
 
 def _even_families(
@@ -205,8 +227,8 @@ def _even_families(
     return made
 
 
-def _solved(preset: Preset, widths: Widths, factor: float) -> str:
-    """What the widths became for the wanted share of material."""
+def _solved(preset: Preset, widths: Widths, factor: float, share: float) -> str:
+    """What the widths became for the wanted share of material, and the share that they have where that is another."""
     ask = preset.pattern
     if widths.rule == "constant":
         became = f"members are {factor * widths.member:.3g} m wide"
@@ -216,4 +238,7 @@ def _solved(preset: Preset, widths: Widths, factor: float) -> str:
         became = became if len(drawn) > 1 else became.replace("thresholds", "threshold")
     else:
         became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
-    return f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"
+    told = f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"
+    if abs(share - (ask.width.solid_fraction or share)) <= 2 * SHARE_TOLERANCE:
+        return told
+    return f"{told}; {share:.2%} is the nearest: the share jumps there, as ends of members come and go"

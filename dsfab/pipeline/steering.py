@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.design import Steered
 from dsfab.diffusion import Symmetry, generated
 from dsfab.errors import PatternError
 from dsfab.pattern import Frames, Guidance, StressDirections
 from dsfab.preset import Pattern
+from dsfab.results import Steered
 from dsfab.surface import Surface
 from dsfab.surface.cover import one_sided_pieces
 
@@ -40,10 +40,18 @@ class Steering:
         """(m,) what guides weigh."""
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
-    def steered(self, surface: Surface, along: Floats, given: StressDirections) -> Steered:
-        """What became of it: along (n, 3) are the directions of the major stripes."""
+    def steered(self, surface: Surface, along: Floats, given: StressDirections, over: Bools) -> Steered:
+        """What became of it: along (n, 3) are the directions of the major stripes; over (n,) see `crossed_over`."""
         one, two = ((np.einsum("mcx,mx->mc", along[surface.F], given.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1))
-        return Steered(one / np.maximum(one + two, np.finfo(float).tiny), self.guided(surface), self.told)
+        crossed = over[surface.F].mean(axis=1) > 0.5
+        told = [self.told] * bool(self.told)
+        if share := float(surface.areas @ crossed) / surface.area:
+            told.append(
+                f"the two stresses cross: on {share:.0%} of the surface members go on as the other family, so that "
+                "none ends where they do"
+            )
+        along_one = one / np.maximum(one + two, np.finfo(float).tiny)
+        return Steered(along_one, self.guided(surface), crossed, "; ".join(told))
 
 
 def steering(ask: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:

@@ -5,24 +5,28 @@ stiff, gaps of one element carry loads, and the widths follow forces that are no
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.arrays import Floats
-from dsfab.design import Choice, DiffusionResult, EvenStripes, StaticsResult
 from dsfab.errors import DsfabError
 from dsfab.pattern import Drawable, evened
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import drawn, striped_families
 from dsfab.pipeline.trial import SHARE_TOLERANCE, Trial
 from dsfab.preset import Preset
+from dsfab.results import Candidate, Choice, DiffusionResult, EvenStripes, StaticsResult
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
 LEAST, MOST = 0.01, 0.55
 """Half-widths, in periods, that stripes shrink and grow to: what has vanished may come back, what is full may open."""
+
+FINALISTS = 3
+"""Pairs of modes of which the best phases are evened, besides the lowest pair, where modes or phases are `auto`."""
 
 
 class Step(NamedTuple):
@@ -48,19 +52,7 @@ def stressed_step(
     where not even the first sheet carries the loads: then the widths are those of the rule `graded`.
     """
     settled = preset.settled(choice.mode, choice.phase) if choice else preset
-    tried: list[Step] = []
-    with log.row("widths"):
-        trial = Stressed(settled, surface, statics, diffusion, even)
-        grading = trial.start
-        for number in range(settled.pattern.width.steps):
-            if log.progress:
-                log.progress("pattern", f"evening the stress, step {number + 1}: cutting and solving")
-            try:
-                tried.append(trial.step(grading))
-            except DsfabError as error:
-                log.note("pattern", f"step {number + 1} of the width rule stressed was given up: {error}")
-                break
-            grading = tried[-1].after
+    tried = _steps(Stressed(settled, surface, statics, diffusion, even), log)
     if not tried:
         return None
     best = min(tried, key=lambda step: step.worth)
@@ -70,6 +62,55 @@ def stressed_step(
         "compliance than graded ones, each on its own cut mesh",
     )
     return best.grading
+
+
+def stressed_choice(
+    preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult, log: Log, choice: Choice
+) -> Choice:
+    """The choice with those modes and phases first that are the stiffest when their widths even out the stress.
+
+    Evened are the best of a few pairs of modes. How stiff they are before says little: on the cantilever at 30 % of the
+    material modes 2 and 2 begin with 4.12 times the uncut plate's compliance and end with 3.86, modes 1 and 1 begin
+    with 4.40 and end with 3.01.
+    """
+    leading: dict[tuple[int, int], Candidate] = {}
+    for candidate in choice.candidates:
+        leading.setdefault(candidate.mode, candidate)
+    carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
+    finalists = list(carry.values())[:FINALISTS]
+    finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the lowest pair has most to gain
+    if len(finalists) < 2:
+        return choice
+
+    def worth(candidate: Candidate) -> float:
+        settled = preset.settled(candidate.mode, candidate.phase)
+        steps = _steps(Stressed(settled, surface, statics, diffusion), replace(log, notes=[]))
+        return min((step.worth for step in steps), default=float("inf"))
+
+    best = min(finalists, key=worth)
+    log.note(
+        "pattern",
+        f"modes {best.mode[0]} and {best.mode[1]} with phases {best.phase[0]:g} and {best.phase[1]:g} are the stiffest "
+        f"of the {len(finalists)} whose widths were evened",
+    )
+    return Choice((best, *(candidate for candidate in choice.candidates if candidate is not best)))
+
+
+def _steps(trial: "Stressed", log: Log) -> list[Step]:
+    """Widths that were tried in turn, as many as pattern.width.steps or as carry the loads."""
+    tried: list[Step] = []
+    with log.row("widths"):
+        grading = trial.start
+        for number in range(trial.preset.pattern.width.steps):
+            if log.progress:
+                log.progress("pattern", f"evening the stress, step {number + 1}: cutting and solving")
+            try:
+                tried.append(trial.step(grading))
+            except DsfabError as error:
+                log.note("pattern", f"step {number + 1} of the width rule stressed was given up: {error}")
+                break
+            grading = tried[-1].after
+    return tried
 
 
 class Stressed(Trial):
@@ -102,6 +143,8 @@ class Stressed(Trial):
         energy = K.energies(K.factor(np.ones(found.sheet.surface.m))(K.force)) @ list(self.preset.followed.values())
         work, material = (self._by_family(found.sheet, names, x) for x in (energy, found.sheet.surface.areas))
         after = evened(self.surface, grading, work, material, self.spacing)
+        if self.even is not None and self.even.symmetry is not None:
+            after = self.even.symmetry.mean(after)
         return Step(float(energy.sum()) * found.kept, grading, self._within(families, after))
 
     def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:

@@ -5,13 +5,13 @@ from types import MappingProxyType
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools
-from dsfab.design import CaseResult, StaticsResult
 from dsfab.errors import SurfaceError
 from dsfab.pipeline.answers import answers_step
 from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.notes import note_statics
 from dsfab.preset import Preset
+from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import Factor, FactorOf, added, bending_stiffness, equilibria, flat_axis, membrane_stiffness, stress
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.design import DiffusionResult
 from dsfab.pattern import Layer
 from dsfab.preset import FAMILIES, Preset
+from dsfab.results import DiffusionResult
 from dsfab.slicing import Tidy
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.corner_field import CornerField
 from dsfab.surface.hats import hat_gradients
 
 ASTRAY = float(np.cos(np.radians(45)))
@@ -30,7 +29,7 @@ def tidy_of(
 
 def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
     """(m,) faces where stripes on a mode run across their direction; evenly spaced ones never do."""
-    if layer.name not in FAMILIES or isinstance(layer.field, CornerField):
+    if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])

@@ -6,17 +6,19 @@ truth does, at a third of the time of better elements.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.design import Candidate, DiffusionResult, EvenStripes, StaticsResult
+from dsfab.arrays import Floats
 from dsfab.errors import DsfabError, PatternError
-from dsfab.pattern import Layer, counted_share
+from dsfab.pattern import Drawable, Layer, counted_share
 from dsfab.pipeline.handover import lost_load, sheet_load
-from dsfab.pipeline.patterns import SHARE_SNAP, drawn, kept_regions, striped_families
+from dsfab.pipeline.patterns import SHARE_SNAP, drawn, kept_regions, pattern_of, striped_families
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
+from dsfab.results import Candidate, DiffusionResult, EvenStripes, PatternResult, StaticsResult
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.statics import FaceStiffness, solve_cases
 from dsfab.surface import LoadCase, Surface
@@ -35,6 +37,14 @@ class Carrying(NamedTuple):
     pieces: int
 
 
+class Tried(NamedTuple):
+    """A sheet that carries its loads: what it is worth, of what it was cut, and the sheet."""
+
+    candidate: Candidate
+    pattern: PatternResult
+    sheet: Surface
+
+
 class Trial:
     """Tries modes and phases on one surface: what all candidates share is made once."""
 
@@ -49,7 +59,7 @@ class Trial:
         self.preset, self.surface, self.diffusion, self.even = preset, surface, diffusion, even
         self.loads = {name: statics.cases[name].load for name in preset.followed}
         self.load, self.held = statics.load, statics.load.held
-        self.kept = kept_regions(preset, surface, statics.load)
+        self.kept = kept_regions(preset, surface, statics.load, even)
         self.factors: dict[tuple[int, int], float] = {}
         self._share = counted_share(surface, self.kept)
         self.uncut = self._compliance(surface, self.loads)
@@ -57,19 +67,25 @@ class Trial:
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
         """What these modes and phases of the major and of the minor stripes are worth; refused with its reason."""
         try:
-            found = self.carrying(self._layers(self.preset.settled(mode, phase)))
-            compliance = self._compliance(found.sheet.surface, self.loads_on(found.sheet))
+            return self.drawn(self.preset.settled(mode, phase)).candidate
         except DsfabError as error:
             return Candidate(mode, phase, refused=str(error))
-        return Candidate(mode, phase, compliance, compliance / self.uncut, found.kept, found.whole, found.pieces)
 
-    def drawn(self) -> Candidate:
-        """What the preset's own modes or stripes are worth; raises DsfabError when they do not carry the loads."""
-        pattern = self.preset.pattern
-        mode, phase = (pattern.major.number, pattern.minor.number), (pattern.major.shift, pattern.minor.shift)
-        found = self.carrying(self._layers(self.preset))
+    def drawn(self, preset: Preset, grading: Floats | None = None) -> Tried:
+        """A preset's own modes or stripes; raises DsfabError when they do not carry the loads.
+
+        grading : as in `striped_families`.
+        """
+        ask = preset.pattern
+        families, layers = self._layers(preset, grading)
+        found = self.carrying(layers)
         compliance = self._compliance(found.sheet.surface, self.loads_on(found.sheet))
-        return Candidate(mode, phase, compliance, compliance / self.uncut, found.kept, found.whole, found.pieces)
+        numbers = (ask.major.number, ask.minor.number), (ask.major.shift, ask.minor.shift)
+        over = compliance / self.uncut
+        candidate = Candidate(*numbers, compliance, over, found.kept, found.whole, found.pieces)
+        tidy = tidy_of(preset, self.surface, self.load, self.diffusion, layers)
+        pattern = replace(pattern_of(preset, families, layers), even=self.even, tidy=tidy)
+        return Tried(candidate, pattern, found.sheet.surface)
 
     def carrying(self, layers: Sequence[Layer]) -> "Carrying":
         """Layers as a sheet; raises DsfabError when it does not carry the loads."""
@@ -97,14 +113,14 @@ class Trial:
         ask = self.preset.statics
         return FaceStiffness.of(surface, ask.material, ask.thickness, list(loads.values()), ask.law)
 
-    def _layers(self, preset: Preset) -> list[Layer]:
+    def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[Drawable], list[Layer]]:
         radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
-        families = striped_families(preset, self.surface, self.diffusion, radius, even=self.even)
+        families = striped_families(preset, self.surface, self.diffusion, radius, grading, self.even)
         modes = preset.pattern.major.number, preset.pattern.minor.number
         guess = self.factors.get(modes, 0.0)
         layers, factor = drawn(preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)
         self.factors[modes] = factor
-        return layers
+        return families, layers
 
     def _compliance(self, surface: Surface, loads: dict[str, LoadCase]) -> float:
         """Joules, the weighted sum over what the pattern follows."""

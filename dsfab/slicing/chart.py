@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats, Ints, lock, sorted_order
+from dsfab.arrays import Floats, Ints, grouped, lock, sorted_order
 from dsfab.slicing.cut import filled
 from dsfab.slicing.halving import Halved
 from dsfab.slicing.polygon_mesh import PolygonMesh
@@ -57,14 +57,28 @@ def chart_of(halved: Halved, phases: tuple[CornerField, CornerField] | None = No
         scale[:, k] = np.where(seen.blank, 0.0, 0.5 ** halved.level[mesh.cells.owner, k])[slot]
         z[:, k] = np.where(seen.blank, 0.5, seen.slots(0))[slot] * np.where(scale[:, k] > 0, scale[:, k], 1.0)
     flat = surface.F.ravel()
-    rows = np.column_stack([flat, np.rint(z / SAME), np.rint(scale / SAME)])
-    _, first, of = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    order = sorted_order(first)
-    place = np.empty_like(order)
-    place[order] = np.arange(len(order))
-    first = first[order]
-    own = Surface(surface.V[flat[first]], place[of.ravel()].reshape(-1, 3))
+    first, of = _alike(flat, np.rint(np.concatenate([z, scale], axis=1) / SAME))
+    own = Surface(surface.V[flat[first]], of.reshape(-1, 3))
     return Chart(own, mesh.parent[cell], mesh.weights[flat[first]], z[first], scale[first])
+
+
+def _alike(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
+    """The first of all things (k,) that have the same key and row (k, r) of whole numbers, and the group of each.
+
+    Nearly all with one key are alike: only those that differ from the first of it are sorted by their rows.
+    """
+    order, begins, of = grouped(key)
+    lead = order[begins][of]
+    other = np.flatnonzero((rows != rows[lead]).any(axis=1))
+    lead = lead.copy()
+    if len(other):
+        table = np.column_stack([key[other], rows[other]])
+        _, at, group = np.unique(table, axis=0, return_index=True, return_inverse=True)
+        lead[other] = other[at][group.ravel()]
+    leads = np.flatnonzero(lead == np.arange(len(key)))
+    place = np.empty(len(key), dtype=np.int64)
+    place[leads] = np.arange(len(leads))
+    return leads, place[lead]
 
 
 def _slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, grouped
 from dsfab.slicing.clean import ROUNDS, collapsed_corners
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.seen import Seen
@@ -50,13 +50,15 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
-    one, two, _ = mesh.neighbours
-    owner, cells = mesh.cells.owner, mesh.cells
-    length = np.linalg.norm(mesh.X[cells.corner] - mesh.X[cells.ahead(cells.corner)], axis=1)
-    around = np.bincount(owner, length, len(inner))
-    shared = np.zeros(len(inner))
-    for a, b in ((one, two), (two, one)):
-        np.add.at(shared, owner[a], length[a] * material[owner[b]])
+    owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.ahead(mesh.cells.corner)
+    on = np.zeros(len(mesh.X), dtype=bool)
+    on[corner[inner[owner]]] = True
+    near = np.flatnonzero(on[corner] & on[ahead])  # no other side is on an edge of these
+    p, q, of = corner[near], ahead[near], owner[near]
+    length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
+    order, begins, edge = grouped(np.minimum(p, q) * len(on) + np.maximum(p, q))
+    borders = np.add.reduceat(material[of][order].astype(np.int64), begins)[edge] > material[of]
+    around, shared = np.bincount(of, length, len(inner)), np.bincount(of, length * borders, len(inner))
     return np.asarray(inner & (shared > NODE * around))
 
 
@@ -123,7 +125,8 @@ class Cutting:
         state = self.tipped(side)
         sides = state.seen.sides(side, state.seen.blank | second)
         nothing = np.zeros(len(self.active), dtype=bool)
-        split = split_cells(state.seen.mesh.cells, len(state.seen.mesh.X), sides, self.levels, nothing, live=first)
+        live = first | second
+        split = split_cells(state.seen.mesh.cells, len(state.seen.mesh.X), sides, self.levels, nothing, live=live)
         return state._after(split, side)
 
     def along(self, side: int, above: bool) -> tuple["Cutting", Ints]:

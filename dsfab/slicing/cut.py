@@ -23,15 +23,19 @@ from dsfab.slicing.tidy import Tidy, tidied
 from dsfab.slicing.triangulate import triangulate
 from dsfab.surface import Surface
 from dsfab.surface.corner_field import CornerField
+from dsfab.surface.divided import Divided, DividedField
 from dsfab.surface.mesh import ZERO_AREA
 
 LEVEL_GAP = 1e-6
 """Levels closer than this share of the field's range count as equal: thinner stripes are neither made nor left out."""
 
 
+Field = Floats | CornerField | DividedField
+
+
 def cut(
     surface: Surface,
-    fields: Sequence[Floats | CornerField],
+    fields: Sequence[Field],
     levels: Sequence[ArrayLike],
     snap: float = 0.05,
     tidy: Tidy | None = None,
@@ -40,7 +44,8 @@ def cut(
 
     fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
              varies over a face: two fields z + d and z - d, levels at the middles of the stripes. A `CornerField` is
-             the same for stripes that no value at a vertex serves for all faces around it.
+             the same for stripes that no value at a vertex serves for all faces around it. A `DividedField` is linear
+             over parts of faces; all of them have one division, and come before any `CornerField`.
     levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, the
              union over the fields is. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
              Of two fields, material is where the first has more levels below it than the second: |z - level| < d.
@@ -62,7 +67,7 @@ def cut(
 
 def material_area(
     surface: Surface,
-    fields: Sequence[Floats | CornerField],
+    fields: Sequence[Field],
     levels: Sequence[ArrayLike],
     snap: float = 0.05,
     tidy: Tidy | None = None,
@@ -74,38 +79,54 @@ def material_area(
 
 def _divided(
     surface: Surface,
-    fields: Sequence[Floats | CornerField],
+    fields: Sequence[Field],
     levels: Sequence[ArrayLike],
     snap: float,
     tidy: Tidy | None,
 ) -> PolygonMesh:
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
-    steps = [_checked_levels(k, x, wanted) for k, ((_, x), wanted) in enumerate(zip(values, levels, strict=True))]
+    steps = [_checked_levels(k, x, wanted) for k, (x, wanted) in enumerate(zip(values, levels, strict=True))]
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
-    mesh = PolygonMesh.of(surface)
-    for k, ((field, x), lines) in enumerate(zip(values, steps, strict=True)):
+    divided, on_parts = _division(fields)
+    mesh = PolygonMesh.of(surface, divided)
+    for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
+        blank = np.zeros(surface.m, dtype=bool)
         if isinstance(field, CornerField):
             mesh, material = corner_band(mesh, field, lines, snap, _tip(snap), surface.size)
             blank = field.blank
         else:
-            splits, material = _plain(mesh, x, lines, snap, surface.size)
+            y = on_parts[k] if isinstance(field, DividedField) else np.asarray(mesh.weights @ x)
+            splits, material = _plain(mesh, y, lines, snap, surface.size)
             for split in splits:
                 mesh = mesh.after(split)
-            blank = np.zeros(surface.m, dtype=bool)
+                on_parts = {j: split.extended(y) for j, y in on_parts.items() if j > k}
         mesh = mesh.with_material(k, material)
         if tidy:
             mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank))
     return tidied(mesh, tidy) if tidy else mesh
 
 
+def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:
+    """What faces are divided into, if they are; and by number the fields on that."""
+    on_parts = {k: field for k, field in enumerate(fields) if isinstance(field, DividedField)}
+    if not on_parts:
+        return None, {}
+    divided = next(iter(on_parts.values())).divided
+    if any(field.divided is not divided for field in on_parts.values()):
+        raise ValueError("all divided fields must be on one division")
+    if any(isinstance(field, CornerField) for field in fields[: max(on_parts)]):
+        raise ValueError("divided fields must come before corner fields")
+    return divided, {k: field.x for k, field in on_parts.items()}
+
+
 def _tip(snap: float) -> float:
     return min(max(snap, LEVEL_GAP), TIP)
 
 
-def _plain(mesh: PolygonMesh, field: Floats, lines: Floats, snap: float, size: float) -> tuple[list[Split], Bools]:
-    """The splits of the void polygons by one plain field or two, and which of the resulting ones are material."""
-    x = np.asarray(mesh.weights @ field)
+def _plain(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float) -> tuple[list[Split], Bools]:
+    """The splits of the void polygons by one plain field or two, with values x at the vertices of the polygons, and
+    which of the resulting ones are material."""
     if x.ndim == 2:
         return _band(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
@@ -156,15 +177,19 @@ def filled(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
         ) from refused
 
 
-def _checked_field(surface: Surface, k: int, field: Floats | CornerField) -> tuple[Floats | CornerField, Floats]:
-    """The field, and its values at the vertices."""
+def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
+    """The values of a field at the vertices."""
+    if isinstance(field, DividedField):
+        if (field.divided.whole.n, field.divided.whole.m) != (surface.n, surface.m):
+            raise ValueError(f"field {k} is on the parts of another surface")
+        return field.at_vertices
     x = field.x if isinstance(field, CornerField) else np.asarray(field, dtype=np.float64)
     if x.shape not in ((surface.n,), (surface.n, 2)):
         raise ValueError(f"field {k} must have shape ({surface.n},) or ({surface.n}, 2), got {x.shape}")
     bad = np.flatnonzero(~np.isfinite(x.reshape(surface.n, -1)).all(axis=1))
     if len(bad):
         raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first(bad)})")
-    return (field if isinstance(field, CornerField) else x), x
+    return x
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, sorted_order
+from dsfab.slicing.arms import unfolded
 from dsfab.slicing.middles import Middles
 from dsfab.surface.topology import connected
 
@@ -66,7 +67,9 @@ def _turned(middles: Middles, along: Floats, clear: Bools) -> Bools:
     order = sorted_order(node)
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     one, two = order[pair], order[pair + 1]
-    alike = np.where(np.einsum("px,px->p", along[piece[one]], along[piece[two]]) < 0, -1, 1)
+    here, there = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (one, two))
+    straight = unfolded(here, there, along[piece[two]])  # around a sharp edge of the surface
+    alike = np.where(np.einsum("px,px->p", along[piece[one]], straight) < 0, -1, 1)
     found = np.zeros(len(middles.edge), dtype=bool)
     found[node[one]] = (side[one] * side[two] * alike > 0) & clear[piece[one]] & clear[piece[two]]
     return found

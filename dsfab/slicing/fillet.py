@@ -23,8 +23,8 @@ GOLDEN = (5**0.5 - 1) / 2
 """Multiples of it, less their whole parts, are spread evenly."""
 
 
-def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, int]:
-    """All cells of a sheet with the corners of its openings rounded off, and how many were.
+def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
+    """All cells of a sheet with the corners of its openings rounded off, and the radius that each became, metres.
 
     sheet  : material and void, without pinches.
     radius : metres; smaller where the walls beside a corner leave no room for it. The arc is one in the plane that
@@ -37,11 +37,11 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, int]:
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     corners = Corners.of(sheet)
     if not len(corners.first):
-        return sheet, 0
+        return sheet, np.empty(0)
     fillets = fitting_fillets(corners, radius)
     if not fillets.count:
-        return sheet, 0
-    return _with_fillets(corners, fillets), fillets.count
+        return sheet, np.empty(0)
+    return _with_fillets(corners, fillets), fillets.radius
 
 
 def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:

@@ -12,6 +12,7 @@ from dsfab.slicing.cells import Cells
 from dsfab.slicing.sheet import VOID
 from dsfab.slicing.split import Split
 from dsfab.surface import Surface
+from dsfab.surface.divided import Divided
 from dsfab.surface.topology import connected
 
 
@@ -33,8 +34,12 @@ class PolygonMesh:
     also: Ints
 
     @classmethod
-    def of(cls, surface: Surface) -> Self:
-        """The faces of a surface, all void."""
+    def of(cls, surface: Surface, divided: Divided | None = None) -> Self:
+        """The faces of a surface, or the parts that they are divided into, all void."""
+        if divided:
+            parts = divided.surface
+            cells, family = Cells.triangles(parts.F), np.full(parts.m, VOID)
+            return cls.plain(surface.F, cells, parts.V, divided.weights, divided.parent, family)
         n, m = surface.n, surface.m
         cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
         return cls.plain(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
@@ -91,14 +96,26 @@ class PolygonMesh:
         label[~marked] = -1
         return label
 
+    @cached_property
+    def _corners(self) -> Ints:
+        """(3, m) the faces of the uncut surface, corner by corner."""
+        return np.ascontiguousarray(self.F.T)
+
+    @cached_property
+    def base(self) -> Ints:
+        """(h,) the place, in the parent face of each slot, of the vertex that `support` names for its own."""
+        return self.corner(self.face, self.support[self.cells.corner])
+
     def corner(self, face: Ints, vertex: Ints) -> Ints:
         """(k,) the place in `face` (k,) of uncut vertices (k,), which must be corners of it."""
-        return places(self.F[face], vertex)
+        _, second, third = self._corners
+        return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
 
 def places(F: Ints, vertex: Ints) -> Ints:
     """(k,) the places in faces (k, 3) of their corners `vertex` (k,)."""
-    return np.asarray((vertex[:, None] == F).argmax(axis=1))
+    _, second, third = F.T
+    return np.asarray((second == vertex) + 2 * (third == vertex))
 
 
 def extended_weights(weights: csr_array, split: Split) -> csr_array:

@@ -1,6 +1,7 @@
 """`Seen`: how the polygons of a cut see a `CornerField`, each vertex once, so that all of them are cut alike."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -44,26 +45,46 @@ class Seen:
     @classmethod
     def _on(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:
         vertex = mesh.cells.corner
-        base = mesh.support[vertex]
-        here, there = mesh.corner(mesh.face, base), mesh.corner(lead[vertex], base)
-        first = lead[vertex], there
-        sign = field.sign[mesh.face, here] * field.sign[first]
-        shift = field.shift[mesh.face, here] - sign * field.shift[first]
+        slot, first = 3 * mesh.face + mesh.base, 3 * lead + mesh.corner(lead, mesh.support)
+        sign = field.sign.ravel()[slot] * field.sign.ravel()[first][vertex]
+        shift = field.shift.ravel()[slot] - sign * field.shift.ravel()[first][vertex]
         return cls(mesh, field, values, lead, sign, shift, field.blank[mesh.face])
 
     def entity(self, side: int) -> Ints:
         """(h,) for each slot the place in values.ravel() of what it sees as the upper (0) or lower (1) field."""
-        if self.values.shape[1] == 1:
-            return self.mesh.cells.corner
-        return np.asarray(2 * self.mesh.cells.corner + np.where(self.sign > 0, side, 1 - side))
+        return self._lower if side else self._upper
+
+    @cached_property
+    def _upper(self) -> Ints:
+        corner = self.mesh.cells.corner
+        return corner if self.values.shape[1] == 1 else 2 * corner + (self.sign < 0)
+
+    @cached_property
+    def _lower(self) -> Ints:
+        return self._upper if self.values.shape[1] == 1 else self._upper ^ 1
 
     def slots(self, side: int) -> Floats:
         """(h,) the upper (0) or lower (1) field at the slots."""
-        return np.asarray(self.sign * self.values.ravel()[self.entity(side)] + self.shift)
+        return self._slots[side]
+
+    @cached_property
+    def _slots(self) -> tuple[Floats, Floats]:
+        upper = self._values_at(self._upper)
+        return upper, upper if self.values.shape[1] == 1 else self._values_at(self._lower)
+
+    def _values_at(self, entity: Ints) -> Floats:
+        y = self.values.ravel()[entity]
+        y *= self.sign
+        y += self.shift
+        return np.asarray(y)
 
     def with_values(self, values: Floats) -> "Seen":
         """The same with other values."""
-        return Seen(self.mesh, self.field, values, self.lead, self.sign, self.shift, self.blank)
+        if values is self.values:
+            return self
+        other = replace(self, values=values)
+        other.__dict__.update({name: self.__dict__[name] for name in ("_upper", "_lower") if name in self.__dict__})
+        return other
 
     def sides(self, side: int, foreign: Bools | None = None) -> SideValues:
         """The field at both ends of every side."""
@@ -87,14 +108,20 @@ class Seen:
         """(h,) sides on whose edge the other polygon sees the field turned over: those of the first, of the second."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.ahead(cells.corner)
-        order, begins, edge = grouped(np.minimum(a, b) * len(self.mesh.X) + np.maximum(a, b))
-        telling = np.where(self.blank, len(a), np.arange(len(a)))
+        leading, second = np.zeros((2, len(a)), dtype=bool)
+        turned = np.zeros(len(self.mesh.X), dtype=bool)
+        turned[a[self.sign < 0]] = True
+        near = np.flatnonzero(turned[a] | turned[b])  # all others are seen alike
+        if not len(near):
+            return leading, second
+        p, q = a[near], b[near]
+        order, begins, edge = grouped(np.minimum(p, q) * len(turned) + np.maximum(p, q))
+        telling = np.where(self.blank[near], len(a), near)
         first = np.minimum.reduceat(telling[order], begins)[edge]
-        some = np.flatnonzero(~self.blank & (first < np.arange(len(a))))
-        mate = first[some]
+        later = ~self.blank[near] & (first < near)
+        some, mate = near[later], first[later]
         same = np.where(a[mate] == a[some], mate, cells.following[mate])
-        second = np.zeros(len(a), dtype=bool)
-        second[some] = self.sign[same] * self.sign[some] < 0
-        leading = np.zeros(len(a), dtype=bool)
-        leading[first[second]] = True
+        over = self.sign[same] * self.sign[some] < 0
+        second[some[over]] = True
+        leading[mate[over]] = True
         return leading, second

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -9,6 +10,10 @@ from scipy.sparse import csr_array
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.errors import PatternError
 from dsfab.surface import Surface
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
 VOID = -1
 """The `family` of a cell that no field made material."""
@@ -44,6 +49,16 @@ class Sheet:
         shapes = (len(self.parent), len(self.family), weights.shape[0])
         if shapes != (self.surface.m, self.surface.m, self.surface.n):
             raise ValueError(f"expected {self.surface.m} cells and {self.surface.n} vertices, got {shapes}")
+
+    def to_trimesh(self) -> "trimesh.Trimesh":
+        """Its cells, metres."""
+        return self.surface.to_trimesh()
+
+    def to_pyvista(self) -> "pyvista.PolyData":
+        """Its cells, metres, with `family` and `parent` of each."""
+        mesh = self.surface.to_pyvista()
+        mesh.cell_data["family"], mesh.cell_data["parent"] = self.family, self.parent
+        return mesh
 
     @property
     def material(self) -> Bools:

@@ -57,12 +57,14 @@ class Split:
 class SideValues:
     """A field at both ends of every side of polygons, (h,) each: as the polygon sees it that the side belongs to.
 
-    foreign : (h,) sides whose polygon cannot tell, and takes what the other one on the edge sees; None for none.
+    foreign : (k,) sides whose polygon cannot tell, and takes what the other one on the edge sees.
+    own     : (h,) the field at the slots.
     """
 
     start: Floats
     end: Floats
-    foreign: Bools | None = None
+    foreign: Ints
+    own: Floats
 
     @classmethod
     def of(cls, cells: Cells, x: Floats) -> "SideValues":
@@ -73,18 +75,41 @@ class SideValues:
     def at(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
         """Of values y (h,) at the slots."""
         if foreign is None or not foreign.any():
-            return cls(y, cells.ahead(y))
+            return cls(y, cells.ahead(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.ahead(y)
+        ends = end.copy()
         a, b = cells.corner, cells.ahead(cells.corner)
-        order, begins, edge = grouped(np.minimum(a, b) * (int(a.max()) + 1) + np.maximum(a, b))
-        mate = np.minimum.reduceat(np.where(foreign, len(a), np.arange(len(a)))[order], begins)[edge]
-        alone = foreign & (mate == len(a))
-        start[alone] = end[alone] = y[~foreign].min(initial=0.0)
-        some = np.flatnonzero(foreign & ~alone)
-        same = a[some] == a[mate[some]]
-        one, two = y[mate[some]], cells.ahead(y)[mate[some]]
-        start[some], end[some] = np.where(same, one, two), np.where(same, two, one)
-        return cls(start, end, foreign)
+        which = np.flatnonzero(foreign)
+        on = np.zeros(int(a.max()) + 1, dtype=bool)
+        on[a[which]] = on[b[which]] = True
+        near = np.flatnonzero(on[a] & on[b])  # no other side is on an edge of these
+        p, q = a[near], b[near]
+        order, begins, edge = grouped(np.minimum(p, q) * len(on) + np.maximum(p, q))
+        first = np.minimum.reduceat(np.where(foreign[near], len(a), near)[order], begins)[edge]
+        mate = first[foreign[near]]
+        alone = mate == len(a)
+        start[which[alone]] = end[which[alone]] = y[~foreign].min(initial=0.0)
+        some, mate = which[~alone], mate[~alone]
+        same = a[some] == a[mate]
+        start[some], end[some] = np.where(same, y[mate], ends[mate]), np.where(same, ends[mate], y[mate])
+        return cls(start, end, which, y)
+
+    def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
+        """(h,) where the values at the start and at the end of every side are; see `_places`.
+
+        only : the sides of some polygons (k,) where it is wanted; 0 on all others.
+        """
+        if only is not None:
+            start, end = np.zeros((2, len(self.start)), dtype=np.int64)
+            start[only], end[only] = _places(self.start[only], levels), _places(self.end[only], levels)
+            return start, end
+        own = _places(self.own, levels)
+        start, end = own, cells.ahead(own)
+        if len(self.foreign):
+            start = own.copy()
+            start[self.foreign] = _places(self.start[self.foreign], levels)
+            end[self.foreign] = _places(self.end[self.foreign], levels)
+        return start, end
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,13 +166,15 @@ def split_cells(
              with active ones, and stay whole. A side that lies on a level goes with the side before it.
     above  : (l,) whether a polygon that lies on a level with all its corners gets the strip above it or the one below;
              when left out, the even one of the two, which is void.
-    live   : (h,) sides that get new vertices whether a polygon is active there or not.
+    live   : (h,) all sides of the edges that get new vertices whether a polygon is active there or not.
     """
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
-    place = _places(x.start, levels)
-    ends = place, cells.ahead(place) if x.foreign is None else _places(x.end, levels)
-    least, most = (cells.reduced(np.minimum, place) + 1) // 2, cells.reduced(np.maximum, place) // 2
-    if x.foreign is not None:
+    only = None
+    if live is not None and not active.any():  # polygons that are not on these edges stay as they are
+        only = cells.slots(np.flatnonzero(cells.reduced(np.logical_or, live)))
+    ends = x.places(cells, levels, only)
+    least, most = (cells.reduced(np.minimum, ends[0]) + 1) // 2, cells.reduced(np.maximum, ends[0]) // 2
+    if len(x.foreign):
         least = np.minimum(least, (cells.reduced(np.minimum, ends[1]) + 1) // 2)
         most = np.maximum(most, cells.reduced(np.maximum, ends[1]) // 2)
     strip = np.where(most < least, most + above[np.minimum(most, len(levels) - 1)], least)  # of those that stay whole
@@ -196,8 +223,10 @@ def _sides(
     wanted = active[cells.owner[crossed]]
     if live is not None:
         wanted = wanted | live[slots[crossed]]
-    if x.foreign is not None and len(some):  # the first that sees for itself
-        rank = np.where(x.foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
+    if len(x.foreign) and len(some):  # the first that sees for itself
+        foreign = np.zeros(len(x.start), dtype=bool)
+        foreign[x.foreign] = True
+        rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
         some = crossed[np.minimum.reduceat(rank[order], begins) % len(a)]
     cut = np.logical_or.reduceat(wanted[order], begins) if len(some) else some > 0
     levels_on = np.where(cut, high[some] - low[some], 0)

@@ -15,6 +15,7 @@ import importlib.util
 from collections.abc import Callable
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
 from dsfab.sparse import multigrid
@@ -30,6 +31,7 @@ __all__ = [
     "Factor",
     "FactorMemoryError",
     "NotPositiveDefinite",
+    "OnePattern",
     "SuperLU",
     "factorise",
     "give_back",
@@ -70,6 +72,28 @@ def factorise(
         if solver or rigid is None or not multigrid.installed() or np.bincount(node).max() > 3:
             raise
         return Multigrid(made(K), node, rigid)
+
+
+class OnePattern:
+    """Factors of matrices that have one pattern, as those of one mesh have: it is analysed once.
+
+    points, node : see `factorise`.
+    """
+
+    def __init__(self, points: Floats, node: Ints | None = None) -> None:
+        self._points, self._node = points, node
+        self._factor: Factor | None = None
+
+    def factor(self, K: csr_array) -> Factor:
+        """The function b -> K^-1 b for a symmetric positive definite K (N, N), until the next one is asked for.
+
+        Raises what `factorise` raises, and ValueError for another pattern.
+        """
+        if self._factor is None:
+            self._factor = factorise(K, self._points, self._node)
+        else:
+            self._factor.refactor(K)
+        return self._factor
 
 
 def _multifrontal(K: Matrix, points: Floats, node: Ints, _rigid: Floats | None) -> Multifrontal:

@@ -74,7 +74,8 @@ class Pardiso:
         """Take the values of K, whose pattern must be that of the matrix analysed."""
         before = self._upper
         self._take(K)
-        if not np.array_equal(before.indptr, self._upper.indptr):
+        same = np.array_equal(before.indptr, self._upper.indptr)
+        if not same or not np.array_equal(before.indices, self._upper.indices):
             raise ValueError("the pattern of the matrix has changed")
         self._call(FACTORISE, np.zeros((K.shape[0], 1)))
 

@@ -1,7 +1,8 @@
 """Questions about designs: parametric sweeps, comparisons with other designs, and the verification of the elements."""
 
-from dsfab.study.comparison import Comparison, compare, compare_at
+from dsfab.study.comparison import Comparison, compare_at
 from dsfab.study.competitors import Competitor
+from dsfab.study.judges import compare
 from dsfab.study.sweeps import METRICS, Run, sweep
 
 __all__ = ["METRICS", "Comparison", "Competitor", "Run", "compare", "compare_at", "sweep"]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.design import Design
 from dsfab.export.calculix import Element, Model
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_load
 from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.log import Log, Progress

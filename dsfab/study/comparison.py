@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.design import Design, Draft
 from dsfab.errors import DsfabError
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.pattern_quality import PatternQuality
@@ -21,7 +21,6 @@ from dsfab.study.baselines import DEFAULT, Baseline, Brief, Structure, Variant, 
 from dsfab.study.baselines.matching import striped
 from dsfab.study.competitors import Competitor, Spread
 from dsfab.study.judging import Judge, quick
-from dsfab.study.sweeps.making import Making
 
 Told = Callable[[str], None]
 """Called with the name of the competitor that is about to be made."""
@@ -65,8 +64,8 @@ class Comparison:
         }
 
 
-def compare(
-    design: Design | Making,
+def comparison(
+    design: Design,
     against: Iterable[str] = DEFAULT,
     judge: Judge = quick,
     told: Told | None = None,
@@ -84,25 +83,24 @@ def compare(
     which reaches no support counts as not carried. DsfabError for names of no baseline.
     """
     rivals = chosen(against)
-    made = design.draft if isinstance(design, Making) else design
     try:
-        slicing, thickness = design.slicing, made.preset.statics.thickness
+        slicing, thickness = design.slicing, design.preset.statics.thickness
     except DsfabError as error:
         if refuse:
             raise
-        brief, uncut = Brief.of(made, made.surface.area), Competitor("design", error=str(error))
+        brief, uncut = Brief.of(design, design.surface.area), Competitor("design", error=str(error))
         return _compared(brief, uncut, {}, (judge, judge), told)
-    brief = Brief.of(made, slicing.sheet.surface.area)
-    own = Structure(slicing.cells, made.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
+    brief = Brief.of(design, slicing.sheet.surface.area)
+    own = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
     entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse)
     compared = _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
-    return replace(compared, pattern=measured_pattern(made))
+    return replace(compared, pattern=measured_pattern(design))
 
 
 def compare_at(
-    made: Design | Draft, share: float, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
+    made: Design, share: float, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
 ) -> Comparison:
-    """`compare` where all of them, the design with its widths scaled as well, use `share` of the surface.
+    """`comparison` where all of them, the design with its widths scaled as well, use `share` of the surface.
 
     A design that does not carry its loads there is told as an error, like its competitors.
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.design import Design
+from dsfab.pipeline.design import Design
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
 from dsfab.surface.topology import pieces

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from dsfab.design import Design
 from dsfab.errors import PatternError
 from dsfab.pipeline import revise
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden

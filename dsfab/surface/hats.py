@@ -16,8 +16,10 @@ def hat_gradients(surface: Surface) -> Floats:
     grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n.
     """
     P = surface.V[surface.F]
-    opposite = np.roll(P, -2, axis=1) - np.roll(P, -1, axis=1)
-    gradients: Floats = np.cross(surface.normals[:, None, :], opposite) / (2 * surface.areas)[:, None, None]
+    u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # the opposite edges
+    x, y, z = surface.normals.T[:, :, None]
+    gradients = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=2)
+    gradients /= (2 * surface.areas)[:, None, None]
     return gradients
 
 
@@ -43,8 +45,16 @@ def voronoi_mass(surface: Surface) -> Floats:
     return _MASSES[surface]
 
 
-def assemble(surface: Surface, blocks: Floats) -> csr_array:
-    """(n, n) sparse sum of the (m, 3, 3) face blocks, row and column i of a block belonging to corner i."""
+def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
+    """(n, n) sparse sum of the (m, 3, 3) face blocks, row and column i of a block belonging to corner i.
+
+    diagonal : (n,) added to it. All matrices with one have the same pattern: what is 0 stays an entry.
+    """
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
-    return coo_array((blocks.ravel(), (rows, columns)), shape=(surface.n, surface.n)).tocsr()
+    values = blocks.ravel()
+    if diagonal is not None:
+        every = np.arange(surface.n)
+        rows, columns = np.concatenate([rows, every]), np.concatenate([columns, every])
+        values = np.concatenate([values, diagonal])
+    return coo_array((values, (rows, columns)), shape=(surface.n, surface.n)).tocsr()

@@ -1,13 +1,19 @@
 """`Surface`: the triangle mesh that every stage works on."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, cross, first, lengths, lock
 from dsfab.errors import SurfaceError
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
 
 ZERO_AREA = 1e-20
 """Faces whose area is under this share of the squared size count as collapsed."""
@@ -55,6 +61,32 @@ class Surface:
             raise SurfaceError(
                 f"{len(bad)} of {self.m} faces have no area (first: {first(bad)}); remove collapsed faces"
             )
+
+    @classmethod
+    def from_mesh(cls, V: Any, F: Iterable[Any], unit: str = "m") -> "Surface":
+        """A surface of vertices (n, 3) in `unit` and triangles, quads or polygons; see `dsfab.surface.bridges`."""
+        from dsfab.surface.bridges import surface_from
+
+        return surface_from(V, F, unit)
+
+    @classmethod
+    def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
+        """The surface that a mesh of trimesh, pyvista, compas or the like is; see `dsfab.surface.bridges`."""
+        from dsfab.surface.bridges import surface_of
+
+        return surface_of(mesh, unit)
+
+    def to_trimesh(self) -> "trimesh.Trimesh":
+        """The same vertices, metres, and faces."""
+        from dsfab.surface.bridges import as_trimesh
+
+        return as_trimesh(self.V, self.F)
+
+    def to_pyvista(self) -> "pyvista.PolyData":
+        """The same vertices, metres, and faces."""
+        from dsfab.surface.bridges import as_pyvista
+
+        return as_pyvista(self.V, self.F)
 
     @property
     def n(self) -> int:

@@ -45,12 +45,17 @@ def read_surface(path: str | Path, unit: str | None = None) -> Surface:
     raw = raw_mesh(path)
     V = raw.V * (metres_per(unit) if unit else raw.metres)
     try:
-        surface = Surface(V, raw.F)
-        _check_manifold(raw.F, surface.edges)
-        F = _oriented(V, raw.F, surface.edges)
+        return orientable(V, raw.F)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
-    return surface if F is raw.F else Surface(V, F)
+
+
+def orientable(V: Floats, F: Ints) -> Surface:
+    """The surface of V (n, 3), metres, and F (m, 3), its faces turned the same way; see `read_surface`."""
+    surface = Surface(V, F)
+    _check_manifold(F, surface.edges)
+    turned = _oriented(V, F, surface.edges)
+    return surface if turned is F else Surface(V, turned)
 
 
 def _check_manifold(F: Ints, edges: EdgeTable) -> None:

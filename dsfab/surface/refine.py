@@ -36,7 +36,7 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
             V, F = igl.loop(V, F, 1)
         else:
             _check_count(len(F) + int(long[edges.of].sum()), target)
-            V, F = halved(V, F, edges, long)
+            V, F, _ = halved(V, F, edges, long)
         edges = edge_table(F)
     return surface if F is surface.F else Surface(V, F)
 
@@ -51,8 +51,10 @@ def _lengths(V: Floats, edges: EdgeTable) -> Floats:
     return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
 
 
-def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints]:
+def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
     """Faces divided along the midpoints of the (e,) edges that are halved: their longest and none, one or both others.
+
+    Returns the vertices, the faces, and what face each of these was.
 
                  c                             c                          c
                / | \\                         / | \\                       / \\
@@ -75,4 +77,17 @@ def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats,
         *((ab & ~bc & ca, triangle) for triangle in ((a, p, r), (p, c, r), (p, b, c))),
         *((ab & bc & ca, triangle) for triangle in ((a, p, r), (p, b, q), (p, q, r), (r, q, c))),
     ]
-    return V, np.concatenate([np.stack(triangle, axis=1)[where] for where, triangle in parts])
+    faces = np.concatenate([np.stack(triangle, axis=1)[where] for where, triangle in parts])
+    return V, faces, np.concatenate([np.flatnonzero(where) for where, _ in parts])
+
+
+def with_longest(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
+    """(e,) marked edges, and the longest of each face that has one, and so on [Rivara 1984]."""
+    length = _lengths(V, edges)[edges.of]
+    longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
+    while True:
+        more = halves.copy()
+        more[longest[halves[edges.of].any(axis=1)]] = True
+        if np.array_equal(more, halves):
+            return halves
+        halves = more

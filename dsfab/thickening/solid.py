@@ -2,11 +2,14 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dsfab import ways_out
 from dsfab.arrays import Bools, Floats, Ints, first, lock, locked
 from dsfab.errors import SolidError
+from dsfab.surface.bridges import as_pyvista, as_trimesh
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, misoriented_edges, pieces
 from dsfab.thickening.check import check_contacts, check_edges
@@ -16,6 +19,12 @@ from dsfab.thickening.offset import SHIFT, Side
 from dsfab.thickening.repair import Repaired, repaired
 from dsfab.thickening.rounding import is_fine
 from dsfab.thickening.skin import Skin
+
+if TYPE_CHECKING:
+    import build123d
+    import manifold3d
+    import pyvista
+    import trimesh
 
 VOLUME_TOLERANCE = 1e-9
 """Agreement of our volume with manifold3d's, as a share of area times size: both only round."""
@@ -47,6 +56,28 @@ class Solid:
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))
         lock(self, "F", np.int64, (None, 3))
+
+    def to_trimesh(self) -> "trimesh.Trimesh":
+        """The same vertices, metres, and faces."""
+        return as_trimesh(self.V, self.F)
+
+    def to_pyvista(self) -> "pyvista.PolyData":
+        """The same vertices, metres, and faces."""
+        return as_pyvista(self.V, self.F)
+
+    def to_manifold(self) -> "manifold3d.Manifold":
+        """For Boolean operations, metres; raises SolidError where manifold3d does not take it."""
+        import manifold3d
+
+        made = manifold3d.Manifold(manifold3d.Mesh64(np.array(self.V), np.array(self.F, dtype=np.uint64)))
+        if made.status() != manifold3d.Error.NoError:
+            raise SolidError(f"manifold3d does not take the solid: {made.status().name}")
+        return made
+
+    def to_build123d(self) -> "build123d.Shape":
+        """Planar faces for CAD, millimetres, as build123d and STEP have them. Of a design, `to_build123d` is smooth."""
+        shape: build123d.Shape = ways_out.through("to_build123d", self)
+        return shape
 
     @cached_property
     def volume(self) -> float:

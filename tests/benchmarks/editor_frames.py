@@ -11,7 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from dsfab.app.editor.opened import Opened
+from dsfab.app.editor.source import Opened
 from dsfab.preset_file import load_preset
 from tests.browser import opened
 from tests.test_app_editor import serving

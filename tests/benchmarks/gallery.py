@@ -14,13 +14,13 @@ import numpy as np
 from PIL import Image
 
 import dsfab
-from dsfab.app.build import caption
-from dsfab.app.editor.opened import Opened
-from dsfab.app.palette import PAPER
-from dsfab.app.panels import panels
-from dsfab.app.preview import picture
-from dsfab.app.report import Reporter
-from dsfab.app.view import up_axis
+from dsfab.app.editor.source import Opened
+from dsfab.pipeline.log import silent
+from dsfab.render.caption import caption
+from dsfab.render.palette import PAPER
+from dsfab.render.panels import panels
+from dsfab.render.picture import picture
+from dsfab.render.view import up_axis
 from tests.browser import opened
 from tests.meshes import mesh_file
 from tests.test_app_editor import serving
@@ -73,7 +73,7 @@ def draw(name: str) -> None:
         return picture(solid.V, solid.F, surface=design.surface, load=load, caption=caption(design), size=size)
 
     write(built(WHOLE, design.load), name)
-    above = panels(design, ("loads", "directions"), PANEL, Reporter(True))
+    above = panels(design, ("loads", "directions"), PANEL, silent).pixels
     bare = picture(solid.V, solid.F, caption=caption(design), size=PANEL, up=upwards(design))
     write(np.concatenate([above, np.concatenate([by_family(design), bare], axis=1)]), f"{name}_steps")
 

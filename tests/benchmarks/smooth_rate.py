@@ -23,12 +23,12 @@ import igl
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
+from dsfab.delivery.curved import curved_sheet
 from dsfab.errors import DsfabError
 from dsfab.export import ladder, step
 from dsfab.export.part import Part, part_of
-from dsfab.export.smooth.make import made
+from dsfab.export.smooth.build import made
 from dsfab.slicing import cut, resolve_pinches
-from dsfab.study.curved import curved_sheet
 from dsfab.surface import Surface
 from dsfab.surface.shapes.closed import sphere, torus
 from dsfab.surface.shapes.roofs import barrel_vault, hypar

@@ -15,13 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dsfab.delivery.curved import curved_design
 from dsfab.export.formats import FORMATS
 from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
-from dsfab.export.smooth.make import made
+from dsfab.export.smooth.build import made
 from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
-from dsfab.study.curved import curved_design
 from tests.benchmarks.common import cpu
 
 OPENING = {"slicing.min_opening": 0.03}

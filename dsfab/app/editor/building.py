@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dsfab.app.build import caption, write_all
 from dsfab.app.editor.job import Telling
-from dsfab.app.fabrication import fabrication_facts
-from dsfab.app.report import Reporter
-from dsfab.design import Draft
 from dsfab.pipeline import draft, revise, run
+from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
+from dsfab.render.caption import caption
+from dsfab.report.design.save import save
 
 
 @dataclass(frozen=True)
@@ -22,33 +21,14 @@ class Built:
     facts: dict[str, Any]
 
 
-class _Telling(Reporter):
-    """A reporter that speaks to the page instead of the terminal."""
-
-    def __init__(self, progress: Telling) -> None:
-        super().__init__(quiet=True)
-        self.progress, self.lines = progress, list[str]()
-
-    def __call__(self, stage: str, doing: str) -> None:
-        self.progress(stage, doing)
-
-    def say(self, text: str) -> None:
-        self.lines.append(text)
-
-
-def built(preset: Preset, old: Draft | None, folder: Path, progress: Telling, picture: bool) -> Built:
+def built(preset: Preset, old: Design | None, folder: Path, progress: Telling, picture: bool) -> Built:
     """Make the solid, from the first stage that `old` has not, and write what the command line writes.
 
     picture : whether it is drawn too.
     Raises DsfabError, of the stage that refuses; a STEP file that is too large is told in `facts` instead.
     """
-    from dsfab.study.fabrication import fabrication
-
-    teller = _Telling(progress)
-    design = revise(old, preset, teller) if old else run(preset, teller)
-    teller("fabrication", "measuring members, gaps and walls")
-    made = fabrication_facts(fabrication(design))
-    refused = write_all(design, folder, teller, picture, made)
+    design = revise(old, preset, progress) if old else run(preset, progress)
+    saved = save(design, folder, progress, picture)
     asked = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
     first = [path for path in asked if path.exists()]
     rest = sorted(path for path in folder.iterdir() if path not in first)
@@ -58,19 +38,19 @@ def built(preset: Preset, old: Draft | None, folder: Path, progress: Telling, pi
         "volume": design.solid.volume,
         "triangles": len(design.solid.F),
         "pieces": design.solid.pieces,
-        "refused": refused,
-        "notes": [*(note.text for note in design.notes), *teller.lines],
+        "refused": saved.refused,
+        "notes": [*(note.text for note in design.notes), *saved.told],
     }
     return Built([*first, *rest], facts)
 
 
-def drawn(preset: Preset, old: Draft | None, view: str, show: str, size: tuple[int, int], progress: Telling) -> bytes:
+def drawn(preset: Preset, old: Design | None, view: str, show: str, size: tuple[int, int], progress: Telling) -> bytes:
     """A PNG picture, drawn here. Raises DsfabError where nothing can be drawn."""
     from PIL import Image
 
-    from dsfab.app import light
-    from dsfab.app.fields import asking
-    from dsfab.app.previewer import Previewer
+    from dsfab.render import light
+    from dsfab.render.answers import asking
+    from dsfab.render.previewer import Previewer
 
     made = draft(asking(preset, show), progress, old)
     progress("preview", "drawing")

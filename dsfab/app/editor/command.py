@@ -6,8 +6,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.build import Set, Unit
-from dsfab.app.report import out
+from dsfab.app.options import Set, Unit
+from dsfab.app.terminal import out
 from dsfab.errors import DsfabError
 
 
@@ -27,9 +27,9 @@ def edit(
     target
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
     """
-    from dsfab.app.editor.opened import opened
     from dsfab.app.editor.server import EditorServer
     from dsfab.app.editor.session import Session
+    from dsfab.app.editor.source import opened
     from dsfab.preset_file import parse_override
 
     first = opened(target, dict(parse_override(text) for text in set_), unit)

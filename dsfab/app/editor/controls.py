@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.diffusion import Labelling
 from dsfab.pattern import Rule
 from dsfab.preset import Family, Pattern, Preset
+from dsfab.render.striped_mesh import SLIDING
 from dsfab.surface import Surface
 
 
@@ -42,7 +43,7 @@ class Control:
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
     """All of them, ready for JSON; lengths go up to a share of the surface's size."""
-    reach = _round(surface.size / 8)
+    reach = _round(SLIDING * surface.size)
     families = [control for name in ("major", "minor") for control in _family(name, preset, surface, reach)]
     return [asdict(control) for control in [*_method(), *families, *_width(reach), *_kept(reach), *_solved(surface)]]
 

@@ -3,14 +3,14 @@
 from typing import Any
 
 from dsfab.app.editor.job import Telling
-from dsfab.design import Draft
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.slicing.features import features, kept_cells
 
 
-def figures(made: Draft, progress: Telling | None = None) -> dict[str, Any]:
+def figures(made: Design, progress: Telling | None = None) -> dict[str, Any]:
     """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON.
 
     Raises DsfabError when the pattern leaves no material.
@@ -40,7 +40,7 @@ def figures(made: Draft, progress: Telling | None = None) -> dict[str, Any]:
     }
 
 
-def _pattern(made: Draft) -> dict[str, Any]:
+def _pattern(made: Design) -> dict[str, Any]:
     """Dead ends, slits, and the clear openings, metres, that nine tenths of the area of both families lie between."""
     found = measured_pattern(made, symmetry=False)
     open_ = [family.opening for _, family in found.families if family.opening[2] > 0]

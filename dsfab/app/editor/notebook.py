@@ -3,17 +3,17 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dsfab.app.editor.opened import Opened, opened
-from dsfab.design import Design, Draft
+from dsfab.app.editor.source import Opened, opened
 from dsfab.errors import DsfabError
 from dsfab.pipeline import draft
+from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 
 if TYPE_CHECKING:
     from dsfab.app.editor.widget import Editor
 
 
-def edit(target: Design | Draft | Preset | str | Path = "dome", /, *, height: int = 640) -> "Editor":
+def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640) -> "Editor":
     """The page of `dsfab edit` as a widget for Jupyter, VS Code and marimo; nothing leaves this machine.
 
         editor = dsfab.edit("dome")
@@ -29,7 +29,7 @@ def edit(target: Design | Draft | Preset | str | Path = "dome", /, *, height: in
         from dsfab.app.editor.widget import Editor
     except ImportError:
         raise DsfabError('the widget needs anywidget; install it with: pip install "dsfab[notebook]"') from None
-    if isinstance(target, Design | Draft):
+    if isinstance(target, Design):
         made = draft(target.preset, None, target)
         return Editor(Opened(made.preset), made, height=height)
     first = Opened(target) if isinstance(target, Preset) else opened(str(target))

@@ -11,21 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dsfab.app.colouring import STEEPEST, diverging, rising, signed
-from dsfab.app.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
-from dsfab.app.striping import StripedMesh
-from dsfab.app.view import ANGLE, best_side, up_axis
 from dsfab.arrays import Bools, Floats
-from dsfab.design import Draft
 from dsfab.errors import DsfabError
 from dsfab.pattern import (
-    distance_to_boundary,
-    distance_to_vertices,
     frequency_for,
     slopes,
     vertex_means,
 )
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.patterns import stripe_stresses
+from dsfab.render.colouring import STEEPEST, diverging, rising, signed
+from dsfab.render.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
+from dsfab.render.striped_mesh import StripedMesh, distances
+from dsfab.render.view import ANGLE, best_side, up_axis
 from dsfab.surface import LoadCase, Surface
 
 FAR = 1e9
@@ -55,7 +53,7 @@ def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byte
     return len(head).to_bytes(4, "little") + head + b"".join(blocks)
 
 
-def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Surface, phases, distances, answers and marks: what statics and diffusion made.
 
     V, F and what goes with them are of the mesh that stripes are drawn on (see `StripedMesh`); where that is a chart,
@@ -90,7 +88,7 @@ def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "F": mesh.surface.F,
         "normals": mesh.normals,
         **_phases(draft, mesh),
-        "kept": mesh.carry(np.minimum(np.stack(_distances(draft), axis=1), FAR)),
+        "kept": mesh.carry(np.minimum(np.stack(distances(draft), axis=1), FAR)),
         "along": mesh.carry(_along(draft)),
         **{name: mesh.carry(value) for name, value in answers.items()},
         **({"uncut": surface.V - middle} if mesh.even else {}),
@@ -100,7 +98,7 @@ def model(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     return facts, arrays
 
 
-def widths(draft: Draft) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """What the pattern became: numbers, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
 
     Of evenly spaced stripes slopes are lines per metre that are drawn, and `shares` (n, 2) what half-widths by the
@@ -136,7 +134,7 @@ def creased(surface: Surface) -> bool:
     return bool(normals.sum(axis=2).min() < CREASE)
 
 
-def _phases(draft: Draft, mesh: StripedMesh) -> dict[str, Floats]:
+def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
     """(k, n) each: the modes that either family may run on, or the one phase that it has."""
     if mesh.even:
         z = mesh.phases(draft)
@@ -144,7 +142,7 @@ def _phases(draft: Draft, mesh: StripedMesh) -> dict[str, Floats]:
     return {"major": draft.diffusion.major.X.T, "minor": draft.diffusion.minor.X.T}
 
 
-def _slopes(draft: Draft, mesh: StripedMesh) -> Floats:
+def _slopes(draft: Design, mesh: StripedMesh) -> Floats:
     """(n, 2) periods per metre; zeros where no width asks for them."""
     if mesh.even:
         return mesh.carry(mesh.even.density)
@@ -156,19 +154,14 @@ def _slopes(draft: Draft, mesh: StripedMesh) -> Floats:
     return np.stack([slopes(surface, x, radius) for x in pair], axis=1)
 
 
-def _distances(draft: Draft) -> tuple[Floats, Floats]:
-    load, surface = draft.load, draft.surface
-    return distance_to_vertices(surface, load.held | load.loaded), distance_to_boundary(surface)
-
-
-def _stress(draft: Draft) -> Floats:
+def _stress(draft: Design) -> Floats:
     """(n,) the principal stress of larger size, Pa, tension positive."""
     principal = draft.diffusion.tensors.principal
     value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
     return vertex_means(draft.surface, value)
 
 
-def _along(draft: Draft) -> Floats:
+def _along(draft: Design) -> Floats:
     """(n, 2) relative stress along both families, for graded widths; 1 where nothing is stressed."""
     try:
         return stripe_stresses(draft.surface, draft.diffusion, draft.pattern.even)

@@ -16,10 +16,10 @@ from typing import Any
 
 import dsfab
 from dsfab.app.editor.building import Built
-from dsfab.app.editor.carrying import carried
 from dsfab.app.editor.job import Progress
-from dsfab.design import Draft
+from dsfab.app.editor.pickling import carried
 from dsfab.errors import DsfabError
+from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 
 PAUSE = 0.1
@@ -32,7 +32,7 @@ class BuilderError(RuntimeError):
     """A mistake of ours in the other process."""
 
 
-def built_apart(preset: Preset, old: Draft | None, folder: Path, progress: Progress, picture: bool) -> Built:
+def built_apart(preset: Preset, old: Design | None, folder: Path, progress: Progress, picture: bool) -> Built:
     """What `building.built` makes. Raises what it raises, and Cancelled within a fraction of a second.
 
     Whatever ends it before its end: the process and those that it began are ended, and the folder is gone.

@@ -13,8 +13,8 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import parse_qs, quote, urlsplit
 
-from dsfab.app.editor.asks import ASKS, AskError, Given
 from dsfab.app.editor.page import KINDS, page, static_files
+from dsfab.app.editor.requests import ASKS, AskError, Given
 from dsfab.app.editor.session import Session
 from dsfab.errors import DsfabError
 

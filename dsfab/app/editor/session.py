@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.job import Progress
 from dsfab.app.editor.jobs import Jobs
-from dsfab.app.editor.opened import MESHES, Opened, opened_mesh, opened_shipped
 from dsfab.app.editor.payload import colours, model, packed, widths
-from dsfab.app.striping import StripedMesh
-from dsfab.design import Draft
+from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped
 from dsfab.errors import DsfabError
 from dsfab.pattern.wave import GLSL
 from dsfab.pipeline import draft
+from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 from dsfab.preset_file import shipped
+from dsfab.render.striped_mesh import StripedMesh
 from dsfab.units import METRES_PER
 
 PAUSE = 0.01
@@ -37,7 +37,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 class Shown:
     """A draft, its number, and that of what does not change with stripes alone: the page keeps that."""
 
-    draft: Draft
+    draft: Design
     number: int
     version: int
     opening: int
@@ -49,7 +49,7 @@ class Session:
     made : a draft of the first preset, if there is one: the page then waits for nothing.
     """
 
-    def __init__(self, first: Opened, made: Draft | None = None) -> None:
+    def __init__(self, first: Opened, made: Design | None = None) -> None:
         self.jobs = Jobs()
         self._opened, self._opening = first, 1
         self._shown = Shown(made, 1, 1, 1) if made else None
@@ -205,7 +205,7 @@ class Session:
 
     def _build(self, preset: Preset, progress: Progress) -> dict[str, Any]:
         from dsfab.app.editor.process import built_apart
-        from dsfab.app.gl import why_no_pictures
+        from dsfab.render.opengl import why_no_pictures
 
         with self._lock:
             old = self._shown
@@ -226,6 +226,6 @@ class Session:
         return {"png": base64.b64encode(drawn(preset, old.draft if old else None, view, show, size, progress)).decode()}
 
 
-def _same(made: Draft, old: Draft) -> bool:
+def _same(made: Design, old: Design) -> bool:
     """Whether all that `model` tells is the same: drafts then differ in widths alone, or in which mode is drawn."""
     return made.diffusion is old.diffusion and StripedMesh.of(made).same(StripedMesh.of(old))

@@ -9,12 +9,12 @@ from typing import Any
 import anywidget
 import traitlets
 
-from dsfab.app.editor.asks import ASKS, Given
-from dsfab.app.editor.opened import Opened
 from dsfab.app.editor.page import bundle
+from dsfab.app.editor.requests import ASKS, Given
 from dsfab.app.editor.session import Session
-from dsfab.design import Draft
+from dsfab.app.editor.source import Opened
 from dsfab.errors import DsfabError
+from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 
 
@@ -30,7 +30,7 @@ class Editor(anywidget.AnyWidget):
     view = traitlets.Dict().tag(sync=True)
     height = traitlets.Int(640).tag(sync=True)
 
-    def __init__(self, first: Opened, made: Draft | None = None, **more: Any) -> None:
+    def __init__(self, first: Opened, made: Design | None = None, **more: Any) -> None:
         self._esm = bundle()
         self._session = Session(first, made)
         self._session.__enter__()

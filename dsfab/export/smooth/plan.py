@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
+from dsfab.export.smooth.acceptance import Gate, Solids
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.edges import Allowed
-from dsfab.export.smooth.gate import Gate, Solids
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.limits import limits_of
 from dsfab.export.smooth.outline import WALL, Sheet, sheet_of
@@ -31,7 +31,7 @@ LOOPS = 40
 """Outlines in a chart, about: opening, checking and measuring a face take OCCT their number squared."""
 
 MOST_WALLS = 1500
-"""Walls of a sheet that is to be made in a hurry: half a minute at most so far. Nor are more faces read back twice."""
+"""Walls of a sheet that is to be made in a hurry: half a minute at most so far."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats, from_segments
+from dsfab.export.smooth.acceptance import GAP
 from dsfab.export.smooth.edges import TIGHTER
-from dsfab.export.smooth.gate import GAP
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import WALL, Sheet
 from dsfab.export.smooth.plan import Built

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.design import DiffusionResult, EvenStripes, PatternResult
 from dsfab.errors import PatternError
 from dsfab.pattern import Drawable, Layer
 from dsfab.pipeline.geometry import slicing_step
@@ -13,8 +12,9 @@ from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import drawn, striped_families
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
+from dsfab.results import DiffusionResult, EvenStripes, PatternResult
 from dsfab.slicing import material_area
-from dsfab.study.baselines.brief import Brief, Structure
+from dsfab.study.baselines.task import Brief, Structure
 
 SAME_MASS = 1e-3
 """Largest difference in mass, as a share."""

@@ -8,8 +8,8 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.pattern import Layer, solved_factor, vertex_means
-from dsfab.study.baselines.brief import Brief, Structure, Variant
 from dsfab.study.baselines.matching import area_share, matched
+from dsfab.study.baselines.task import Brief, Structure, Variant
 from dsfab.study.simp import Densities, Simp, densities
 
 

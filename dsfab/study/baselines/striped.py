@@ -6,15 +6,15 @@ from functools import cache, partial
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import DiffusionResult
 from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, reference_axes
 from dsfab.pattern import Family, Stripes, vertex_means
 from dsfab.pipeline.directions import diffusion_step, load_axes
 from dsfab.pipeline.log import Log
 from dsfab.preset import FAMILIES, Preset
 from dsfab.preset_file import overridden
-from dsfab.study.baselines.brief import Brief, Structure, Variant
+from dsfab.results import DiffusionResult
 from dsfab.study.baselines.matching import striped, widened
+from dsfab.study.baselines.task import Brief, Structure, Variant
 from dsfab.surface import Surface
 from dsfab.surface.hats import voronoi_mass
 

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from dsfab.study.baselines.brief import Brief, Structure, Variant
+from dsfab.study.baselines.task import Brief, Structure, Variant
 
 
 def thinner(brief: Brief) -> list[Variant]:

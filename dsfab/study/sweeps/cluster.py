@@ -5,8 +5,8 @@ from concurrent.futures import Executor, Future
 from typing import Any, cast
 
 from dsfab.errors import DsfabError
-from dsfab.study.sweeps.fleet import Changes
 from dsfab.study.sweeps.worker import Job, Outcome, execute
+from dsfab.study.sweeps.workers import Changes
 
 SECONDS = 20
 """A scheduler that has not answered by then is not there."""

@@ -12,15 +12,15 @@ from dsfab.errors import DsfabError, ExportError
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_toml
-from dsfab.study.sweeps.conductor import Progress, conduct, standing
-from dsfab.study.sweeps.fleet import Changes, Fleet
 from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.plan_file import base_preset, load_plan, plan_toml
 from dsfab.study.sweeps.results import PICTURES, records, write_tables
 from dsfab.study.sweeps.sampling import check_points, digest, points, trials
+from dsfab.study.sweeps.scheduler import Progress, conduct, standing
 from dsfab.study.sweeps.search import search
 from dsfab.study.sweeps.store import Row, Store
 from dsfab.study.sweeps.worker import Drawer, Job, Outcome, mesh_of
+from dsfab.study.sweeps.workers import Changes, Fleet
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"

@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
 from pathlib import Path
 
-from dsfab.study.sweeps.fleet import Changes
 from dsfab.study.sweeps.worker import Job, Outcome, execute
+from dsfab.study.sweeps.workers import Changes
 
 MEMORY_SHARE = 0.8
 """Share of the memory that was free at the beginning that workers may fill together."""

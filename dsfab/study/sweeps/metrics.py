@@ -2,42 +2,38 @@
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Design, Draft, PatternResult
 from dsfab.diffusion import found_symmetry
 from dsfab.errors import StaticsError
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.directions import load_axes
 from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
 from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.statics import VERDICT, Equilibrium, FaceStiffness, buckling
-from dsfab.study.sweeps.making import Making, carried, loads_on, verdict
+from dsfab.study.sweeps.cut_sheet import carried, loads_on, verdict
 from dsfab.surface.hats import hat_gradients
 
 Metric = Callable[[Design], float]
 """A function of a design."""
-
-Named = Callable[[Design | Making], float]
-"""A function of a design, whole or in the making."""
 
 NARROWEST = 0.1
 """`min_width` leaves out this share of the area of the stripes: around singular points, where modes have no one slope,
 the width of single faces does not settle as the mesh gets finer (stripes of 0.25 m on a dome: 0.23 m at a tenth)."""
 
 
-def _kept_share(made: Design | Making) -> float:
+def _kept_share(made: Design) -> float:
     return made.sheet.surface.area / made.surface.area
 
 
-def _sheet_mass(made: Design | Making) -> float:
+def _sheet_mass(made: Design) -> float:
     statics = made.preset.statics
     return made.sheet.surface.area * statics.thickness * statics.density
 
 
-def _loose(made: Design | Making) -> float:
+def _loose(made: Design) -> float:
     """Area that reaches no support, over that of all material."""
     cells = made.slicing.cells
     material = float(cells.surface.areas @ cells.material)
@@ -45,13 +41,12 @@ def _loose(made: Design | Making) -> float:
     return max(0.0, 1 - held / material)
 
 
-def _min_width(made: Design | Making) -> float:
+def _min_width(made: Design) -> float:
     """Across the stripes, 2 d / |grad z| on every face where a family is material; the lesser of both families."""
-    draft = made.draft if isinstance(made, Making) else made
-    pattern = draft.pattern
+    pattern = made.pattern
     if pattern.even is not None:
-        return _even_min_width(draft)
-    families = (("major", draft.diffusion.major), ("minor", draft.diffusion.minor))
+        return _even_min_width(made)
+    families = (("major", made.diffusion.major), ("minor", made.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
     for (name, modes), number, frequency in zip(families, pattern.mode, pattern.frequency, strict=True):
         if name not in pattern.names:
@@ -66,14 +61,14 @@ def _min_width(made: Design | Making) -> float:
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
 
-def _even_min_width(draft: Design | Draft) -> float:
+def _even_min_width(draft: Design) -> float:
     """The same of evenly spaced stripes, whose phases are on a chart; before anything is cut."""
     drawn = drawn_on_chart(draft)
     width, area = zip(*(drawn.member(k) for k in (0, 1)), strict=True)
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
 
-def _slopes(made: Design | Making, z: Floats) -> Floats:
+def _slopes(made: Design, z: Floats) -> Floats:
     """(m,) |grad z| on the faces, per metre."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(made.surface), z[made.surface.F])
     return np.asarray(np.linalg.norm(gradient, axis=1))
@@ -88,37 +83,30 @@ def _lower_share(values: Floats, weights: Floats, share: float) -> float:
     return float(values[order][place])
 
 
-_QUALITIES: WeakKeyDictionary[PatternResult, PatternQuality] = WeakKeyDictionary()
-
-
-def _quality(made: Design | Making) -> PatternQuality:
+def _quality(made: Design) -> PatternQuality:
     """The measures of a pattern, once for all metrics."""
-    draft = made.draft if isinstance(made, Making) else made
-    if draft.pattern not in _QUALITIES:
-        _QUALITIES[draft.pattern] = measured_pattern(draft, symmetry=False)
-    return _QUALITIES[draft.pattern]
+    return made.once("pattern", "quality", lambda: measured_pattern(made, symmetry=False, cut=False))
 
 
-def _symmetry_error(made: Design | Making) -> float:
+def _symmetry_error(made: Design) -> float:
     """Of the symmetry that the pattern was made with; without one of that which is found; 0 where there is none."""
-    draft = made.draft if isinstance(made, Making) else made
-    group = used_symmetry(draft)
+    group = used_symmetry(made)
     if group is None:
-        loads = [draft.statics.cases[name].load for name in draft.preset.followed]
-        group = found_symmetry(draft.surface, load_axes(draft.surface, draft.statics.load), loads)
-    return symmetry_error(draft.surface, drawn_on_chart(draft), group) if group else 0.0
+        loads = [made.statics.cases[name].load for name in made.preset.followed]
+        group = found_symmetry(made.surface, load_axes(made.surface, made.statics.load), loads)
+    return symmetry_error(made.surface, drawn_on_chart(made), group) if group else 0.0
 
 
-def _answers(made: Design | Making) -> Mapping[str, Equilibrium]:
-    return made.carried if isinstance(made, Making) else carried(made)
+def _answers(made: Design) -> Mapping[str, Equilibrium]:
+    return carried(made)
 
 
-def _compliance(made: Design | Making, answers: Mapping[str, Equilibrium]) -> float:
+def _compliance(made: Design, answers: Mapping[str, Equilibrium]) -> float:
     """The weighted sum over what the pattern follows, as `dsfab.compare` has it."""
     return sum(weight * answers[name].compliance for name, weight in made.preset.followed.items())
 
 
-def _buckling(made: Design | Making) -> float:
+def _buckling(made: Design) -> float:
     """The lowest factor of all loads that the pattern follows."""
     statics, sheet = made.preset.statics, made.sheet.surface
     given, loads, lowest = (statics.material, statics.thickness, statics.law), loads_on(made), float("inf")
@@ -132,7 +120,7 @@ ERSATZ = 1e-6
 """Stiffness of nothing over that of material, for `ersatz`."""
 
 
-def _ersatz(made: Design | Making) -> float:
+def _ersatz(made: Design) -> float:
     """Compliance of the uncut surface, every face as stiff as the share of it that is kept."""
     statics, surface = made.preset.statics, made.surface
     kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
@@ -142,21 +130,21 @@ def _ersatz(made: Design | Making) -> float:
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))
 
 
-def _verdict(made: Design | Making) -> float:
+def _verdict(made: Design) -> float:
     """The weighted sum over what the pattern follows; raises StaticsError for a verdict of failure."""
-    found = made.verdict if isinstance(made, Making) else verdict(made)
+    found = verdict(made)
     if found.status == "fail":
         raise StaticsError(found.reason)
     return float(sum(weight * found.case(name).value for name, weight in made.preset.followed.items()))
 
 
-def _verdict_bound(made: Design | Making) -> float:
+def _verdict_bound(made: Design) -> float:
     """The largest over what the pattern follows; infinite for a verdict of failure."""
-    found = made.verdict if isinstance(made, Making) else verdict(made)
+    found = verdict(made)
     return max(found.case(name).bound for name in made.preset.followed)
 
 
-METRICS: dict[str, Named] = {
+METRICS: dict[str, Metric] = {
     "area": lambda made: made.sheet.surface.area,
     "kept_share": _kept_share,
     "volume": lambda made: made.solid.volume,
@@ -237,6 +225,6 @@ ABOUT: Mapping[str, About] = {
 """What each metric is."""
 
 
-def measured(name: str, made: Design | Making) -> float:
+def measured(name: str, made: Design) -> float:
     """A named metric of a design; raises the DsfabError of the stage that cannot be made."""
     return float(METRICS[name](made))

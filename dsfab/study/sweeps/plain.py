@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from dsfab.design import Design
 from dsfab.errors import DsfabError, PresetError
+from dsfab.pipeline import draft
+from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
-from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import BASIC, METRICS, Metric
 from dsfab.study.sweeps.order import stage_order
 
@@ -54,13 +54,13 @@ def sweep(
         try:
             runs[index] = Run(changes, {name: measure(made) for name, measure in measured.items()})
             if keep:
-                keep(changes, made.design)
+                keep(changes, made.until("thickening"))
         except DsfabError as refusal:
             runs[index] = Run(changes, {}, str(refusal))
     return [runs[index] for index in range(len(presets))]
 
 
-def _metrics(metrics: Mapping[str, Metric] | Sequence[str]) -> dict[str, Callable[[Making], float]]:
+def _metrics(metrics: Mapping[str, Metric] | Sequence[str]) -> dict[str, Callable[[Design], float]]:
     if isinstance(metrics, Mapping):
         return {name: _of_design(metric) for name, metric in metrics.items()}
     unknown = [name for name in metrics if name not in METRICS]
@@ -69,16 +69,16 @@ def _metrics(metrics: Mapping[str, Metric] | Sequence[str]) -> dict[str, Callabl
     return {name: METRICS[name] for name in metrics}
 
 
-def _of_design(metric: Metric) -> Callable[[Making], float]:
-    return lambda made: float(metric(made.design))
+def _of_design(metric: Metric) -> Callable[[Design], float]:
+    return lambda made: float(metric(made.until("thickening")))
 
 
-def _designs(presets: list[Preset], order: list[int]) -> Iterator[tuple[int, Making | None, str]]:
+def _designs(presets: list[Preset], order: list[int]) -> Iterator[tuple[int, Design | None, str]]:
     """Each design, made from the one before it; a failure starts again from the last that worked."""
-    last: Making | None = None
+    last: Design | None = None
     for index in order:
         try:
-            last = Making.of(presets[index], last)
+            last = draft(presets[index], old=last)
             yield index, last, ""
         except DsfabError as error:
             yield index, None, str(error)

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dsfab.delivery.files import step_options
 from dsfab.errors import DsfabError
+from dsfab.pipeline import Design, draft
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden, preset_from, preset_toml
 from dsfab.preset_surface import FileSurface
 from dsfab.sparse import peak_memory
-from dsfab.study.delivery import step_options
-from dsfab.study.sweeps.making import Making
 from dsfab.study.sweeps.metrics import measured
 
-Drawer = Callable[[Making], bytes]
+Drawer = Callable[[Design], bytes]
 """Draws a design as the bytes of a PNG file; it is handed from `dsfab.app`, which alone can draw."""
 
 
@@ -90,12 +90,12 @@ def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
     return Outcome(number, metrics, error, log, files, time.perf_counter() - start, peak_memory())
 
 
-def _made(job: Job, changes: Mapping[str, Any]) -> Making:
+def _made(job: Job, changes: Mapping[str, Any]) -> Design:
     """The design, with the stages of the last one of this worker where they are the same."""
     if getattr(_memory, "token", None) != job.token:
         _memory.token, _memory.base, _memory.last = job.token, _base(job), None
     preset = overridden(_memory.base, changes)
-    _memory.last = Making.of(preset, _memory.last)
+    _memory.last = draft(preset, old=_memory.last)
     return _memory.last  # type: ignore[no-any-return]
 
 
@@ -120,7 +120,7 @@ def mesh_of(preset: Preset) -> bytes | None:
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
 
 
-def _keep(job: Job, made: Making, files: dict[str, bytes]) -> None:
+def _keep(job: Job, made: Design, files: dict[str, bytes]) -> None:
     """Fill `files` with what is kept of a run."""
     from dsfab.export import write
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.design import Design
 from dsfab.errors import DsfabError
+from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress
 from dsfab.slicing import Sheet
 from dsfab.study.verdict import rules
-from dsfab.study.verdict.climb import Climb
-from dsfab.study.verdict.setting import Dropped, Setting, attached
+from dsfab.study.verdict.loaded_surface import Dropped, Setting, attached
+from dsfab.study.verdict.refinement import Climb
 from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.verdict import SEVERITY, CaseVerdict, Depth, Verdict
 from dsfab.surface import Surface

@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.sparse import peak_memory
 from dsfab.statics import Elements, Equilibrium, SpreadLoad, equilibria, flat_axis, sheet_stiffness, sheet_stress
-from dsfab.study.verdict.setting import Sheeting
+from dsfab.study.verdict.loaded_surface import Sheeting
 from dsfab.surface import LoadCase, Surface
 
 HHJ, MIDEDGE = Elements("quadratic", "hhj"), Elements("quadratic", "midedge")

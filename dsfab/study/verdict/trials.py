@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.design import Design
 from dsfab.errors import DsfabError
 from dsfab.pipeline import run
+from dsfab.pipeline.design import Design
 from dsfab.preset_file import load_preset
 from dsfab.slicing import Sheet
 from dsfab.statics import Elements
@@ -17,7 +17,7 @@ from dsfab.study.verdict.calibration import Row
 from dsfab.study.verdict.check import facets_of, members
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.levels import HHJ, MIDEDGE, Level, level
-from dsfab.study.verdict.setting import Setting, attached
+from dsfab.study.verdict.loaded_surface import Setting, attached
 from dsfab.study.verdict.smooth import SmoothSurface
 
 SEEDS = 8

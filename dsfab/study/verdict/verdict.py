@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from dsfab.study.verdict.levels import Level
-from dsfab.study.verdict.setting import Dropped
+from dsfab.study.verdict.loaded_surface import Dropped
 
 Status = Literal["pass", "fail", "unknown"]
 """pass: it carries its loads, and the compliance is known within 2 %. fail: it does not carry them. unknown: the

@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dsfab.errors import StaticsError
 from dsfab.statics import PAPER, SIX_NODES, VERDICT, Elements
 from dsfab.study.verification import beams, plane, plates, shells, vessels
+from dsfab.study.verification.benchmark_comparison import Standing, shortfalls, standings
 from dsfab.study.verification.meshes import Mesh
 from dsfab.study.verification.problem import Problem, Test
 from dsfab.study.verification.rows import Row, pattern_spread, series
-from dsfab.study.verification.standing import Standing, shortfalls, standings
 
 __all__ = [
     "PAIRS",

@@ -103,7 +103,7 @@ def _split(chart: Chart, X: Floats, F: Ints, longest: float) -> tuple[Floats, In
         if not long.any():
             break
         old = len(X)
-        X, F = halved(X, F, edges, long)
+        X, F, _ = halved(X, F, edges, long)
         new = np.arange(len(X)) >= old
         border = on_boundary(edge_table(F), len(X))
         X[new] = chart.moved(X[new], np.zeros((new.sum(), 3)), border[new])

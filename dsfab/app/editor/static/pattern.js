@@ -7,10 +7,11 @@
 import { same } from './state.js';
 
 const SOLID = 0.5;
-// evenly spaced members of one width are thinner where they crowd, or one, as dsfab/pattern/even_family.py has it
+// evenly spaced members that would leave a slit are thinner, or one, as dsfab/pattern/even_family.py has it
 const OPEN = 0.25;
 const CLOSER = 1.25;
-const CLOSING = [4 / 3, 5 / 3];
+const CLOSING = [1.45, 1.55];
+const FOLLOWING = [1.15, 1.25]; // where widths follow the stress
 const POINTS = 20000;
 const STEPS = 40;
 
@@ -66,7 +67,7 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   if (same(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
   const n = arrays.V.length / 3;
   const rule = { ...width, member: width.member || Math.sqrt(facts.area) / 100, drawn };
-  if (arrays.shares && width.rule === 'constant') rule.median = medians(arrays.slope);
+  if (arrays.shares && width.rule !== 'plain') rule.medians = mediansOf(rule, plain, frequency, arrays, n);
   const halves = (factor) =>
     vary ? halfWidths(rule, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
   const start = width.rule === 'graded' ? facts.factor : 1;
@@ -81,11 +82,33 @@ function exact(told, plain, vary, model, sampler) {
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
 }
 
-/** Half-widths of more than most stay at that, and then close the opening. */
-function crowded(d, most) {
-  const [from, to] = CLOSING;
+/** Half-widths of more than most stay at that, and then close the opening between these limits. */
+function crowded(d, most, [from, to]) {
   const closed = Math.min(Math.max((d / most - from) / (to - from), 0), 1);
   return Math.min(d, most) + closed * (SOLID - Math.min(d, most));
+}
+
+/** The function from a factor to the median half-widths of both families. Without bounds it is a multiple of them, and
+ * sorted is once. */
+function mediansOf(rule, plain, frequency, arrays, n) {
+  const at = (factor) => {
+    const values = new Float32Array(2 * n);
+    for (let i = 0; i < 2 * n; i += 1) values[i] = asked(rule, plain, frequency, arrays, i, factor);
+    return medians(values);
+  };
+  if (rule.min_width || rule.max_width) return at;
+  const one = at(1);
+  return (factor) => one.map((d) => factor * d);
+}
+
+/** A half-width, periods, before members crowd: that of number i of both families in turns. */
+function asked(rule, plain, frequency, arrays, i, factor) {
+  const slope = arrays.slope[i] * frequency[i % 2];
+  let d;
+  if (rule.rule === 'constant') d = slope * factor * (rule.member / 2);
+  else d = factor * plain[i % 2] * (rule.rule === 'graded' || rule.rule === 'stressed' ? arrays.along[i] ** rule.q : 1);
+  if (rule.max_width) d = Math.min(d, slope * (rule.max_width / 2));
+  return Math.max(d, slope * (rule.min_width / 2));
 }
 
 /** The median of both columns of an array (n, 2). */
@@ -100,22 +123,13 @@ function medians(values) {
 function halfWidths(rule, plain, frequency, arrays, n, factor) {
   const half = new Float32Array(2 * n);
   const { shares } = arrays; // of evenly spaced stripes: periods differ from one side of a line to the other
-  const bounded = (d, slope) => {
-    const less = rule.max_width ? Math.min(d, slope * (rule.max_width / 2)) : d;
-    return Math.max(less, slope * (rule.min_width / 2));
-  };
-  const most = (rule.median || []).map((slope, k) => {
-    const usual = bounded(slope * frequency[k] * factor * (rule.member / 2), slope * frequency[k]);
-    return Math.max(OPEN, CLOSER * Math.min(usual, SOLID));
-  });
+  const limits = rule.rule === 'constant' ? CLOSING : FOLLOWING;
+  const most = rule.medians && rule.medians(factor).map((usual) => Math.max(OPEN, CLOSER * Math.min(usual, SOLID)));
   for (let i = 0; i < 2 * n; i += 1) {
     if (!rule.drawn[i % 2]) continue;
     const slope = arrays.slope[i] * frequency[i % 2];
-    let d;
-    if (rule.rule === 'constant') d = slope * factor * (rule.member / 2);
-    else d = factor * plain[i % 2] * (rule.rule === 'graded' || rule.rule === 'stressed' ? arrays.along[i] ** rule.q : 1);
-    d = bounded(d, slope);
-    if (rule.median) d = crowded(d, most[i % 2]);
+    let d = asked(rule, plain, frequency, arrays, i, factor);
+    if (most) d = crowded(d, most[i % 2], limits);
     const solid = d + slope * (rule.min_gap / 2) > SOLID;
     half[i] = solid ? SOLID : d * (shares ? shares[i] : 1);
   }

@@ -1,0 +1,140 @@
+"""`Opened`: the preset that the page has open, and what the command line calls it."""
+
+import re
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.errors import PresetError
+from dsfab.preset import Preset
+from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped
+from dsfab.study.variations import spelled
+from dsfab.surface import read_surface
+
+MESHES = (".obj", ".ply", ".stl", ".off", ".glb", ".3mf")
+
+WORDY = 2000
+"""A command longer than this is no use to anybody: the preset is to be saved instead."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A preset and where it comes from.
+
+    words : what stands between `dsfab build` and the changes; none for what only the page has.
+    mesh  : the name that a mesh from the page has for the person: its file here is a copy.
+    """
+
+    preset: Preset
+    words: tuple[str, ...] = ()
+    mesh: str = ""
+
+    def changed(self, changes: Mapping[str, Any]) -> Preset:
+        """The preset with other values at dotted keys.
+
+        Raises PresetError for what no preset holds, and for another file: the page names none on this machine.
+        """
+        preset = overridden(self.preset, changes)
+        if _file(preset) != _file(self.preset):
+            raise PresetError("surface.file cannot be changed from the page; drop the mesh on it, or dsfab edit MESH")
+        return preset
+
+    def toml(self, changes: Mapping[str, Any]) -> str:
+        """The changed preset as a file; a mesh that came from the page is named as it was there."""
+        preset = self.changed(changes)
+        if self.mesh and _file(preset):
+            surface = preset.surface.model_copy(update={"file": Path(self.mesh)})
+            preset = preset.model_copy(update={"surface": surface})
+        return preset_toml(preset)
+
+    def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
+        """The command that builds it, and whether its preset has to be saved first."""
+        preset = self.changed(changes)
+        sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_spelled(value)}")]
+        command = shlex.join(["dsfab", "build", *self.words, *sets])
+        if self.words and len(command) <= WORDY:
+            return command, False
+        return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
+
+    def reopened(self, text: str) -> "Opened":
+        """A preset file from the page; its mesh can only be the one that is open already.
+
+        Raises PresetError as `load_preset` does, and for another mesh.
+        """
+        import tomllib
+
+        try:
+            values = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise PresetError(f"the preset is not valid TOML: {error}") from None
+        surface, mesh = values.get("surface"), ""
+        if isinstance(surface, dict) and "file" in surface:
+            asked, here = str(surface["file"]), _file(self.preset)
+            known = {str(here), self.mesh, here.name} if here else set()
+            if asked not in known:
+                raise PresetError(
+                    f"the preset is for the mesh {Path(asked).name}: drop that mesh on the page first, then the preset"
+                )
+            surface["file"], mesh = str(here), self.mesh
+        values.setdefault("name", "preset")
+        return Opened(preset_from(values), (), mesh)
+
+
+def opened(target: str, changes: Mapping[str, Any] | None = None, unit: str | None = None) -> Opened:
+    """A shipped preset by its name, a preset file or a mesh file by its path. Raises DsfabError for anything else."""
+    if Path(target).suffix.lower() in MESHES:
+        first = opened_mesh(Path(target).absolute(), Path(target).name, unit)
+        return replace(first, preset=overridden(first.preset, changes or {}), mesh="")
+    sets = [word for key, value in (changes or {}).items() for word in ("--set", f"{key}={_spelled(value)}")]
+    return Opened(load_preset(target, changes), (target, *sets))
+
+
+def opened_shipped(name: str) -> Opened:
+    """A preset that comes with dsfab, by its name and never by a path. Raises PresetError for another name."""
+    if name not in shipped():
+        raise PresetError(f"there is no preset {name!r}; use one of {', '.join(shipped())}")
+    return Opened(load_preset(name), (name,))
+
+
+def opened_mesh(path: Path, name: str, unit: str | None) -> Opened:
+    """A mesh, standing on its lowest vertices (a flat one: on its boundary) and carrying itself, to begin with.
+
+    Raises SurfaceError for a file that cannot be read.
+    """
+    surface = read_surface(path, unit)
+    height = float(np.ptp(surface.V[:, 2]))
+    flat = height < 0.02 * surface.size
+    at = {"pick": "boundary"} if flat else {"pick": "side", "axis": "z", "end": "min", "depth": round(0.03 * height, 6)}
+    reach = round(surface.size / 60, 6)
+    values: dict[str, Any] = {
+        "name": re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(name).stem).strip("_.-") or "mesh",
+        "surface": {"file": str(path), "support": [{"at": at}], "load": [{"kind": "self_weight"}]},
+        "statics": {"thickness": round(surface.size / 200, 6)},
+        "pattern": {"keep": reach, "rim": 0.0 if surface.is_closed else reach, "width": {"solid_fraction": 0.5}},
+    }
+    if unit:
+        values["surface"]["unit"] = unit
+    return Opened(preset_from(values, f"mesh {name}"), (), name)
+
+
+def _spelled(value: Any) -> str:
+    return spelled(value) if not isinstance(value, dict | list) else _inline(value)
+
+
+def _inline(value: Any) -> str:
+    """A value as TOML on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {_inline(part)}" for key, part in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    import json
+
+    return json.dumps(value)
+
+
+def _file(preset: Preset) -> Path | None:
+    return getattr(preset.surface, "file", None)

@@ -1,0 +1,9 @@
+"""What of a design goes into which file, and a built design read back from its folder.
+
+files     one file of a design            lines, fields, curved   what drawings, ParaView and smooth STEP take of it
+archive   `design.npz`: a design kept     archive_even            and its evenly spaced stripes
+"""
+
+from dsfab.delivery.files import to_build123d, write
+
+__all__ = ["to_build123d", "write"]

@@ -1,0 +1,151 @@
+"""The ladder of smooth STEP: build, ask OCCT about every piece, refit what it refuses, give up what stays refused.
+
+charts found, skins fitted -> all pieces built -> file -> `check` -> `gate` -> refused pieces: tighter curves there
+ ^                                                                |  still refused
+ '------------- another layout of charts, for these only ---------'-> faceted, piece by piece
+"""
+
+from contextlib import ExitStack
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import ExportError
+from dsfab.export.budget import BudgetError, within
+from dsfab.export.part import Part
+from dsfab.export.program import Ahead
+from dsfab.export.smooth.acceptance import Verdict
+from dsfab.export.smooth.file import Made, file_text, rest_of
+from dsfab.export.smooth.occt_check import Finding, findings, occt
+from dsfab.export.smooth.plan import Plan
+from dsfab.export.smooth.refit import tighten, untangle
+from dsfab.export.smooth.seams import Key
+from dsfab.export.smooth.solid import Model
+from dsfab.sparse.threads import one_blas_thread
+
+MOST_INSPECTED = 6000
+"""After so many faces were read back, a minute or two, no further layout is tried."""
+
+REFITS = 2
+"""How often the refused pieces of a layout are built tighter."""
+
+DEFLECTION = 1 / 4
+"""Of the triangles by which a piece is compared with the mesh, as a share of the distance that is allowed."""
+
+SECONDS = 120
+SECONDS_PER_FACE = 0.1
+"""Time for a check on the clock, many times what was measured, since others may be at work; it may not end."""
+
+
+class _Taken(NamedTuple):
+    """A piece that was accepted: the layout it is in, its number there, and its verdict."""
+
+    model: Model
+    number: int
+    verdict: Verdict
+
+
+_MADE: WeakKeyDictionary[Part, Made] = WeakKeyDictionary()
+
+
+def made(part: Part) -> Made:
+    """The smooth file of a part, made once; raises ExportError with the reason where no piece can be smooth."""
+    if part not in _MADE:
+        _MADE[part] = _Ladder(part).made()
+    return _MADE[part]
+
+
+def drafted(part: Part) -> tuple[int, int]:
+    """Faces and bytes of a part's first smooth file, which nobody has checked; ExportError where none can be made."""
+    plan = Plan(part)
+    with one_blas_thread():
+        model = plan.built(next(plan.layouts())).model
+    which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
+    if not which:
+        raise ExportError(model.pieces[0].refused)
+    return sum(model.pieces[k].faces for k in which), len(file_text(part, [(model, k) for k in which]))
+
+
+class _Ladder:
+    def __init__(self, part: Part) -> None:
+        self.part, self.plan = part, Plan(part)
+        self.inspected, self.most = 0, MOST_INSPECTED
+        self.taken, self.reason, self.pieces = list[_Taken](), "", 0
+        self.left: Ints = part.F
+        self.done = set[int]()
+        self.last, self.text = list[tuple[Model, int]](), ""
+
+    def made(self) -> Made:
+        """Each solid in the first layout that has all its pieces accepted; those of other solids may be in others."""
+        for fields in self.plan.layouts():
+            try:
+                self._try(fields)
+            except BudgetError:
+                raise
+            except ExportError as error:
+                self.reason = self.reason or str(error)
+                continue
+            if not len(self.left) or self.inspected > self.most or self.part.hurry:
+                break
+        if not self.taken:
+            raise ExportError(f"{self.reason}; write step = 'faceted'")
+        return self._file()
+
+    def _try(self, fields: Floats) -> None:
+        """A layout: its pieces of solids that are not done yet, refitted where they are refused."""
+        with ExitStack() as programs:
+            self._judged(programs, fields)
+
+    def _judged(self, programs: ExitStack, fields: Floats) -> None:
+        program = programs.enter_context(occt())
+        with one_blas_thread():  # bands of a hundred: on two busy cores, threads took ten times as long
+            built = self.plan.built(fields, self.done)
+        gate, model, asked = built.gate, built.model, built.asked
+        levels = [dict[Key, int]() for _ in model.pieces]
+        for k in asked:
+            if not model.pieces[k].refused:
+                untangle(built, k, levels[k])
+        verdicts, todo = dict[int, Verdict](), asked
+        for turn in range(REFITS + 1):
+            ready = [k for k in todo if not model.pieces[k].refused]
+            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._found(program, model, ready))
+            todo = [k for k in todo if len(verdicts[k].bad) and tighten(model, k, levels[k], verdicts[k].bad)]
+            if not todo or turn == REFITS or self.inspected > self.most:
+                break
+            program = programs.enter_context(occt())
+            for k in todo:
+                model.pieces[k] = built.builder.piece(k, levels[k], traced=turn == REFITS - 1)
+        refused = {int(gate.solid[k]) for k in asked if verdicts[k].reason}
+        taken = [k for k in asked if int(gate.solid[k]) not in refused]
+        self.taken += [_Taken(model, k, verdicts[k]) for k in taken]
+        self.done |= {int(gate.solid[k]) for k in taken}
+        self.reason = next((verdicts[k].reason for k in asked if verdicts[k].reason), "")
+        self.left, self.pieces = gate.without(self.done), len(model.pieces)
+
+    def _found(self, program: Ahead, model: Model, which: list[int]) -> dict[int, Finding]:
+        """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
+        count = sum(model.pieces[k].faces for k in which)
+        self.inspected += count
+        self.last = [(model, k) for k in which]
+        self.text = file_text(self.part, self.last)
+        within(self.part, count, len(self.text))
+        seconds = SECONDS + SECONDS_PER_FACE * count
+        found = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
+        return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
+
+    def _file(self) -> Made:
+        rest = rest_of(self.part, self.left) if len(self.left) else None
+        taken = [(model, k) for model, k, _ in self.taken]
+        text = self.text if rest is None and taken == self.last else file_text(self.part, taken, rest)
+        return Made(
+            text=text,
+            pieces=self.pieces,
+            smooth=len(self.taken),
+            faces=text.count("=ADVANCED_FACE("),
+            gap=max(model.pieces[k].gap for model, k, _ in self.taken),
+            there=max(verdict.there for _, _, verdict in self.taken),
+            back=max(verdict.back for _, _, verdict in self.taken),
+            limits=self.plan.limits,
+            volume=sum(verdict.volume for _, _, verdict in self.taken),
+            refused=self.reason if len(self.left) else "",
+        )

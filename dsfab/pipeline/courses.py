@@ -1,0 +1,177 @@
+"""Where the lines of a family run: its directions, how dense it is, its phase."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats
+from dsfab.diffusion import Symmetry, found_symmetry, principal_stresses
+from dsfab.pattern import (
+    CornerPhase,
+    Flow,
+    Frames,
+    Halving,
+    Images,
+    StressDirections,
+    boundary_lines,
+    corner_phase,
+    cross_field,
+    crossed_over,
+    density,
+    halving,
+    log_density,
+    through_peaks,
+    vertex_means,
+)
+from dsfab.pipeline.directions import followed_stress, load_axes
+from dsfab.pipeline.steering import steering
+from dsfab.preset import Pattern, Preset
+from dsfab.results import StaticsResult, Steered
+from dsfab.surface import Surface
+
+SMOOTHING = 1.0
+"""Directions are smoothed over this many mean spacings, or over an edge of the mesh where that is longer: what
+changes in between is no member's to follow, and no stress that is known."""
+PEAK = 4
+"""A stripe runs through the most stressed places: stress to this power is where its phase begins. Of two phases half a
+period apart it is the one with lines where these move: what is held is stressed as well, but stiff anyway."""
+SLOPES = (0.6, 1.6)
+"""The phase grows by this much of what was asked; beyond that it is at a singular face that says nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """One family: its phase, how often it may be halved, (m,) how often it should be, (n,) its periods per metre.
+
+    grown : how much the phase grows in all, over how much it was asked to.
+    """
+
+    phase: CornerPhase
+    most: int
+    wish: Floats
+    slope: Floats
+    grown: float
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What both families follow.
+
+    along : (n, 3) directions of the major stripes.    confidence : (m,) how clear these are, 0 to 1.
+    moved : (n,) how far the vertices move under what is followed; any unit.
+    """
+
+    frames: Frames
+    given: StressDirections
+    along: Floats
+    confidence: Floats
+    moved: Floats
+    images: Images
+    symmetry: Symmetry | None
+    steered: Steered | None
+
+    @classmethod
+    def of(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
+        """Of a preset, with the spacings of the families that are drawn, metres."""
+        symmetry = _symmetry(preset, surface, statics)
+        sigma = followed_stress(preset, surface, statics)
+        given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
+        frames = Frames.of(surface)
+        steer = steering(preset.pattern, frames, symmetry, min(spacings))
+        symmetry = steer.symmetry
+        images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
+        length = max(SMOOTHING * float(np.mean(spacings)), surface.mean_edge)
+        field = cross_field(frames, given, length, steer.turn, steer.guidance)
+        along = images.directions(frames, field)
+        confidence = steer.confidence(surface, given.confidence(surface.areas))
+        over = _crossed_over(preset.pattern, frames, along, images)
+        along = np.where(over[:, None], np.cross(frames.normal, along), along)
+        own = bool(steer.turn or steer.guidance or over.any())
+        steered = steer.steered(surface, along, given, over) if own else None
+        moved = images.mean(_moved(preset, surface, statics))
+        return cls(frames, given, along, confidence, moved, images, symmetry, steered)
+
+    @property
+    def gradients(self) -> tuple[Floats, Floats]:
+        """(n, 3) of both phases: stripes run square to them."""
+        return np.cross(self.frames.normal, self.along), self.along
+
+
+def _crossed_over(ask: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
+    """(n,) where the families change names: nowhere if a person steers them by these names, or if images do not."""
+    over = crossed_over(frames, along)
+    same = np.abs(images.mean(over.astype(float)) - over).max() < 0.5
+    return over if same and not ask.steered else np.zeros_like(over)
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What a family is whatever its spacing: (n, 3) g where its phase grows to, (n,) u how dense its lines are, how
+    often they are halved, and (n,) start where the phase begins."""
+
+    follow: Followed
+    g: Floats
+    u: Floats
+    halved: Halving
+    start: Floats
+
+    @classmethod
+    def of(cls, follow: Followed, g: Floats, halve: bool) -> Self:
+        surface = follow.frames.surface
+        size = vertex_means(surface, np.abs(follow.given.stress).max(axis=1))
+        u = follow.images.mean(log_density(follow.frames, g, follow.confidence))
+        return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK)
+
+    def lines(self, spacing: float) -> Lines:
+        """The family with so many metres between its lines, in the mean."""
+        frames, images, most = self.follow.frames, self.follow.images, self.halved.most
+        surface = frames.surface
+        finest = density(surface, self.u, spacing, self.halved)
+        coarse = Flow(frames, self.g, finest / 2**most)  # counts then close around every loop, after halving too
+        lock = boundary_lines(surface, self.g, spacing)
+        given = self.start, lock, images.projection(surface.V, self.g, coarse.density)
+        solved = coarse.solve(*given)
+        if not lock.any():
+            solved = through_peaks(solved, surface.vertex_areas * self.start * self.follow.moved)
+        phase = corner_phase(coarse, solved)
+        if phase.broken and lock.any():
+            phase = min(phase, corner_phase(coarse, coarse.solve(*given, free=True)), key=lambda one: one.broken)
+        phase = phase.times(2**most)
+        phase = replace(phase, singular=images.of_any(phase.singular))
+        whole = surface.areas * ~phase.singular
+        size = np.linalg.norm(phase.gradients(surface), axis=1)
+        grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
+        slope = images.mean(_slope(surface, phase, finest))
+        return Lines(phase, most, self.halved.wish[surface.F].mean(axis=1), slope, grown)
+
+
+def _moved(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
+    """(n,) size of the displacements, summed over what the pattern follows; alike where there are none."""
+    followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed.items()]
+    moved = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
+    return np.asarray(moved if np.any(moved) else np.ones(surface.n))
+
+
+def no_lines(surface: Surface, spacing: float) -> Lines:
+    """A family that is not drawn: without a phase on any face."""
+    sides = (surface.m, 3)
+    phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
+    return Lines(phase, 0, np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
+
+
+def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symmetry | None:
+    """What surface, supports and followed loads have, if it is wanted."""
+    if preset.pattern.symmetry == "none":
+        return None
+    loads = [statics.cases[name].load for name in preset.followed]
+    return found_symmetry(surface, load_axes(surface, statics.load), loads)
+
+
+def _slope(surface: Surface, phase: CornerPhase, asked: Floats) -> Floats:
+    """(n,) periods per metre around each vertex, of the faces that have a phase."""
+    size = np.linalg.norm(phase.gradients(surface), axis=1)
+    whole = (~phase.singular).astype(float)
+    mean, known = vertex_means(surface, np.stack([size * whole, whole], axis=1)).T
+    slope = np.divide(mean, known, out=asked.copy(), where=known > 0)
+    return np.asarray(np.clip(slope, SLOPES[0] * asked, SLOPES[1] * asked))

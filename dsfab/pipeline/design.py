@@ -1,0 +1,215 @@
+"""`Design`: a preset and everything that is made of it, stage by stage, each when it is first asked for."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from dsfab import ways_out
+from dsfab.arrays import Floats
+from dsfab.pipeline.directions import diffusion_step
+from dsfab.pipeline.geometry import slicing_step, thickening_step
+from dsfab.pipeline.log import Log, Progress
+from dsfab.pipeline.pattern_stage import Before, pattern_stage
+from dsfab.pipeline.structure import statics_step, surface_step
+from dsfab.preset import STAGES, Preset
+from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult
+from dsfab.slicing import Sheet
+from dsfab.surface import LoadCase, Surface
+from dsfab.thickening import Solid
+from dsfab.wording import length, mass
+
+if TYPE_CHECKING:
+    import build123d
+
+ROWS = {
+    "surface": ("surface",),
+    "statics": ("membrane", "bending", "statics", "stress", "answers"),
+    "diffusion": ("diffusion", "modes"),
+    "pattern": ("method", "stripes", "choice", "widths", "pattern"),
+    "slicing": ("slicing",),
+    "thickening": ("thickening",),
+}
+"""The rows of the timing table that each stage fills."""
+
+PARTS = {"statics": ("factor",)}
+"""Seconds that are part of another row of the stage, told beside it."""
+
+HELD = {"slicing": ("slicing", "sheet"), "thickening": ("solid",), "export": ()}
+"""What holds the results of a stage, where that is not an attribute of its name."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Design:
+    """A preset and everything that is made of it. Frozen: `dsfab.revise` makes the next one.
+
+    surface, statics, diffusion, pattern, slicing and solid are made when they are first asked for, and kept; each
+    raises the DsfabError of its stage. `dsfab.run` makes them all, `dsfab.pipeline.draft` those before the cut.
+    """
+
+    preset: Preset
+    _log: Log = field(default_factory=lambda: Log(None))
+    _before: Before | None = None
+    _answers: dict[str, tuple[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, preset: Preset, old: "Design | None" = None, progress: Progress | None = None) -> "Design":
+        """A design whose stages are still to be made, but for those of `old` before the first section that differs."""
+        if old is None:
+            return cls(preset, Log(progress))
+        stage = preset.first_difference(old.preset) or "export"
+        new, start = cls(preset, Log(progress), old._stripes() if stage == "pattern" else None), STAGES.index(stage)
+        for stage in STAGES[:start]:
+            for name in HELD.get(stage, (stage,)):
+                if name in vars(old):
+                    vars(new)[name] = vars(old)[name]
+            rows = (*ROWS[stage], *PARTS.get(stage, ()))
+            new._log.seconds.update({row: old.seconds[row] for row in rows if row in old.seconds})
+            new._log.notes.extend(note for note in old.notes if note.stage == stage)
+        new._answers.update({key: one for key, one in old._answers.items() if STAGES.index(one[0]) < start})
+        return new
+
+    @classmethod
+    def known(cls, preset: Preset, **results: Any) -> "Design":
+        """A design of which some results are there already, by the names of its attributes (see `HELD`)."""
+        new = cls(preset)
+        vars(new).update(results)
+        return new
+
+    def until(self, stage: str) -> Self:
+        """The design itself, with everything up to this stage made. Raises the DsfabError of the one that refuses."""
+        for each in STAGES[: STAGES.index(stage) + 1]:
+            getattr(self, HELD.get(each, (each,))[0])
+        return self
+
+    def _stripes(self) -> Before | None:
+        """Evenly spaced stripes for a design that differs in [pattern] first."""
+        even = self.pattern.even if self.has("pattern") else None
+        return Before(self.preset.pattern, even, self.seconds["stripes"]) if even else None
+
+    def has(self, stage: str) -> bool:
+        """Whether what the stage makes is there already."""
+        return any(name in vars(self) for name in HELD.get(stage, (stage,)))
+
+    def once(self, stage: str, name: str, make: Callable[[], T]) -> T:
+        """What somebody works out of this design, worked out once; revisions that differ later share it."""
+        if name not in self._answers:
+            self._answers[name] = stage, make()
+        found: T = self._answers[name][1]
+        return found
+
+    def write(self, path: str | Path, **options: Any) -> Path:
+        """Write one file, its format by its suffix, as `dsfab build` writes it; see `dsfab.write`."""
+        done: Path = ways_out.through("write", self, path, **options)
+        return done
+
+    def save(self, folder: str | Path, **options: Any) -> Path:
+        """Write everything that `dsfab build` writes into a folder; see `dsfab.save`."""
+        done: Path = ways_out.through("save", self, folder, **options)
+        return done
+
+    def to_build123d(self) -> "build123d.Shape":
+        """For CAD, millimetres: what `write("x.step")` writes, smooth where it is."""
+        shape: build123d.Shape = ways_out.through("to_build123d", self)
+        return shape
+
+    def _repr_png_(self) -> bytes | None:
+        """PNG for a notebook, or None where nothing can be drawn."""
+        picture: bytes | None = ways_out.through("inline_picture", self)
+        return picture
+
+    def __repr__(self) -> str:
+        return "\n".join(described(self))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For another process: who is told of the progress, and what others worked out, stay behind."""
+        return {**vars(self), "_log": replace(self._log, progress=None), "_answers": {}}
+
+    @cached_property
+    def surface(self) -> Surface:
+        """Stage 1: the surface, metres."""
+        return surface_step(self.preset, self._log)
+
+    @cached_property
+    def statics(self) -> StaticsResult:
+        """Stage 2: how the uncut surface carries its loads."""
+        return statics_step(self.preset, self.surface, self._log)
+
+    @cached_property
+    def diffusion(self) -> DiffusionResult:
+        """Stage 3: tensors and modes."""
+        return diffusion_step(self.preset, self.surface, self.statics, self._log)
+
+    @cached_property
+    def pattern(self) -> PatternResult:
+        """Stage 4: the stripes, before anything is cut."""
+        return pattern_stage(self.preset, self.surface, self.statics, self.diffusion, self._log, self._before)
+
+    @cached_property
+    def slicing(self) -> SlicingResult:
+        """Stage 5: the surface cut, and what is kept of it."""
+        return slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
+
+    @cached_property
+    def sheet(self) -> Sheet:
+        """The sheet that is kept."""
+        return self.slicing.sheet
+
+    @cached_property
+    def solid(self) -> Solid:
+        """Stage 6: the sheet thickened."""
+        return thickening_step(self.preset, self.surface, self.slicing, self._log)
+
+    @cached_property
+    def fields(self) -> Mapping[str, Floats] | None:
+        """What a VTU file shows, by name, where it was read from a folder; None where it is still to be worked out."""
+        return None
+
+    @property
+    def seconds(self) -> Mapping[str, float]:
+        """Rows of the timing table, of the stages that were made."""
+        return MappingProxyType(self._log.seconds)
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """What a person should know, of the stages that were made."""
+        return tuple(self._log.notes)
+
+    @property
+    def settled(self) -> Preset:
+        """The preset with what was chosen: it makes the same design without a search."""
+        return self.pattern.settled(self.preset)
+
+    @property
+    def load(self) -> LoadCase:
+        """Supports and loads on the uncut surface."""
+        return self.statics.load
+
+    @property
+    def mass(self) -> float:
+        """Mass of the solid, kg."""
+        return self.solid.volume * self.preset.statics.density
+
+
+def described(design: Design) -> Iterator[str]:
+    """A line for the design and one for each thing that it has, for people."""
+    preset = design.preset
+    yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
+    if design.has("surface"):
+        surface = design.surface
+        yield f"  surface  {surface.area:.4g} m2, {surface.n:,} vertices, {surface.m:,} triangles"
+    if design.has("pattern"):
+        yield f"  pattern  {design.settled.pattern.method}: {' and '.join(design.pattern.names)}"
+    if design.has("slicing"):
+        sheet = design.sheet.surface
+        yield f"  sheet    {sheet.area / design.surface.area:.0%} of it, {length(preset.statics.thickness)} thick"
+    if design.has("thickening"):
+        solid = design.solid
+        pieces = "1 piece" if solid.pieces == 1 else f"{solid.pieces} pieces"
+        yield f"  solid    {mass(design.mass)}, {solid.volume:.4g} m3, {pieces}, {len(solid.F):,} triangles"
+    if not design.has("thickening"):
+        yield "  what is not listed is made when it is asked for"

@@ -1,0 +1,225 @@
+"""What colour a face of a preview has, and the bar that explains it."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.errors import DsfabError
+from dsfab.render.lettering import round_length
+from dsfab.render.palette import Palette
+from dsfab.render.scene import Bytes
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+    from dsfab.pipeline.design import Design
+
+Show = Literal[
+    "structure",
+    "stress",
+    "families",
+    "major",
+    "minor",
+    "loads",
+    "directions",
+    "major_mode",
+    "minor_mode",
+    "vonmises",
+    "utilisation",
+    "energy",
+    "displacement",
+    "buckling",
+    "frequency",
+]
+
+ANSWERS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
+"""Shown on the whole uncut sheet, that they were computed for."""
+
+DEFORMED = ("displacement", "buckling", "frequency")
+"""Of these, the ones that are drawn as a shape."""
+
+MODES = ("major_mode", "minor_mode")
+"""The fields whose values the stripes are drawn along."""
+
+WHOLE_SHEET = ("loads", "directions", *MODES, *ANSWERS)
+"""Shown on the sheet before stripes are drawn on it."""
+
+STEEPEST = 98.0
+"""Colours end at this percentile of the stress: single points under loads and supports would hide the rest."""
+
+# compression, none, tension: blue and red, as engineers are used to, of equal darkness and safe for colour-blind eyes
+_DIVERGING = np.array(
+    [(33, 80, 140), (84, 140, 190), (166, 200, 222), (240, 236, 228), (238, 190, 160), (210, 110, 80), (150, 38, 40)],
+    dtype=np.float64,
+)
+
+# below and above zero, of what is no stress: teal and ochre
+_SIGNED = np.array(
+    [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
+    dtype=np.float64,
+)
+
+# nothing to much: pale to dark, so that it can be read without colours too
+_RISING = np.array(
+    [(240, 236, 228), (246, 208, 148), (232, 148, 84), (196, 80, 56), (128, 28, 52), (64, 10, 44)], dtype=np.float64
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Bar:
+    """A scale of colours.
+
+    limit   : where its colours end; both ways if there is a middle.
+    labels  : below its left end, middle and right end.        names : above its left and right end.
+    colours : (k, 3) from left to right.                       bands: how many steps they make; 0 for none.
+    """
+
+    limit: float
+    labels: tuple[str, str, str]
+    names: tuple[str, str]
+    colours: Floats = field(default_factory=lambda: _RISING)
+    bands: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Colouring:
+    """face (m, 3) bytes; bar: what explains them, if they need it.
+
+    V     : (n, 3) where the vertices are drawn, metres; None leaves them where they are.
+    words : for the caption.
+    """
+
+    face: Bytes
+    bar: Bar | None = None
+    V: Floats | None = None
+    words: str = ""
+
+
+def check_show(show: str) -> None:
+    """Raises DsfabError for what cannot be shown."""
+    if show == "fabrication":
+        raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
+    if show not in get_args(Show):
+        raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(Show))}")
+
+
+def coloured(design: "Design", show: str, palette: Palette) -> Colouring:
+    """The colours of the uncut surface's faces.
+
+    stress is the principal stress of larger size on each face, tension positive; see `dsfab.render.answers` for the
+    answers of the statics. Raises DsfabError for what the preset does not ask for.
+    """
+    if show in ANSWERS:
+        from dsfab.render.answers import answered
+
+        return answered(design, show)
+    if show == "stress":
+        principal = design.diffusion.tensors.principal
+        value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]
+        limit, bands = banded(float(np.percentile(np.abs(value), STEEPEST)))
+        label = stress_label(limit)
+        bar = Bar(limit, (f"-{label}", "0", label), ("compression", "tension"), _DIVERGING, 2 * bands)
+        return Colouring(diverging(value / limit, 2 * bands), bar)
+    if show in MODES:
+        return _mode(design, show)
+    plain = palette.plain
+    colour = {"major": palette.families[0], "minor": palette.families[2], "loads": plain, "directions": plain}
+    one = np.array(colour.get(show, palette.members), dtype=np.uint8)
+    face = np.broadcast_to(one, (design.surface.m, 3))
+    if show == "loads":
+        return Colouring(
+            face, words=f"loads, {force_label(float(np.linalg.norm(design.load.force.sum(axis=0))))} in all"
+        )
+    if show == "directions":
+        if design.preset.combines:
+            return Colouring(face, words="directions of several cases together: red where most is carried, blue across")
+        signs = Bar(1.0, ("", "", ""), ("compression", "tension"), _DIVERGING)
+        return Colouring(face, signs)
+    return Colouring(face)
+
+
+def _mode(design: "Design", show: str) -> Colouring:
+    """A mode that stripes are drawn along: each change of 1 / frequency is another stripe.
+
+    Raises DsfabError for stripes that are drawn along none.
+    """
+    if design.pattern.even:
+        raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
+    name = show.removesuffix("_mode")
+    modes = getattr(design.diffusion, name)
+    number = getattr(design.preset.pattern, name).mode
+    value = modes.mode(number)
+    limit = float(np.abs(value).max())
+    bar = Bar(limit, (f"-{limit:.2g}", "0", f"{limit:.2g}"), ("", ""), _SIGNED)
+    face = ramp((value[design.surface.F].mean(axis=1) / limit + 1) / 2, _SIGNED)
+    eigenvalue = modes.lam[number - 1] * design.surface.area
+    return Colouring(face, bar, None, f"{name} mode {number}, eigenvalue {eigenvalue:.4g} / area, uncut sheet")
+
+
+def banded(limit: float) -> tuple[float, int]:
+    """Where colours end so that 4 to 10 bands of a round width (1, 2, 5 times a power of ten) reach `limit`, and how
+    many they are."""
+    if not limit > 0:
+        return 1.0, 4
+    step = round_length(limit / 4)
+    count = int(np.ceil(limit / step - 1e-9))
+    return count * step, count
+
+
+def diverging(share: Floats, bands: int = 0) -> Bytes:
+    """(k, 3) colours for shares from -1 (compression) to 1 (tension)."""
+    return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
+
+
+def rising(share: Floats, bands: int = 0) -> Bytes:
+    """(k, 3) colours for shares from 0 to 1."""
+    return ramp(np.clip(share, 0, 1), _RISING, bands)
+
+
+def signed(share: Floats) -> Bytes:
+    """(k, 3) colours for shares from -1 to 1 of what is no stress."""
+    return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
+
+
+def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
+    """(k, 3) colours for shares from 0 to 1 of the way along `colours`, in steps of equal width if there are bands."""
+    if bands:
+        share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
+    place, known = share * (len(colours) - 1), np.arange(len(colours))
+    return np.stack([np.interp(place, known, channel) for channel in colours.T], axis=1).astype(np.uint8)
+
+
+def stress_label(pascals: float) -> str:
+    """'12 MPa', '350 kPa', '0 Pa', with three digits."""
+    size = abs(pascals)
+    factor, unit = next(((f, u) for f, u in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")) if size >= f), (1.0, "Pa"))
+    return f"{pascals / factor:.3g} {unit}"
+
+
+def force_label(newtons: float) -> str:
+    """'1.2 kN', '350 N', with three digits; 999.9 N are 1 kN."""
+    newtons = float(f"{newtons:.3g}")
+    factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
+    return f"{newtons / factor:.3g} {unit}"
+
+
+def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
+    """The picture with the scale of colours above its caption, on the left."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    width, height = image.size
+    letter = max(height / 46, 9.0)
+    left, base, long = 0.035 * width, height - 6.6 * letter, round(0.22 * width)
+    strip = np.broadcast_to(
+        ramp(np.linspace(0, 1, long), bar.colours, bar.bands), (max(round(0.55 * letter), 4), long, 3)
+    )
+    image.paste(Image.fromarray(np.ascontiguousarray(strip)), (round(left), round(base)))
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=0.9 * letter)
+    top, below = base - 0.5 * letter, base + 1.55 * letter
+    draw.text((left, top), bar.names[0], fill=palette.text, font=font, anchor="ls")
+    draw.text((left + long, top), bar.names[1], fill=palette.text, font=font, anchor="rs")
+    for share, text, anchor in zip((0.0, 0.5, 1.0), bar.labels, ("ls", "ms", "rs"), strict=True):
+        draw.text((left + share * long, below), text, fill=palette.text, font=font, anchor=anchor)
+    return image

@@ -1,0 +1,104 @@
+"""A picture out of what is where: light and shadow on the structure and on the ground, and lines at its edges."""
+
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+
+from dsfab.arrays import Bools
+from dsfab.errors import DsfabError
+from dsfab.render import light
+from dsfab.render.edges import edges
+from dsfab.render.palette import Palette
+from dsfab.render.scene import Bytes, Floats32, Pixels, Scene
+from dsfab.render.stage import Stage
+from dsfab.sparse import give_back
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+Ground = Literal["paper", "white", "transparent"]
+"""What a structure stands on."""
+
+FINER = 2
+"""Drawn at twice the size and averaged: smooth edges."""
+
+FADE = 0.12
+"""Shadows fade out towards the edges of the page over this share of its height."""
+
+
+def check_ground(ground: str) -> None:
+    """Raises DsfabError for a ground that there is not."""
+    if ground not in get_args(Ground):
+        raise DsfabError(f"ground {ground!r} is not known; use one of {', '.join(get_args(Ground))}")
+
+
+def rendered(
+    scene: Scene,
+    stage: Stage,
+    palette: Palette,
+    size: tuple[int, int],
+    quality: light.Quality = light.FINE,
+    clear: bool = False,
+) -> "Image":
+    """The picture without words; `clear` leaves the paper away and gives the shadows their share of opacity."""
+    from PIL import Image
+
+    width, height = FINER * size[0], FINER * size[1]
+    all_lamps = light.lamps(stage.view, stage.view.floor, quality.fitting(size[1]))
+    pixels = scene.pixels(stage.view, width, height)
+    level = None
+    if stage.level is not None:
+        level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
+    brightness, share = light.shaded(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
+    give_back()  # what the lamps saw
+    canvas = (_clear_floor if clear else _floor)(share, palette, width, height)
+    pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
+    lines = edges(pixels, 2.5 * pixel)
+    hit = np.isfinite(pixels.depth)
+    canvas[hit, :3] = _inked(pixels, hit, brightness, lines, palette)
+    canvas[hit, 3:] = 255
+    return Image.fromarray(canvas).reduce(FINER)
+
+
+def _open(share: Floats32, width: int, height: int) -> Bytes:
+    """(height, width) 0..255, how much of the light reaches the ground, without shadows at the edge of the page."""
+    from PIL import Image
+
+    x, y = (np.minimum(np.arange(k), np.arange(k)[::-1]) / (FADE * share.shape[0]) for k in share.shape[::-1])
+    fade = np.clip(np.minimum(x, y[:, None]), 0, 1)  # no shadow ends at the edge of the page
+    share = 1 - (1 - share) * (fade * fade * (3 - 2 * fade)).astype(np.float32)
+    shades = Image.fromarray(np.round(np.clip(share, 0, 1) * 255).astype(np.uint8))
+    return np.asarray(shades.resize((width, height), Image.Resampling.BICUBIC))
+
+
+def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
+    """(height, width, 3) paper with the shadows on it."""
+    if share is None:
+        return np.asarray(np.broadcast_to(np.array(palette.paper, dtype=np.uint8), (height, width, 3)).copy())
+    dark, bright = np.array(palette.shadow, dtype=np.float32), np.array(palette.paper, dtype=np.float32)
+    table = dark + (np.arange(256, dtype=np.float32)[:, None] / 255) * (bright - dark)
+    return np.asarray(np.round(table).astype(np.uint8)[_open(share, width, height)])
+
+
+def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
+    """(height, width, 4) shadows alone, as opaque as paper would be dark."""
+    canvas = np.zeros((height, width, 4), dtype=np.uint8)
+    canvas[:, :, :3] = palette.shadow
+    if share is not None:
+        canvas[:, :, 3] = 255 - _open(share, width, height)
+    return canvas
+
+
+def _inked(pixels: Pixels, hit: Bools, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
+    """(k, 3) colours of what is drawn: light on colour, darker at edges; marks keep their colour, for the legend."""
+    drawn, lines = pixels.colour[hit], lines[hit]
+    fixed = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
+    for start in range(0, len(drawn), light.CHUNK):
+        part = slice(start, start + light.CHUNK)
+        colour = drawn[part]
+        flat = np.logical_or.reduce([(colour == np.array(mark, dtype=np.uint8)).all(axis=1) for mark in fixed])
+        amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness[part], brightness[part])
+        amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[part]
+        tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # light adds up linearly, bytes do not
+        drawn[part] = np.minimum(colour * tone[:, None], 255).astype(np.uint8)
+    return drawn

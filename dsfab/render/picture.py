@@ -1,0 +1,93 @@
+"""The picture of a finished structure: a plaster-like model on white paper, with its loads, supports and scale."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import DsfabError
+from dsfab.render.drawing import rendered
+from dsfab.render.lettering import lettered
+from dsfab.render.opengl import require_rendering
+from dsfab.render.palette import PAPER, Palette
+from dsfab.render.png import write_png
+from dsfab.render.scene import Body, Bytes, Scene
+from dsfab.render.stage import legend, staged
+from dsfab.render.view import best_side, up_axis
+from dsfab.surface import LoadCase, Surface
+
+
+def picture(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    surface: Surface | None = None,
+    load: LoadCase | None = None,
+    family: ArrayLike | None = None,
+    caption: str = "",
+    size: tuple[int, int] = (1600, 1200),
+    up: ArrayLike | None = None,
+    palette: Palette = PAPER,
+) -> Bytes:
+    """A picture of a solid (or a sheet), seen from a side that suits its shape, whole on the page.
+
+    V, F    : (n, 3) metres and (m, 3), outward oriented.
+    surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
+    family  : (m,) index into `palette.families` for each face, -1 for the one colour of all members.
+    caption : one line below. size : (width, height) in pixels. up : (3,) any length, found out when left out.
+
+    Returns (height, width, 3) bytes, red green blue. Raises DsfabError where nothing can be drawn (see
+    `dsfab.render.opengl.require_rendering`) and for a solid without faces. Draw in one thread at a time.
+    """
+    vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
+    if not len(faces):
+        raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
+    require_rendering()
+    member = _member_colours(faces, family, palette)
+    axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)
+    side = best_side(vertices, axis / np.linalg.norm(axis))
+    half = _half_thickness(vertices, faces)
+    stage = staged(Body(vertices, faces, member, casts=True), side, axis, half, surface, load, palette, size)
+    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
+        image = rendered(scene, stage, palette, size)
+    return np.asarray(lettered(image, legend(stage, caption, palette, size), palette))
+
+
+def write_picture(
+    path: str | Path,
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    surface: Surface | None = None,
+    load: LoadCase | None = None,
+    family: ArrayLike | None = None,
+    caption: str = "",
+    size: tuple[int, int] = (1600, 1200),
+    up: ArrayLike | None = None,
+    palette: Palette = PAPER,
+) -> Path:
+    """Write `picture(V, F, ...)` as a PNG file, whole or not at all; returns its path.
+
+    Raises what `picture` raises, and ExportError for a file that cannot be written.
+    """
+    pixels = picture(
+        V, F, surface=surface, load=load, family=family, caption=caption, size=size, up=up, palette=palette
+    )
+    return write_png(pixels, Path(path))
+
+
+def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:
+    """(m, 3) colours of the faces."""
+    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # -1 is the last row
+    index = np.full(len(F), -1) if family is None else np.asarray(family)
+    if index.shape != (len(F),) or index.min() < -1 or index.max() >= len(palette.families):
+        raise ValueError(f"expected {len(F)} families between -1 and {len(palette.families) - 1}")
+    return np.asarray(table[index])
+
+
+def _half_thickness(V: Floats, F: Ints) -> float:
+    """Half the mean thickness of a thin solid, metres: its volume over its area; 0 for a sheet."""
+    a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
+    area = np.cross(b - a, c - a)
+    return abs(float(np.einsum("mi,mi->", a, area))) / 3 / float(np.linalg.norm(area, axis=1).sum())

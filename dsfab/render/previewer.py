@@ -1,0 +1,278 @@
+"""`Previewer`: a design's uncut surface, drawn as if it were cut; parameters change, the geometry stays."""
+
+import threading
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats
+from dsfab.errors import DsfabError, PatternError
+from dsfab.pipeline import draft
+from dsfab.pipeline.design import Design
+from dsfab.preset import Preset
+from dsfab.preset_file import overridden
+from dsfab.render import light
+from dsfab.render.colouring import ANSWERS, DEFORMED, MODES, WHOLE_SHEET, Bar, check_show, coloured, with_bar
+from dsfab.render.crosses import crosses
+from dsfab.render.drawing import Ground, check_ground, rendered
+from dsfab.render.lettering import lettered
+from dsfab.render.opengl import require_rendering
+from dsfab.render.palette import PAPER, Palette
+from dsfab.render.png import png, write_png
+from dsfab.render.scene import Body, Bytes, Scene, shading
+from dsfab.render.shader import NOTHING, WHOLE, StripeShader
+from dsfab.render.stage import EVERY_LAYER, LAYERS, legend, on_page, staged
+from dsfab.render.striped_mesh import StripedMesh, distances, fields, numbers, only_numbers
+from dsfab.render.view import View, named_side, up_axis
+from dsfab.sparse import give_back
+
+NOMINAL = (1600, 1200)
+"""Pixels of a picture when nothing else is asked for."""
+
+COLOURED = ("major", "minor", "kept")
+"""Names of what the colours of families tell apart."""
+
+TRIAL = (96, 72)
+"""Pixels of the pictures that try the shader."""
+
+
+class Previewer:
+    """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
+
+    design  : a Design, or a Design (see `dsfab.pipeline.draft`): nothing needs to be cut or thickened.
+    view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
+    show    : structure; stress (the structure, coloured); families (each in its colour);
+              major or minor (one family, and what is kept); or, on the
+              whole uncut sheet: loads, directions (principal, as crosses), major_mode or minor_mode, or an answer of
+              the statics: vonmises, utilisation, energy, displacement, buckling or frequency (the last three
+              exaggerated).
+    marks   : whether loads, supports and a person for scale are drawn; or which of `EVERY_LAYER`.
+    ground  : paper, white or transparent: the picture then has a fourth channel, with the shadows in it.
+
+    What is seen is the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
+    pieces that reach no support; the solid's thickness is not drawn.
+    It must be made, used and closed in one thread. Raises DsfabError where nothing can be drawn, or not rightly.
+    """
+
+    def __init__(
+        self,
+        design: Design,
+        *,
+        view: str = "iso",
+        show: str = "structure",
+        marks: bool | Collection[str] = True,
+        ground: Ground = "paper",
+        palette: Palette = PAPER,
+    ) -> None:
+        check_show(show)
+        check_ground(ground)
+        surface, load = design.surface, design.load
+        up = up_axis(surface.V, surface, load)
+        self._side = named_side(surface.V, up, view)
+        require_rendering()
+        self._thread = threading.get_ident()
+        self._made: Design = design
+        self._preset = design.preset
+        self._show = show
+        self._distance: tuple[Floats, Floats] | None = None
+        self._views: dict[tuple[tuple[int, int], bool], View] = {}
+        tints = self._tints = palette.tints if show == "families" else None
+        palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
+        self._clear = ground == "transparent"
+        colouring = coloured(design, show, palette)
+        self._bar, self._words = colouring.bar, colouring.words
+        self._V, self._face = colouring.V, colouring.face
+        self._mesh = StripedMesh.of(design)
+        body = self._body()
+        shape = surface if colouring.V is None else replace(surface, V=colouring.V)
+        half = design.preset.statics.thickness / 2
+        layers = _layers(marks) - ({"person"} if view == "top" else set())
+        reaction = design.statics.equilibrium.reaction
+        blue = show in ("stress", "directions")  # is compression there
+        drawn = replace(palette, load=palette.text) if blue else palette
+        self._palette = drawn
+        known = ("kept", *design.preset.pattern.family_names)
+        pairs = zip(COLOURED, tints, strict=True) if tints else ()
+        self._swatches = tuple((name, tint) for name, tint in pairs if name in known)
+        self._stage = staged(body, self._side, up, half, shape, load, drawn, NOMINAL, layers, reaction)
+        if show == "directions":
+            self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
+        if self._side.towards @ up < 0:  # from below one looks through the ground
+            self._stage = replace(self._stage, level=None)
+        self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
+        try:
+            self._try_shader()
+            self._settle()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the window back."""
+        self._scene.close()
+
+    @property
+    def preset(self) -> Preset:
+        """What is drawn now."""
+        return self._preset
+
+    @property
+    def words(self) -> str:
+        """What is shown, where it needs words."""
+        return self._words
+
+    @property
+    def bar(self) -> Bar | None:
+        """What explains the colours, if they need it."""
+        return self._bar
+
+    def set(self, changes: Mapping[str, Any]) -> None:
+        """Other values at dotted keys, e.g. {"pattern.major.frequency": 9}; see `display`."""
+        self.display(overridden(self._preset, changes))
+
+    def can_display(self, preset: Preset) -> bool:
+        """Whether `display` draws it: the same geometry under the same loads."""
+        old, drawn = self._preset, self._show
+        same = preset.surface == old.surface and (
+            drawn not in (*DEFORMED, "directions") or preset.statics == old.statics
+        )
+        return same and (drawn != "directions" or preset.diffusion == old.diffusion)
+
+    def display(self, preset: Preset) -> None:
+        """Draw another preset of the same surface from now on.
+
+        Frequencies, phases and thresholds of plain stripes and the reach of what is kept are a few numbers; anything
+        else in [pattern] sends values per vertex to the graphics side; r and gamma solve for modes again.
+        Raises DsfabError for another [surface] and for what cannot be made; the old preset stays then.
+        """
+        if preset.surface != self._preset.surface:
+            raise DsfabError("another [surface] has another geometry and other loads: make a new Previewer for it")
+        if not self.can_display(preset):
+            why = "has other directions" if self._show == "directions" else f"has another shape of {self._show}"
+            raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
+        if not only_numbers(self._made.preset, preset):
+            made = draft(preset, old=self._made)
+            mesh = StripedMesh.of(made)
+            stressed = self._show in ("stress", *ANSWERS) and made.statics is not self._made.statics
+            if stressed or self._show in MODES:
+                colouring = coloured(made, self._show, self._palette)
+                self._face, self._bar, self._words = colouring.face, colouring.bar, colouring.words
+                self._shader.recolour(self._mesh.on_faces(self._face))
+            again = not mesh.same(self._mesh)
+            self._made, self._mesh = made, mesh
+            if again:
+                body = self._body()
+                self._stage = replace(self._stage, bodies=[body, *self._stage.bodies[1:]])
+                self._scene.put(0, body)
+            else:
+                self._shader.replace_fields(fields(made, mesh, self._distances(made)))
+        self._preset = preset
+        self._settle()
+
+    def picture(
+        self,
+        size: tuple[int, int] = NOMINAL,
+        caption: str | None = None,
+        quality: light.Quality = light.FINE,
+        words: bool = True,
+    ) -> Bytes:
+        """What is set now, (height, width, 3) bytes, on transparent ground (height, width, 4).
+
+        size: (width, height) in pixels; words: caption and legend.
+
+        Raises PatternError when the pattern leaves no material.
+        """
+        if threading.get_ident() != self._thread:
+            raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
+        view = self._view(size, words)
+        stage = replace(self._stage, view=view)
+        image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
+        give_back()  # a hundred megabytes of pictures on the way to this one
+        alone = len(stage.bodies) == 1  # then nothing is seen if there is no material, and that costs no frame
+        if self._scene.empty if alone else not self.mask(size, words).any():
+            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
+        if words:
+            line = self._caption() if caption is None else caption
+            image = lettered(image, legend(stage, line, self._palette, size, self._swatches), self._palette)
+            image = with_bar(image, self._bar, self._palette) if self._bar else image
+        return np.asarray(image)
+
+    def mask(self, size: tuple[int, int] = NOMINAL, words: bool = True) -> Bools:
+        """(height, width) where material is seen in a picture of that size; what covers it is left away."""
+        return self._scene.mask(self._view(size, words), *size)
+
+    def _view(self, size: tuple[int, int], words: bool) -> View:
+        """The camera for a page: found once for each."""
+        if (size, words) not in self._views:
+            self._views[size, words] = on_page(self._stage.bodies, self._side, size, words)
+        return self._views[size, words]
+
+    def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:
+        """Write `picture` as a PNG file, whole or not at all; raises ExportError for a file that cannot be written."""
+        return write_png(self.picture(size, caption), Path(path))
+
+    def _repr_png_(self) -> bytes:
+        """The picture in a notebook."""
+        return png(self.picture((800, 600)))
+
+    def _caption(self) -> str:
+        return f"{self._preset.name} - {self._words or f'{self._show}, preview before cutting'}"
+
+    def _body(self) -> Body:
+        """What is drawn, with a shader of its own."""
+        design, mesh = self._made, self._mesh
+        self._shader = StripeShader(fields(design, mesh, self._distances(design)), self._tints)
+        V, normals = self._V, None
+        if mesh.even:  # cut open: light must not show where
+            normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
+        return Body(
+            mesh.surface.V if V is None else mesh.carry(V),
+            mesh.surface.F,
+            mesh.on_faces(self._face),
+            casts=True,
+            shader=self._shader,
+            half=design.preset.statics.thickness / 2,
+            normals=normals,
+        )
+
+    def _settle(self) -> None:
+        """Hand the numbers of the preset to the shader."""
+        whole = self._show in WHOLE_SHEET
+        self._shader.set(WHOLE if whole else numbers(self._preset, self._made.pattern, self._show))
+
+    def _try_shader(self) -> None:
+        """A driver that ignores or refuses the shader says nothing: it draws the full mesh, or none."""
+        view = self._view(TRIAL, True)
+        seen = []
+        for settings in (WHOLE, NOTHING):
+            self._shader.set(settings)
+            seen.append(int(self._scene.mask(view, *TRIAL).sum()))
+        if not seen[0] or seen[1]:
+            raise DsfabError(
+                f"this machine's graphics driver does not run the preview's shader ({seen[0]} pixels where all is "
+                f"material, {seen[1]} where nothing is); set VTK_DEFAULT_OPENGL_WINDOW=vtkEGLRenderWindow to draw in "
+                "software, or use dsfab build, whose picture needs no shader"
+            )
+
+    def _distances(self, design: Design) -> tuple[Floats, Floats]:
+        """As `distances` has them; the surface stays, and so do they."""
+        if self._distance is None:
+            self._distance = distances(design)
+        return self._distance
+
+
+def _layers(marks: bool | Collection[str]) -> set[str]:
+    """Names of the layers; raises DsfabError for those that there are not."""
+    layers = set(LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
+    if unknown := sorted(layers - set(EVERY_LAYER)):
+        raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}")
+    return layers

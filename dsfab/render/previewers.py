@@ -1,0 +1,47 @@
+"""One previewer after another: the one there is draws the next preset if it can, and what was solved is kept."""
+
+from typing import Any, Self
+
+from dsfab.pipeline import Progress, draft
+from dsfab.pipeline.design import Design
+from dsfab.preset import Preset
+from dsfab.render.previewer import Previewer
+
+
+class Studio:
+    """Previewers for presets that follow one another; use as `with Studio(view=..., ...) as studio`.
+
+    options : those of `Previewer`, for all of them.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        self._options = options
+        self._previewer: Previewer | None = None
+        self.made: Design | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the window back."""
+        if self._previewer:
+            self._previewer.close()
+        self._previewer = None
+
+    def showing(self, preset: Preset, progress: Progress | None = None) -> Previewer:
+        """A previewer that shows this preset; raises DsfabError for what cannot be made or drawn."""
+        if self._previewer and self._previewer.can_display(preset):
+            self._previewer.display(preset)
+            return self._previewer
+        made = self.drafted(preset, progress)
+        self.close()
+        self._previewer = Previewer(made, **self._options)
+        return self._previewer
+
+    def drafted(self, preset: Preset, progress: Progress | None = None) -> Design:
+        """What is drawn: with the stages of the last one before the first section that differs."""
+        self.made = draft(preset, progress, self.made)
+        return self.made

@@ -1,0 +1,250 @@
+"""The shader that draws an uncut surface as if it were cut: a pixel that no stripe or kept region covers is discarded.
+
+It asks the question that slicing answers with cuts, material is |z - k| < d for an integer k, from the same linear
+fields at every pixel. So a change of pattern is a change of a few numbers on the graphics side.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.pattern.wave import GLSL
+from dsfab.render.scene import Bytes, Colour, Floats32
+
+FAR = 1e30
+"""Distance from what is not there: infinity times a weight of zero would be no number."""
+
+NO_REACH = -FAR
+"""A reach that keeps nothing; with 0, values interpolated to just below 0 at the silhouette would be kept."""
+
+BY_VERTEX = -1.0
+"""A half-width of this value, as a uniform, is read at the vertices."""
+
+SHADE = 0.82
+"""Walls are this much darker than the faces beside them, apart from the light on them."""
+
+STEEPEST = 4.0
+"""A slab that is seen along itself shows at most this many half thicknesses of its wall."""
+
+_DECLARED, _GIVEN = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
+_CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
+
+FIELDS = ("modes", "widths", "kept")
+"""What may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
+
+TIE = 2e-6
+"""Periods by which what is nowhere or everywhere wide is so beyond the rounding of the graphics side."""
+
+# |t - nearest integer + 1/2| is (wave(t) + 1) / 4: material is where it exceeds 1/2 - d. All that is linear is done at
+# the vertices, since software rendering pays for each uniform at each pixel
+_STRIPES = f"""
+  vec2 dsWide = HALF;
+  vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
+  dsStripes = vec4(dsFrequency * modesMC + dsPhase - 0.5, 0.5 - dsWide + dsTie);
+"""
+_HALF = "vec2(dsDrawn.x < 0.0 ? widthsMC.x : dsDrawn.x, dsDrawn.y < 0.0 ? widthsMC.y : dsDrawn.y)"
+_REACHED = "  dsReached = dsReach - keptMC;\n"
+_THIN = """
+  vec2 dsOff = abs(dsStripes.xy - roundEven(dsStripes.xy));
+  vec3 dsHere = vec3(dsOff - dsStripes.zw, REACHED);
+  if (all(lessThanEqual(dsOff, dsStripes.zw)) && REACHED <= 0.0) discard;
+"""
+
+_DEPTH = """
+// how deep in material: of the major and of the minor stripes, and of what is kept; material is > 0
+vec3 dsDepth(vec4 stripes, vec2 kept) {
+  vec2 d = vec2(dsHalfWidth.x < 0.0 ? stripes.z : dsHalfWidth.x, dsHalfWidth.y < 0.0 ? stripes.w : dsHalfWidth.y);
+  vec2 z = dsFrequency * stripes.xy + dsPhase;
+  float major = dsShown.x < 0.5 ? -1.0 : d.x >= 0.5 ? 1.0 : wave(z.x) - (1.0 - 4.0 * d.x);
+  float minor = dsShown.y < 0.5 ? -1.0 : d.y >= 0.5 ? 1.0 : wave(z.y) - (1.0 - 4.0 * d.y);
+  vec2 reach = dsReach - kept;
+  return vec3(major, minor, max(reach.x, reach.y));
+}
+float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
+"""
+
+# a slab: the ray goes through it sideways, and so through the fields, which are linear here; it ends in face or wall.
+# A program of its own: software rendering runs both sides of every `if`
+_WALLS = """
+  vec3 dsWall = vec3(0.0);
+  vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
+  vec4 sx = dFdx(stripesVS), sy = dFdy(stripesVS);
+  vec2 kx = dFdx(keptVS), ky = dFdy(keptVS);
+  vec3 normal = normalize(cross(px, py));
+  float along = dot(ray, normal);
+  vec3 across = (ray - along * normal) * dsThick / max(abs(along), dsSteep);
+  float xx = dot(px, px), xy = dot(px, py), yy = dot(py, py), det = max(xx * yy - xy * xy, 1e-30);
+  vec2 ab = vec2(dot(across, px) * yy - dot(across, py) * xy, dot(across, py) * xx - dot(across, px) * xy) / det;
+  vec4 ds = ab.x * sx + ab.y * sy;
+  vec2 dk = ab.x * kx + ab.y * ky;
+  vec3 dsHere = dsDepth(stripesVS - ds, keptVS - dk);
+  bool top = dsMost(dsHere) > 0.0;
+  for (float t = -0.75; t < 1.01 && dsMost(dsHere) <= 0.0; t += 0.25) {
+    dsHere = dsDepth(stripesVS + t * ds, keptVS + t * dk);
+  }
+  if (!top && dsMost(dsHere) > 0.0) {
+    vec2 g = 0.5 * vec2(dsMost(dsDepth(stripesVS + sx, keptVS + kx)) - dsMost(dsDepth(stripesVS - sx, keptVS - kx)),
+                        dsMost(dsDepth(stripesVS + sy, keptVS + ky)) - dsMost(dsDepth(stripesVS - sy, keptVS - ky)));
+    dsWall = -((g.x * yy - g.y * xy) * px + (g.y * xx - g.x * xy) * py) / det;
+    dsWall = dot(dsWall, dsWall) > 0.0 ? normalize(dsWall) : -normalize(across);
+  }
+  if (dsMost(dsHere) <= 0.0) discard;
+"""
+
+_TINTED = "  gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsRest;\n"
+_WALL_COLOUR = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb *= dsShade;\n"
+_WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWall + 0.5;\n"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The numbers of a pattern, of the major and of the minor family each.
+
+    half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : whether a family is drawn.
+    reach      : metres kept around loads and supports, and at the rim, or `NO_REACH`.
+    """
+
+    frequency: tuple[float, float] = (1.0, 1.0)
+    phase: tuple[float, float] = (0.0, 0.0)
+    half_width: tuple[float, float] = (0.5, 0.5)
+    reach: tuple[float, float] = (NO_REACH, NO_REACH)
+    shown: tuple[float, float] = (1.0, 1.0)
+
+
+WHOLE, NOTHING = Settings(), Settings(half_width=(0.0, 0.0))
+"""All of the surface, and none of it: what a working shader draws wholly, and leaves away wholly."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a shader computes; nothing else is sent to it, since software rendering pays for each number per triangle.
+
+    vary : names of `FIELDS` that it reads at the vertices, modes among them.
+    walls, normals, tinted : whether walls are seen, normals given out, families tinted.
+    """
+
+    vary: tuple[str, ...] = ("modes",)
+    walls: bool = False
+    normals: bool = False
+    tinted: bool = False
+
+    def vertex(self) -> tuple[tuple[str, str], ...]:
+        """Replacements in the vertex shader."""
+        declared, given = [f"in vec2 {name}MC;" for name in self.vary], []
+        if self.walls:
+            declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
+            widths, kept = (f"{name}MC" if name in self.vary else "vec2(0.0)" for name in FIELDS[1:])
+            given.append(f"  stripesVS = vec4(modesMC, {widths});\n  keptVS = {kept};\n  dsWhere = vertexMC.xyz;\n")
+        else:
+            declared.append("out vec4 dsStripes;")
+            given.append(_STRIPES.replace("HALF", _HALF if "widths" in self.vary else "dsDrawn"))
+            if "kept" in self.vary:
+                declared.append("out vec2 dsReached;")
+                given.append(_REACHED)
+        return (_DECLARED, "\n".join(declared) + "\n"), (_GIVEN, "".join(given))
+
+    def fragment(self) -> tuple[tuple[str, str], ...]:
+        """Replacements in the fragment shader."""
+        colour = _TINTED if self.tinted and not self.normals else ""
+        if self.walls:
+            declared = f"in vec4 stripesVS;\nin vec2 keptVS;\nin vec3 dsWhere;\n{GLSL}\n{_DEPTH}"
+            colour += _WALL_NORMAL if self.normals else _WALL_COLOUR
+            return (_DECLARED, declared), (_CLIP, _WALLS), (_COLOURS, colour)
+        kept = "kept" in self.vary
+        declared = "in vec4 dsStripes;\n" + ("in vec2 dsReached;\n" if kept else "")
+        thin = _THIN.replace("REACHED", "max(dsReached.x, dsReached.y)" if kept else "-1.0")
+        return (_DECLARED, declared), (_CLIP, thin), (_COLOURS, colour)
+
+
+@dataclass(eq=False)
+class StripeShader:
+    """The shader of one body; `fields` and `settings` may be changed between pictures.
+
+    fields : (n, 6) modes, half-widths in periods (major, minor each), distances in metres to what is kept and to the
+             boundary.
+    tints  : colours of major, minor and kept material in place of those of the faces.
+    """
+
+    fields: Floats
+    tints: tuple[Colour, Colour, Colour] | None = None
+    program: Program = Program()
+    _parts: list[dict[str, Any]] = field(default_factory=list)
+
+    def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
+        """Put the shader on an actor; `source` (k,) is the body's vertex that each point of its mesh comes from."""
+        from vtkmodules.vtkCommonDataModel import vtkDataObject
+
+        self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
+        self.replace_fields(self.fields)
+        for name in FIELDS:
+            mapper.MapDataArrayToVertexAttribute(name + "MC", name, vtkDataObject.FIELD_ASSOCIATION_POINTS, -1)
+        self.set(WHOLE)
+        self.look(None, 0.0)
+        for uniforms in self._uniforms():
+            uniforms.SetUniformf("dsSteep", 1 / STEEPEST)
+            uniforms.SetUniformf("dsShade", SHADE)
+            for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
+                uniforms.SetUniform3f(name, [value / 255 for value in tint])
+        self.colour_by("colour")
+
+    def replace_fields(self, fields: Floats) -> None:
+        """Other modes, half-widths or distances, (n, 6), on the same geometry."""
+        self.fields = fields
+        values: Floats32 = np.where(np.isfinite(fields), fields, FAR).astype(np.float32)
+        for part in self._parts:
+            mesh, at = part["mesh"], part["source"]
+            for k, name in enumerate(FIELDS):
+                mesh.point_data[name] = values[at, 2 * k : 2 * k + 2]
+
+    def recolour(self, face: Bytes) -> None:
+        """Other colours of the faces, (m, 3)."""
+        for part in self._parts:
+            part["mesh"].cell_data["colour"] = face
+
+    def set(self, settings: Settings) -> None:
+        """Other numbers: takes microseconds, but for the first with widths or reaches, or without them."""
+        drawn = [d if on > 0.5 else 0.0 for d, on in zip(settings.half_width, settings.shown, strict=True)]
+        widths, kept = min(drawn) < 0, max(settings.reach) > NO_REACH
+        self._run(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if kept else ())))
+        for uniforms in self._uniforms():
+            uniforms.SetUniform2f("dsFrequency", settings.frequency)
+            uniforms.SetUniform2f("dsPhase", settings.phase)
+            uniforms.SetUniform2f("dsHalfWidth", settings.half_width)
+            uniforms.SetUniform2f("dsDrawn", drawn)
+            uniforms.SetUniform2f("dsReach", settings.reach)
+            uniforms.SetUniform2f("dsShown", settings.shown)
+
+    def look(self, eye: Floats | None, half: float) -> None:
+        """Show the walls of a sheet of this half thickness, as seen from `eye`, both in the scene's units; or none.
+
+        A hint, no solid: walls are those of a slab in the plane of each triangle, and the rim of the surface has none.
+        """
+        walls = eye is not None and half > 0
+        self._run(walls=walls)
+        for uniforms in self._uniforms():
+            uniforms.SetUniform3f("dsEye", [0.0, 0.0, 0.0] if eye is None else [float(x) for x in eye])
+            uniforms.SetUniformf("dsThick", half if walls else 0.0)
+
+    def colour_by(self, name: str) -> None:
+        """Give out 'colour' or 'normal'."""
+        self._run(normals=name == "normal")
+
+    def _run(self, **changes: Any) -> None:
+        """Put the program together again where it changes: VTK keeps those that it has compiled."""
+        self.program = replace(self.program, tinted=self.tints is not None, **changes)
+        for part in self._parts:
+            if part["program"] == self.program:
+                continue
+            part["program"] = self.program
+            code = part["actor"].GetShaderProperty()
+            for tag, text in self.program.vertex():
+                code.AddVertexShaderReplacement(tag, True, f"{tag}\n{text}", False)
+            for tag, text in self.program.fragment():
+                code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
+
+    def _uniforms(self) -> list[Any]:
+        """Of both kinds of shader: a name that stands in both is one number."""
+        codes = [part["actor"].GetShaderProperty() for part in self._parts]
+        return [one for code in codes for one in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())]

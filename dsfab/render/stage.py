@@ -1,0 +1,139 @@
+"""What stands where before a picture is taken: the structure, its marks, a person, the ground and the camera."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.render import marks
+from dsfab.render.lettering import Legend
+from dsfab.render.palette import MarkName, Palette
+from dsfab.render.person import PERSON, person
+from dsfab.render.scene import Body, Colour
+from dsfab.render.view import Side, View, framed
+from dsfab.surface import LoadCase, Surface
+
+EVERY_LAYER = ("loads", "supports", "reactions", "person")
+"""What can be drawn beside a structure to explain it."""
+
+LAYERS = ("loads", "supports", "person")
+"""What is drawn when nothing else is asked for."""
+
+PERSON_FITS = (2.0, 60.0)
+"""A person is drawn beside structures of these heights, metres."""
+
+BOARD = 0.012
+"""Behind a plate that is seen face on lies a board, this share of its size away."""
+
+TOUCHES = 0.05
+"""Supports within this share of the height from the lowest point stand on the ground."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Everything that is placed before a picture is taken; `level` is that of the floor along `view.floor`, or None."""
+
+    bodies: list[Body]
+    view: View
+    level: float | None
+    centre: Floats
+    radius: float
+
+
+def staged(
+    body: Body,
+    side: Side,
+    up: Floats,
+    half: float,
+    surface: Surface | None,
+    load: LoadCase | None,
+    palette: Palette,
+    size: tuple[int, int],
+    layers: Collection[str] = LAYERS,
+    reaction: Floats | None = None,
+) -> Stage:
+    """Place the camera, then the marks, then move the camera back until all of it is on the page.
+
+    half   : half the thickness of the structure, metres.
+    layers : which of `EVERY_LAYER` are drawn; a person only beside what has a fitting size.
+    reaction : (n, 3) N, of the supports on the structure.
+    """
+    V, up = body.V, up / np.linalg.norm(up)
+    low, high = V.min(axis=0), V.max(axis=0)
+    centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
+    bodies, level = [body], float((V @ up).min())
+    stands = True
+    if surface is not None and load is not None:
+        bodies += _marks(surface, load, side, up, reach, half, palette, layers, reaction)
+        stands = _stands(surface, load, V, up, reach)
+        if stands and "supports" in layers:
+            # on the feet of its support cones; arrows that hang lower are drawn through the ground
+            level -= marks.CONE * reach
+    if side.front:
+        level, stands = float((V @ side.floor).min()) - BOARD * reach, True
+    elif "person" in layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
+        bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
+    view = on_page(bodies, side, size)
+    radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
+    return Stage(bodies, view, level if stands else None, centre, radius)
+
+
+def on_page(bodies: list[Body], side: Side, size: tuple[int, int], words: bool = True) -> View:
+    """The view in which the bodies fill a page with a strip for words below, or without one."""
+    aspect = size[0] / size[1]
+    wide, bottom, top = (0.86, -0.70, 0.88) if words else (0.92, -0.86, 0.92)
+    return framed(np.concatenate([one.V for one in bodies]), side, (-wide * aspect, wide * aspect, bottom, top))
+
+
+def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
+    """Whether the structure stands on the ground: its supports are below it, and down at its lowest point."""
+    if not load.held.any():
+        return True
+    lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
+    below = float(marks.support_side(surface, load, reach, up) @ up) < -0.5
+    return below and float((surface.V[load.held] @ up).min()) < lowest + TOUCHES * (height + 0.2 * reach)
+
+
+def _marks(
+    surface: Surface,
+    load: LoadCase,
+    side: Side,
+    up: Floats,
+    reach: float,
+    half: float,
+    palette: Palette,
+    layers: Collection[str],
+    reaction: Floats | None,
+) -> list[Body]:
+    """Load arrows, support cones and reactions, those that are asked for and that there are."""
+    drawn = []
+    if "loads" in layers:
+        drawn.append(Body(*marks.load_arrows(surface, load, reach, half, side.towards), palette.of("load")))
+    if "supports" in layers:
+        drawn.append(Body(*marks.support_cones(surface, load, reach, up, half), palette.of("support")))
+    if "reactions" in layers and reaction is not None:
+        drawn.append(Body(*marks.reaction_arrows(surface, load, reaction, reach), palette.of("reaction")))
+    return [body for body in drawn if len(body.F)]
+
+
+def _person_beside(V: Floats, side: Side, foot: float) -> marks.Mesh:
+    """Somebody on the ground to the right of the structure, a little in front of its middle."""
+    up, right = side.up, np.cross(side.up, side.towards)
+    right /= np.linalg.norm(right)
+    level = np.cross(right, up)
+    middle = (V.min(axis=0) + V.max(axis=0)) / 2
+    middle = middle - (middle @ up) * up + foot * up
+    near_foot = V[V @ up < foot + PERSON + 0.6]  # what stands in the way of a person
+    beside = float(((near_foot - middle) @ right).max()) + 0.55
+    return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, up)
+
+
+def legend(
+    stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
+) -> Legend:
+    """Words and scale: pixels per metre are those in the middle of the structure."""
+    depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
+    kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
+    names = [name for name in kinds if any(np.array_equal(body.colour, palette.of(name)) for body in stage.bodies[1:])]
+    return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth), swatches)

@@ -1,0 +1,171 @@
+"""A pattern as it is drawn: the mesh its stripes are seen on, values at its vertices, and the numbers of a shader.
+
+Stripes on modes are drawn on the surface itself. Evenly spaced ones have phases that fit together on a chart only (see
+`dsfab.slicing.Chart`): they are drawn there, as if on two modes at frequency 1 and phase 0.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.pattern import distance_to_boundary, distance_to_vertices
+from dsfab.pattern.even_family import finest_half_widths
+from dsfab.pipeline.design import Design
+from dsfab.preset import AUTO, FAMILIES, STAGES, Pattern, Preset
+from dsfab.render.scene import Bytes, Floats32
+from dsfab.render.shader import BY_VERTEX, FAR, NO_REACH, Settings
+from dsfab.results import EvenStripes, PatternResult
+from dsfab.surface import Surface
+
+SLIDING = 1 / 8
+"""The largest reach, as a share of a surface's size, that distances are exact for whatever a preset asks."""
+
+
+@dataclass(frozen=True, eq=False)
+class StripedMesh:
+    """The mesh that stripes are drawn on: the uncut surface (n, m), or the chart of evenly spaced ones (n', m').
+
+    Places on the surface, loads and supports have the numbers of the uncut one, always.
+    """
+
+    uncut: Surface
+    even: EvenStripes | None
+
+    @classmethod
+    def of(cls, made: Design) -> Self:
+        """That of a design."""
+        return cls(made.surface, made.pattern.even)
+
+    @property
+    def surface(self) -> Surface:
+        """(n', m') what is drawn; the same sheet as the uncut surface."""
+        return self.even.chart.surface if self.even else self.uncut
+
+    def same(self, other: "StripedMesh") -> bool:
+        """Whether it is the same mesh with the same phases, unless these are those of modes."""
+        if self.uncut is not other.uncut or (self.even is None) != (other.even is None):
+            return False
+        if self.even is None or other.even is None or self.even is other.even:
+            return True
+        one, two = self.even.chart, other.even.chart
+        return all(
+            np.array_equal(a, b)
+            for a, b in ((one.z, two.z), (one.surface.F, two.surface.F), (one.surface.V, two.surface.V))
+        )
+
+    def carry(self, x: Floats) -> Floats:
+        """Values (n, ...) at the uncut vertices, at those of this mesh (n', ...)."""
+        return self.even.chart.carry(x) if self.even else x
+
+    def on_faces(self, x: Bytes) -> Bytes:
+        """Colours (m, 3) of the uncut faces, of those of this mesh (m', 3)."""
+        return x[self.even.chart.parent] if self.even else x
+
+    def at_corners(self, x: Floats32) -> Floats32:
+        """Normals (m, 3, 3) at the corners of the uncut faces, at those of this mesh (m', 3, 3)."""
+        if self.even is None:
+            return x
+        return np.asarray(self._corner_weights @ x[self.even.chart.parent], dtype=np.float32)
+
+    @cached_property
+    def _corner_weights(self) -> Floats:
+        """(m', 3, 3) barycentric weights of each corner on the three of its uncut face."""
+        assert self.even is not None
+        chart = self.even.chart
+        rows, columns = np.broadcast_arrays(chart.surface.F[:, :, None], self.uncut.F[chart.parent][:, None, :])
+        return np.asarray(chart.weights[rows.ravel(), columns.ravel()]).reshape(-1, 3, 3)
+
+    @cached_property
+    def normals(self) -> Floats:
+        """(n', 3) unit normals of the uncut surface, so that light shows nothing of how it was divided."""
+        if self.even is None:
+            return self.uncut.vertex_normals
+        normals = self.carry(self.uncut.vertex_normals)
+        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny))
+
+    def phases(self, made: Design) -> Floats:
+        """(n', 2) of both families: the modes they run on, or the phases of lines that are drawn here."""
+        if self.even:
+            return self.even.chart.z
+        mode, modes = made.pattern.mode, made.diffusion
+        return np.stack([modes.major.mode(mode[0]), modes.minor.mode(mode[1])], axis=1)
+
+    @cached_property
+    def shares(self) -> Floats:
+        """(n', 2) half-widths here over those of `PatternResult.half_widths`; 0 where there is no phase.
+
+        Those are in periods of the lines that are drawn in the mean around a vertex, these in those of one side of it.
+        """
+        if self.even is None:
+            return np.ones((self.uncut.n, 2))
+        return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
+
+    def half_widths(self, pattern: PatternResult) -> Floats:
+        """(n', 2) of both families, in periods of `phases`."""
+        local = [pattern.half_width(name) for name in FAMILIES]
+        if self.even is None:
+            return np.stack(local, axis=1)
+        even, finest = self.even, list[Floats]()
+        for k, d in enumerate(local):
+            finest.append(finest_half_widths(d, even.slope[:, k], even.density[:, k], len(even.wanted[k])))
+        return self.carry(np.stack(finest, axis=1)) * even.chart.scale
+
+
+def distances(made: Design) -> tuple[Floats, Floats]:
+    """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for."""
+    surface, load, ask = made.surface, made.load, made.preset.pattern
+    reach = max(SLIDING * surface.size, ask.keep, ask.rim)
+    return distance_to_vertices(surface, load.held | load.loaded, reach), distance_to_boundary(surface, reach)
+
+
+def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
+    """(n', 6) phases, half-widths and distances (see `StripeShader`); distances (n,) each."""
+    kept = np.minimum(np.stack(distances, axis=1), FAR)  # infinity times a weight of 0 is no number
+    return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), mesh.carry(kept)], axis=1)
+
+
+def only_numbers(made: Preset, preset: Preset) -> bool:
+    """Whether a preset differs from the one that was made in numbers of the shader only."""
+    old, new = made.pattern, preset.pattern
+    first = preset.first_difference(made)
+    if first is None or STAGES.index(first) > STAGES.index("pattern"):
+        return True
+    if first != "pattern" or old.width != new.width or new.width.solid_fraction or old.method != new.method:
+        return False
+    if new.method != "modes":
+        return new.method == "stripes" and _but_reaches(old) == _but_reaches(new)
+    if new.width.widths(1.0).vary or new.auto:  # what fits best depends on every number
+        return False
+    if new.major.spacing or new.minor.spacing:  # frequencies are solved for
+        return False
+    return (old.major.mode, old.minor.mode) == (new.major.mode, new.minor.mode)
+
+
+def _but_reaches(pattern: Pattern) -> dict[str, object]:
+    """All of it but what the shader takes as numbers for evenly spaced stripes: their widths differ at every vertex."""
+    return pattern.model_dump(exclude={"keep", "rim", "fillet", "tidy"})
+
+
+def numbers(preset: Preset, made: PatternResult, show: str) -> Settings:
+    """The numbers of a preset, with those that were solved for or chosen when its pattern was made."""
+    ask = preset.pattern
+    pair, width = (ask.major, ask.minor), ask.width
+    reach, shown = (ask.keep or NO_REACH, ask.rim or NO_REACH), _SHOWN.get(show, (1.0, 1.0))
+    drawn = (shown[0] * ("major" in ask.family_names), shown[1] * ("minor" in ask.family_names))
+    if made.even:
+        return Settings(half_width=(BY_VERTEX, BY_VERTEX), reach=reach, shown=drawn)
+    by_vertex = width.solid_fraction > 0 or width.widths(1.0).vary
+    phase = [made.phase[k] if family.phase == AUTO else family.shift for k, family in enumerate(pair)]
+    return Settings(
+        (pair[0].frequency or made.frequency[0], pair[1].frequency or made.frequency[1]),
+        (phase[0] % 1, phase[1] % 1),
+        (BY_VERTEX, BY_VERTEX) if by_vertex else (pair[0].stripes.half_width, pair[1].stripes.half_width),
+        reach,
+        drawn,
+    )
+
+
+_SHOWN = {"major": (1.0, 0.0), "minor": (0.0, 1.0)}

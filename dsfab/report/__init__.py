@@ -1,0 +1,1 @@
+"""Pages, charts and folders for people: one for each question that dsfab answers."""

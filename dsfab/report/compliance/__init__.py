@@ -1,0 +1,75 @@
+"""The report of `dsfab compare`: what an architect hands to an engineer, as one HTML file and as a PDF.
+
+Findings (findings.py) ─► sections.py ─► Document ─► html.py ─► report.html
+       with tables.py, pictures.py, charts.py    └─► pdf.py ──► report.pdf
+"""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from dsfab.errors import ExportError
+from dsfab.report.compliance import failed, sections
+from dsfab.report.compliance.charts import Charts, charts
+from dsfab.report.compliance.document import Document, Numbers, Section
+from dsfab.report.compliance.findings import Findings
+from dsfab.report.compliance.html import page
+from dsfab.report.compliance.pdf import pdf
+from dsfab.report.compliance.pictures import Pictures
+from dsfab.report.design.facts import versions
+
+FILES = ("report.html", "report.pdf")
+
+__all__ = ["FILES", "Findings", "report", "write_report"]
+
+
+def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Pictures) -> Document:
+    """Everything that was found. rows : those of `results.json`, at several volumes."""
+    from dsfab.preset_file import preset_toml
+
+    preset, known = found.brief.preset, versions()
+    make = _parts if found.carries else failed.parts
+    parts = make(found, pictures, Numbers(), charts(found, rows), known, preset_toml(preset))
+    facts = [
+        ("Design", preset.name),
+        ("Date", datetime.now(UTC).strftime("%d %B %Y")),
+        ("Checked by", f"dsfab {known['dsfab']}"),
+        ("Verdict", found.status),
+    ]
+    subject = preset.name.replace("_", " ").capitalize()
+    if found.share is not None:
+        subject += f", at {found.share:.0%} of the material"
+    footer = f"Made by dsfab {known['dsfab']}; about stiffness, no proof of safety under a code"
+    return Document("Structural compliance report", subject, facts, parts, footer)
+
+
+def _parts(
+    found: Findings, pictures: Pictures, number: Numbers, drawn: Charts, known: Mapping[str, str], preset: str
+) -> list[Section]:
+    """Of a design that carries its loads."""
+    return [
+        sections.summary(found, pictures, number),
+        sections.checks(found, number),
+        sections.subject(found, number),
+        sections.loads(found, pictures, number),
+        sections.convergence(found, number),
+        sections.reactions(found, number),
+        sections.comparison(found, number, drawn),
+        sections.answers(found, pictures, number),
+        *sections.scope(found),
+        sections.calibrated(number),
+        sections.reproduction(found, known, preset, number),
+    ]
+
+
+def write_report(found: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
+    """Write both files; returns their names, and what could not be done, a sentence each."""
+    pictures = Pictures(found)
+    document, told = report(found, rows, pictures), [pictures.missing] if pictures.missing else []
+    (folder / FILES[0]).write_text(page(document), encoding="utf-8")
+    try:
+        (folder / FILES[1]).write_bytes(pdf(document))
+    except ExportError as error:
+        return [FILES[0]], [*told, str(error)]
+    return list(FILES), told

@@ -1,0 +1,234 @@
+"""What a report is about: a comparison, what it says of its design, and whether that is good."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+from dsfab.report.compliance.words import length, percent, quantity, share_of, times, within
+from dsfab.statics import flat_axis
+from dsfab.study import Comparison
+from dsfab.study.baselines import Brief, Structure
+from dsfab.study.competitors import Competitor
+from dsfab.study.judging import Answered, Carried, Judgement, answered
+from dsfab.study.verdict import rules
+from dsfab.wording import mass
+
+Status = Literal["pass", "fail", "unknown", "note"]
+"""As for verdicts; a note does not count."""
+
+RESIDUAL, IMBALANCE = 1e-8, 1e-6
+"""What equations and forces may be off by."""
+
+KNOCKED_DOWN = 5.0
+"""Real shells buckle at a fifth to a half of the linear load factor: a factor above this needs no second look."""
+
+LABELS = {
+    "full": "Whole sheet, uncut",
+    "design": "This design",
+    "isotropic": "Isotropic stripes",
+    "rotated": "Stripes turned by 45°",
+    "thinner": "Whole sheet, thinner",
+    "von_mises": "Stripes of von Mises stress",
+    "grid": "Straight grid",
+    "simp": "Topology optimisation (SIMP)",
+}
+"""Competitors as a report names them."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """One line of the list of checks."""
+
+    name: str
+    status: Status
+    found: str
+    limit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A comparison, and those at several volumes, which may be none.
+
+    Where the design does not carry its loads (`carries`), there is nothing that was `judged`, and no `fields`.
+
+    command : that made it.       share : of the surface, where the design is not as its preset draws it.
+    """
+
+    compared: Comparison
+    volumes: Sequence[tuple[float, Comparison]]
+    command: str
+    share: float | None = None
+
+    @property
+    def brief(self) -> Brief:
+        return self.compared.brief
+
+    @property
+    def design(self) -> Competitor:
+        return self.compared.design
+
+    @property
+    def carries(self) -> bool:
+        """Whether the design carries the loads that its pattern follows."""
+        return self.design.judgement is not None
+
+    @property
+    def drawn(self) -> bool:
+        """Whether there is a structure to be drawn."""
+        return self.design.structure is not None
+
+    @property
+    def unit_of(self) -> float:
+        """J, the compliance whose unit is used for all."""
+        return self.design.compliance if self.carries else self.compared.full.compliance
+
+    @property
+    def judged(self) -> Judgement:
+        """Of the design."""
+        assert self.design.judgement is not None
+        return self.design.judgement
+
+    @property
+    def structure(self) -> Structure:
+        """The design's."""
+        assert self.design.structure is not None
+        return self.design.structure
+
+    @cached_property
+    def fields(self) -> Mapping[str, Answered]:
+        """What is drawn, of each load."""
+        every = set(self.judged.cases) != set(self.brief.loads)
+        return answered(self.brief, self.structure, every)
+
+    @cached_property
+    def cases(self) -> list[str]:
+        """The names of what was judged, the governing one first."""
+        if not self.carries:
+            return list(self.brief.loads)
+        if self.judged.check:
+            return [case.name for case in self.judged.check.cases]
+        return sorted(self.judged.cases, key=lambda name: -self.judged.cases[name].compliance)
+
+    @property
+    def plane(self) -> bool:
+        """Whether the sheet is loaded in its own plane, and solved there."""
+        return flat_axis(self.brief.surface, *self.brief.all_loads.values()) is not None
+
+    @property
+    def governing(self) -> Carried:
+        """The answer to the governing case."""
+        return self.judged.cases[self.cases[0]]
+
+    def gain(self, rival: Competitor) -> tuple[float, float, float]:
+        """How many times as stiff as a competitor of the same mass the design is: at least, probably, at most."""
+        assert rival.judgement is not None
+        off, own = rival.judgement.bound or 0.0, self.judged.bound or 0.0
+        middle = rival.compliance / self.design.compliance
+        return middle * (1 - off) / (1 + own), middle, middle * (1 + off) / (1 - own)
+
+    @property
+    def status(self) -> Status:
+        """Of the whole: the worst of what is asked of the structure itself."""
+        found = [one.status for one in self.checks]
+        return "fail" if "fail" in found else "unknown" if "unknown" in found else "pass"
+
+    @cached_property
+    def checks(self) -> list[Checked]:
+        """What is asked of the structure."""
+        if not self.carries:
+            told = f"no: {self.design.error}"
+            return [Checked("Carries its loads", "fail", told, "equilibrium with its supports")]
+        found = [self._carries(), self._known(), self._balanced(), self._member(), self._faceted()]
+        return [one for one in (*found, self._strong(), self._buckles()) if one]
+
+    def _carries(self) -> Checked:
+        loose = self.design.loose
+        left = f"; {percent(loose)} of what is drawn hangs on nothing and was left out" if loose > 1e-6 else ""
+        told = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{left}"
+        failed = self.judged.verdict == "fail"
+        return Checked(
+            "Every load reaches a support",
+            "fail" if failed else "pass",
+            self.judged.reason if failed else told,
+            "loads on pieces that a support holds",
+        )
+
+    def _known(self) -> Checked:
+        check = self.judged.check
+        told = within(self.judged.compliance, self.judged.bound, "J")
+        known = check is not None and check.status == "pass"
+        why = "" if known else f"; {self.judged.reason}"
+        return Checked("Compliance is known", "pass" if known else "unknown", told + why, percent(rules.CONVERGED))
+
+    def _balanced(self) -> Checked:
+        cases = self.judged.cases.values()
+        off, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
+        if self.judged.check:
+            residual = max(residual, *(level.residual for level in self.judged.check.levels))
+        return Checked(
+            "Reactions balance the loads",
+            "pass" if off < IMBALANCE and residual < RESIDUAL else "fail",
+            f"off by {off:.0e} of the load; residual of the equations {residual:.0e}",
+            f"{IMBALANCE:.0e}; {RESIDUAL:.0e}",
+        )
+
+    def _member(self) -> Checked | None:
+        check = self.judged.check
+        if check is None or not math.isfinite(check.per_member):
+            return None
+        fine = check.per_member >= rules.MEMBER
+        told = f"{check.per_member:.2g} edges of the uncut mesh across a member"
+        more = "" if fine else "; the outline is coarse, the structure as drawn is what was checked"
+        return Checked("Outline of the members", "pass" if fine else "note", told + more, f"{rules.MEMBER:g} or more")
+
+    def _faceted(self) -> Checked | None:
+        check = self.judged.check
+        if check is None or check.facets == 0:
+            return None
+        return Checked(
+            "Flat faces for the curved surface",
+            "pass" if check.facets <= rules.FACETS else "note",
+            f"L<sup>2</sup> / (R h) = {check.facets:.2g}",
+            f"{rules.FACETS:g} or less",
+        )
+
+    def _strong(self) -> Checked | None:
+        shares = [case.utilisation for case in self.judged.cases.values() if case.utilisation]
+        if not shares:
+            return None
+        usual, peak = max(share[0] for share in shares), max(share[1] for share in shares)
+        status: Status = "fail" if usual > 1 else "pass" if peak <= 1 else "unknown"
+        told = f"{usual:.0%} on 99.9 % of the area, {peak:.0%} at the peak"
+        return Checked("Stress against the strength", status, told, quantity(self.brief.preset.statics.strength, "Pa"))
+
+    def _buckles(self) -> Checked | None:
+        factors = [case.buckling for case in self.judged.cases.values() if case.buckling is not None]
+        if not factors:
+            return None
+        least = min(factors)
+        status: Status = "fail" if least < 1 else "pass" if least >= KNOCKED_DOWN else "unknown"
+        told = f"{least:.3g} times the load (linear, perfect shape)"
+        return Checked("Buckling", status, told, f"{KNOCKED_DOWN:g} or more")
+
+    @cached_property
+    def claims(self) -> list[Checked]:
+        """Whether the design is stiffer than each competitor of its mass."""
+        return [self._claim(rival) for rival in self.compared.rivals]
+
+    def _claim(self, rival: Competitor) -> Checked:
+        name = f"Stiffer than: {LABELS[rival.name].lower().replace('simp', 'SIMP').replace('von mises', 'von Mises')}"
+        if rival.judgement and not self.carries:
+            return Checked(name, "fail", "it carries the loads, the design does not", "above 1")
+        if rival.judgement is None:
+            return Checked(name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1")
+        low, middle, high = self.gain(rival)
+        status: Status = "pass" if low > 1 else "fail" if high < 1 else "unknown"
+        return Checked(name, status, f"{times(low, middle, high)} times", "above 1")
+
+    @property
+    def extent(self) -> str:
+        """Mass, share of the surface and thickness."""
+        made = self.design
+        return f"{mass(made.mass)}, {share_of(made.area_fraction)} of the surface, {length(made.thickness)} thick"

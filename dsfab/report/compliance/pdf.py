@@ -1,0 +1,258 @@
+"""A `Document` as a PDF on A4, by reportlab."""
+
+import io
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from dsfab.errors import ExportError
+from dsfab.report.compliance.document import (
+    Across,
+    Banner,
+    Block,
+    Bullets,
+    Code,
+    Document,
+    Figure,
+    Paragraph,
+    Scale,
+    Section,
+    Table,
+    escaped,
+)
+from dsfab.report.compliance.pdf_style import COLOURS, MM, Styles, colour, hexed
+
+WIDTH = 174.0
+"""Of the text, mm: A4 less its margins."""
+
+PADDING = 6.0
+"""Points that reportlab leaves within its frames."""
+
+TALLEST = 150.0
+"""Of a picture, mm."""
+
+TYPE = 112
+"""Characters of a line of code."""
+
+
+def require_pdf() -> None:
+    """Raise ExportError where the library is missing."""
+    try:
+        import reportlab  # noqa: F401
+    except ImportError:
+        raise ExportError("report.pdf needs reportlab, which is not installed; pip install reportlab") from None
+
+
+def pdf(document: Document) -> bytes:
+    """The whole file. Two calls with the same document give the same bytes. Raises ExportError without reportlab."""
+    require_pdf()
+    from reportlab.platypus import SimpleDocTemplate
+
+    styles = Styles.fit_for(_all_text(document))
+    written = io.BytesIO()
+    made = SimpleDocTemplate(
+        written,
+        pagesize=(210 * MM, 297 * MM),
+        leftMargin=18 * MM - PADDING,
+        rightMargin=18 * MM - PADDING,
+        topMargin=18 * MM,
+        bottomMargin=16 * MM,
+        title=f"{document.title}: {document.subject}",
+        author="dsfab",
+        invariant=1,
+    )
+    story = _title(document, styles)
+    for number, section in enumerate(document.sections, start=1):
+        story += _section(number, section, styles)
+    made.build(story, canvasmaker=partial(_canvas, document, styles))
+    return written.getvalue()
+
+
+def _all_text(document: Document) -> str:
+    return repr(document.sections) + document.subject + repr(document.facts)
+
+
+def _canvas(document: Document, styles: Styles, *given: Any, **named: Any) -> Any:
+    """A canvas that knows at the end how many pages there are, and then draws their edges."""
+    from reportlab.pdfgen.canvas import Canvas
+
+    class Counted(Canvas):  # type: ignore[misc]
+        def __init__(self, *given: Any, **named: Any) -> None:
+            super().__init__(*given, **named)
+            self.pages: list[dict[str, Any]] = []
+
+        def showPage(self) -> None:  # noqa: N802
+            self.pages.append(dict(self.__dict__))
+            self._startPage()
+
+        def save(self) -> None:
+            for number, page in enumerate(self.pages, start=1):
+                self.__dict__.update(page)
+                _edges(self, document, styles, number, len(self.pages))
+                Canvas.showPage(self)
+            Canvas.save(self)
+
+    return Counted(*given, **named)
+
+
+def _edges(canvas: Any, document: Document, styles: Styles, number: int, count: int) -> None:
+    canvas.setFont(styles.regular, 7.5)
+    canvas.setFillColor(colour(COLOURS["soft"]))
+    canvas.setStrokeColor(colour(COLOURS["line"]))
+    if number > 1:
+        canvas.drawString(18 * MM, 284 * MM, f"{document.title} · {document.subject}")
+        canvas.line(18 * MM, 282 * MM, 192 * MM, 282 * MM)
+    canvas.line(18 * MM, 13.5 * MM, 192 * MM, 13.5 * MM)
+    canvas.drawString(18 * MM, 9.5 * MM, document.footer)
+    canvas.drawRightString(192 * MM, 9.5 * MM, f"{number} / {count}")
+
+
+def _title(document: Document, styles: Styles) -> list[Any]:
+    from reportlab.platypus import HRFlowable, Spacer
+
+    rule = HRFlowable(width="100%", thickness=2, color=colour(COLOURS["accent"]), spaceAfter=3 * MM)
+    words = [styles.text(escaped(document.title.upper()), "over"), styles.text(escaped(document.subject), "title")]
+    cells = [
+        [styles.text(escaped(name), "fact_name"), styles.text(escaped(value), "fact")] for name, value in document.facts
+    ]
+    cells += [[]] * (-len(cells) % 4 or 4 * (not cells))
+    rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
+    return [
+        rule,
+        *words,
+        _grid(rows, [WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
+        Spacer(1, 5 * MM),
+    ]
+
+
+def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequence[tuple[Any, ...]] = ()) -> Any:
+    """Cells without more lines than are named, millimetres wide."""
+    from reportlab.platypus import Table as Cells
+
+    drawn = [(*line, 0.5, colour(COLOURS["line"])) for line in lines]
+    look = [("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (-1, -1), 0), *drawn]
+    return Cells([list(row) for row in rows], [width * MM for width in widths], style=look, hAlign="LEFT")
+
+
+def _section(number: int, section: Section, styles: Styles) -> list[Any]:
+    from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
+
+    accent = hexed(COLOURS["accent"])
+    head = styles.text(f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped(section.title)}', "heading")
+    begin = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
+    first, *rest = [_block(block, styles) for block in section.blocks]
+    # what is kept together with the heading must not be nested
+    kept = first[0]._content if isinstance(first[0], KeepTogether) else first[:1]
+    return [*begin, KeepTogether([head, *kept]), *first[1:], *(part for parts in rest for part in parts)]
+
+
+def _block(block: Block, styles: Styles) -> list[Any]:
+    match block:
+        case Paragraph(text, kind):
+            return [styles.text(text, kind or "body")]
+        case Bullets(items):
+            return [styles.text(item, "bullet", bulletText="•") for item in items]
+        case Code(text):
+            return [_code(text, styles)]
+        case Banner():
+            return [_banner(block, styles)]
+        case Table():
+            return _table(block, styles)
+        case Across(figures):
+            return _across(figures, styles)
+        case Figure():
+            return [_together(_figure(block, styles, WIDTH * block.width))]
+
+
+def _code(text: str, styles: Styles) -> Any:
+    from reportlab.platypus import XPreformatted
+
+    lines = [line[i : i + TYPE] for line in text.splitlines() for i in range(0, max(len(line), 1), TYPE)]
+    return XPreformatted(escaped("\n".join(lines)), styles.of["code"])
+
+
+def _banner(banner: Banner, styles: Styles) -> Any:
+    from reportlab.platypus import Table as Cells
+
+    shade = colour(COLOURS[banner.status])
+    words = [
+        styles.text(f'<font color="{hexed(COLOURS[banner.status])}">{banner.title}</font>', "banner"),
+        styles.text(banner.text, "body"),
+    ]
+    look = [
+        ("BACKGROUND", (0, 0), (-1, -1), colour(COLOURS["band"])),
+        ("LINEBEFORE", (0, 0), (0, -1), 3, shade),
+        ("LEFTPADDING", (0, 0), (-1, -1), 10),
+        ("TOPPADDING", (0, 0), (-1, -1), 7),
+    ]
+    return Cells([[words]], [WIDTH * MM], style=look, spaceAfter=4 * MM)
+
+
+def _table(table: Table, styles: Styles) -> list[Any]:
+    from reportlab.platypus import KeepTogether
+    from reportlab.platypus import Table as Cells
+
+    def line(row: Sequence[str], kind: str) -> list[Any]:
+        return [styles.cell(cell, kind, i < table.left) for i, cell in enumerate(row)]
+
+    body = [line(row, "strong" if i in table.strong else "cell") for i, row in enumerate(table.rows)]
+    shares = table.widths or [1.0] * len(table.head)
+    widths = [WIDTH * MM * share / sum(shares) for share in shares]
+    ink, faint = colour(COLOURS["ink"]), colour(COLOURS["line"])
+    look: list[Any] = [
+        ("VALIGN", (0, 0), (-1, -1), "TOP"),
+        ("VALIGN", (0, 0), (-1, 0), "BOTTOM"),
+        ("LINEABOVE", (0, 0), (-1, 0), 0.7, ink),
+        ("LINEBELOW", (0, 0), (-1, 0), 0.7, ink),
+        ("LINEBELOW", (0, 1), (-1, -2), 0.4, faint),
+        ("LINEBELOW", (0, -1), (-1, -1), 0.7, ink),
+        *((f"{side}PADDING", (0, 0), (-1, -1), pad) for side, pad in (("LEFT", 2), ("RIGHT", 3))),
+        *((f"{side}PADDING", (0, 0), (-1, -1), 2.2) for side in ("TOP", "BOTTOM")),
+        *(("BACKGROUND", (0, i + 1), (-1, i + 1), colour(COLOURS["band"])) for i in table.strong),
+    ]
+    cells = Cells([line(table.head, "head"), *body], widths, style=look, repeatRows=1, hAlign="LEFT")
+    after = [styles.text(table.note, "note")] if table.note else [styles.gap(4)]
+    whole = [styles.text(table.caption, "caption"), cells, *after]
+    return [KeepTogether(whole)] if len(body) < 20 else whole
+
+
+def _across(figures: Sequence[Figure], styles: Styles) -> list[Any]:
+    half = WIDTH / 2 - 3
+    cells = [_figure(one, styles, half) for one in figures] + [[]] * (len(figures) % 2)
+    return [_grid([cells[i : i + 2]], [WIDTH / 2] * 2) for i in range(0, len(cells), 2)]
+
+
+def _together(parts: list[Any]) -> Any:
+    """On one page."""
+    from reportlab.platypus import KeepTogether
+
+    return KeepTogether(parts)
+
+
+def _figure(figure: Figure, styles: Styles, width: float) -> list[Any]:
+    """width : mm."""
+    from reportlab.platypus import Image
+
+    caption = styles.text(figure.caption, "figure_caption")
+    if figure.missing:
+        return [styles.text(escaped(figure.missing), "missing"), caption]
+    wide, high = figure.size
+    height = min(width * high / wide, TALLEST)
+    image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM, hAlign="LEFT")
+    return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
+
+
+def _scale(scale: Scale, styles: Styles, width: float) -> list[Any]:
+    from reportlab.platypus import Table as Cells
+
+    count, share = len(scale.colours), width * MM
+    look: list[Any] = [("BACKGROUND", (i, 0), (i, 0), colour(one)) for i, one in enumerate(scale.colours)]
+    bands = Cells([[""] * count], [share / count] * count, [3.2 * MM], style=look, hAlign="LEFT")
+    ends = len(scale.labels)
+    kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
+    words = [styles.text(escaped(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
+    bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
+    # the words in between stand at borders of the bands: half a cell is left for the first and the last
+    step = share / (ends - 1)
+    labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
+    return [styles.text(escaped(scale.title), "scale_title"), bands, labels]

@@ -1,0 +1,227 @@
+"""The parts of a report, in their order."""
+
+from collections.abc import Mapping, Sequence
+
+from dsfab.report.compliance import tables
+from dsfab.report.compliance.document import Across, Block, Bullets, Code, Figure, Numbers, Paragraph, Section, escaped
+from dsfab.report.compliance.findings import LABELS, Findings
+from dsfab.report.compliance.pictures import Pictures
+from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_volumes
+from dsfab.report.compliance.words import digits_of, length, percent, quantity
+from dsfab.study.verdict import calibration, rules
+
+PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
+
+
+def summary(found: Findings, drawn: Pictures, number: Numbers) -> Section:
+    """One page."""
+    picture = drawn.design(number.figure(f"The structure, {found.extent}. Arrows are loads, cones are supports."), 0.86)
+    return Section(
+        "Summary",
+        [banner(found), Paragraph(" ".join(standing(found)), "lead"), picture, tables.key_table(found, number)],
+    )
+
+
+def checks(found: Findings, number: Numbers) -> Section:
+    """Verdict by verdict."""
+    blocks: list[Block] = [
+        tables.checks_table(found.checks, number, "The structure itself."),
+    ]
+    if found.claims:
+        blocks.append(tables.checks_table(found.claims, number, "Stiffness beside others of the same mass."))
+    blocks.append(
+        Paragraph(
+            "<b>pass</b>: shown. <b>fail</b>: shown not to be so. <b>unknown</b>: not shown either way. <b>note</b>: "
+            "to be read, without a verdict. Ratios are given with the range that the bounds of both compliances leave.",
+            "quiet",
+        )
+    )
+    return Section("Checks", blocks, own_page=True)
+
+
+def subject(found: Findings, number: Numbers) -> Section:
+    """What was checked."""
+    blocks: list[Block] = [tables.structure_table(found, number)]
+    if found.compared.pattern is not None:
+        blocks.append(tables.pattern_table(found.compared.pattern, number))
+    return Section("The structure", blocks)
+
+
+def loads(found: Findings, drawn: Pictures, number: Numbers) -> Section:
+    """Loads and supports, drawn for each case."""
+    names = tables.found_order(found)
+    several = len(names) > 1
+    figures = []
+    for name in names:
+        told = f"Load case {escaped(name)}: loads (blue) and supports (dark)." if several else "Loads and supports."
+        figures.append(drawn.case(name, number.figure(told), 1.0 if several else 0.7))
+    return Section(
+        "Loads and supports",
+        [
+            tables.acting_table(found, number),
+            tables.loads_table(found, number),
+            *([Across(figures)] if several else figures),
+        ],
+    )
+
+
+def convergence(found: Findings, number: Numbers) -> Section:
+    """How the compliance is known."""
+    levels = tables.levels_table(found, number)
+    if levels is None:
+        words = "The compliance was found by one solve on the mesh as it is cut; "
+        words += f"its bound, {percent(rules.QUICK[1])}, holds for nine designs in ten. "
+        words += "It shows no convergence: <code>--level full</code> does."
+        return Section("Compliance", [Paragraph(words), tables.cases_table(found, number)])
+    check = found.judged.check
+    assert check is not None
+    blocks: list[Block] = [
+        Paragraph(
+            "Compliance is the work of the loads: the smaller, the stiffer. The structure was solved on the mesh as it "
+            "is cut and on finer ones, by two pairs of finite elements that mostly err to opposite sides; the value is "
+            f"extrapolated and counts as known when its bound is {percent(rules.CONVERGED)} or less."
+        ),
+        levels,
+        *([Paragraph(PLANE, "quiet")] if found.plane else []),
+        tables.cases_table(found, number),
+    ]
+    blocks += [Paragraph(escaped(f"{told[0].upper()}{told[1:]}.")) for told in check.warnings]
+    return Section("Compliance and its convergence", blocks)
+
+
+def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]) -> Section:
+    """Beside others of the same mass."""
+    blocks: list[Block] = [Paragraph(text) for text in standing(found)]
+    blocks.append(tables.rivals_table(found, number))
+    blocks += [
+        Paragraph(f"{LABELS[one.name]}: {escaped(one.error)}.", "quiet") for one in found.compared.rivals if one.error
+    ]
+    spreads = [one for one in found.compared.rivals if one.spread and one.judgement]
+    full = found.compared.full.compliance
+    for one in spreads:
+        assert one.spread is not None
+        best, mean, worst = (digits_of(getattr(one.spread, name) / full) for name in ("best", "mean", "worst"))
+        told = (
+            f"{LABELS[one.name]}: {one.spread.carried} of {one.spread.tried} variants carry the loads, by one solve "
+            f"each from {best} to {worst} times the compliance of the whole sheet, {mean} times in the mean; the table "
+            "has the stiffest."
+        )
+        blocks.append(Paragraph(told, "quiet"))
+    if "bars" in charts:
+        blocks.append(
+            _chart(number.figure("Compliance of structures of one mass; thin lines are bounds."), charts["bars"])
+        )
+    if found.volumes:
+        if told := thinner_at_volumes(found):
+            blocks.append(Paragraph(told))
+        blocks.append(tables.volumes_table(found, number))
+    if "volumes" in charts:
+        blocks.append(_chart(number.figure("Compliance over mass; the design's widths are scaled."), charts["volumes"]))
+    return Section("The same mass spent otherwise", blocks, own_page=True)
+
+
+def _chart(caption: str, chart: tuple[bytes, tuple[int, int]]) -> Figure:
+    image, size = chart
+    return Figure(caption, image, size, 0.92)
+
+
+def answers(found: Findings, drawn: Pictures, number: Numbers) -> Section:
+    """Displacements and stress of the governing case."""
+    name, case = found.cases[0], found.governing
+    shown = found.fields[name]
+    under = f" under load case {escaped(name)}" if len(found.cases) > 1 else ""
+    moved = drawn.displacement(
+        shown, case.displacement.value, number.figure(f"Displacements{under}, drawn {{factor}} times as large.")
+    )
+    stressed = drawn.stress(
+        shown,
+        number.figure(
+            f"von Mises stress{under}, the largest of top, middle and bottom of the sheet; peak "
+            f"{quantity(case.stress.value, 'Pa')}."
+        ),
+    )
+    words = Paragraph(
+        "Both are those of one solve on the mesh as it is cut, by quadratic membrane and mid-edge bending.", "quiet"
+    )
+    return Section(
+        "Displacements and stress", [words, moved, stressed, tables.stress_table(found, number)], own_page=True
+    )
+
+
+def reactions(found: Findings, number: Numbers) -> Section:
+    """Of each support, in each case."""
+    return Section("Reactions and balance", [tables.reactions_table(found, name, number) for name in found.cases])
+
+
+def scope(found: Findings) -> list[Section]:
+    """What was assumed, and what nobody looked at."""
+    statics = found.brief.preset.statics
+    assumed = [
+        "Linear elastic, isotropic material; small displacements; loads that do not follow the motion.",
+        f"A thin sheet of one thickness ({length(statics.thickness)}); its own weight acts where a load asks "
+        "for it, as that of the whole sheet.",
+        "Supports are rigid unless they are springs, and hold in both directions.",
+        "Loads on what was cut away are handed to the nearest material, with their sum kept; a concentrated load is "
+        "spread over the material around the vertex on which it acts.",
+        "The middle surface is smooth: new points of finer meshes lie on a surface through the vertices.",
+        "All competitors have the same mass to a thousandth, the same loads, supports, kept regions and, but for the "
+        "thinner sheet, the same thickness.",
+    ]
+    if statics.law == "stvk":
+        assumed[0] = "The paper's material (St. Venant and Kirchhoff's, linearised); small displacements."
+    cases = list(found.judged.cases.values()) if found.carries else []
+    missing = [
+        "Strength: the preset gives none, so stress is shown and not judged." if not statics.strength else "",
+        ""
+        if any(case.buckling for case in cases)
+        else "Buckling: not asked for (<code>--buckling</code>); thin ribs in compression may need it.",
+        "" if any(case.frequency for case in cases) else "Vibration: not asked for (<code>--frequency</code>).",
+        "Imperfections, cracks, fatigue, creep, temperature, shrinkage, moisture, fire and corrosion.",
+        "Connections, joints between parts, bearings, foundations, assembly and erection.",
+        "Partial factors and load combinations of any code, except those that the preset names as cases.",
+        "Orthotropy of the material (timber, printed layers); the numbers hold for the two constants given.",
+        "The part as it is made, and the file that it is made from (<code>dsfab check</code> measures that).",
+    ]
+    words = Paragraph(
+        "This report is about the stiffness of one sheet as it is drawn. It is no proof of safety under any building "
+        "code, and does not take the place of an engineer's."
+    )
+    return [
+        Section("What was assumed", [Bullets(assumed)], own_page=True),
+        Section("What was not checked", [words, Bullets([one for one in missing if one])]),
+    ]
+
+
+def calibrated(number: Numbers) -> Section:
+    """Why the bound can be believed."""
+    rows = calibration.shipped_table()
+    told = calibration.summary(rows)
+    kinds = len({row.kind for row in rows})
+    inside = round(told.inside * told.designs)
+    return Section(
+        "Can the bound be believed?",
+        [
+            Paragraph(
+                f"The rule that gives the bound was tested on {told.designs} random designs on {kinds} surfaces, each "
+                f"solved on one or two meshes beyond those of its verdict: the compliance found there lies within the "
+                f"bound in <b>{inside} of {told.designs}</b> cases. The median bound is "
+                f"<b>{percent(told.median_bound)}</b>, the largest error of the value {percent(told.largest_error)}. "
+                f"One solve on the cut mesh (level quick) is off by {percent(told.quick_median)} in the median, and by "
+                f"{percent(told.quick_most)} at most for nine in ten. The rule was fitted on these designs: it is "
+                "calibrated, not proven. <code>dsfab verify --calibration</code> prints the table and makes it anew; "
+                "<code>dsfab verify</code> tests the elements on structures with published answers."
+            )
+        ],
+    )
+
+
+def reproduction(found: Findings, versions: Mapping[str, str], preset: str, number: Numbers) -> Section:
+    """Everything that is needed to make it again."""
+    blocks: Sequence[Block] = [
+        Paragraph("Made by this command, with the preset below and these versions:"),
+        Code(found.command),
+        tables.versions_table(versions, number),
+        Paragraph("The preset in full, with every value that was left out:"),
+        Code(preset),
+    ]
+    return Section("Making it again", blocks, own_page=True)

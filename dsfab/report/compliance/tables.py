@@ -1,0 +1,372 @@
+"""The tables of a report."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from dsfab.report.compliance.document import Numbers, Table, escaped
+from dsfab.report.compliance.findings import LABELS, Checked, Findings
+from dsfab.report.compliance.words import digits_of, length, percent, point, quantity, share_of, unit_for, within
+from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality
+from dsfab.statics import resultant
+from dsfab.study.competitors import Competitor
+from dsfab.surface import Surface
+from dsfab.wording import mass
+
+GB = 1e9
+
+
+def checks_table(checks: list[Checked], number: Numbers, caption: str) -> Table:
+    """What is asked, what was found, what is wanted, and the verdict."""
+    rows = [(one.name, one.found, one.limit, one.status) for one in checks]
+    return Table(number.table(caption), ("Check", "Found", "Wanted", "Verdict"), rows, 4, "", (3.2, 5.2, 2.4, 1.2))
+
+
+def key_table(found: Findings, number: Numbers) -> Table:
+    """The numbers of the first page."""
+    case = found.governing
+    rows = [
+        ("Mass", mass(found.design.mass), f"{share_of(found.design.area_fraction)} of the surface kept"),
+        ("Compliance", within(found.judged.compliance, found.judged.bound, "J"), _over_full(found)),
+        ("Largest displacement", length(case.displacement.value), f"at {point(case.displacement.place)}"),
+        (
+            "Largest von Mises stress",
+            quantity(case.stress.quantile, "Pa"),
+            f"on 99.9 % of the area; peak {quantity(case.stress.value, 'Pa')} at {point(case.stress.place)}",
+        ),
+    ]
+    if len(found.cases) > 1:
+        rows.insert(0, ("Governing load case", escaped(found.cases[0]), f"of {len(found.cases)}"))
+    return Table(number.table("Key results."), ("Result", "Value", "Remark"), rows, 3, "", (2.2, 2.2, 5))
+
+
+def _over_full(found: Findings) -> str:
+    full = found.compared.full
+    return f"{found.design.compliance / full.compliance:.3g} times that of the whole sheet of {mass(full.mass)}"
+
+
+def structure_table(found: Findings, number: Numbers) -> Table:
+    """What was checked."""
+    preset, design, brief = found.brief.preset, found.design, found.brief
+    statics, sheet = preset.statics, found.structure.sheet.surface if found.drawn else None
+    size = [length(float(x)) for x in np.ptp(brief.surface.V, axis=0)]
+    rows = [
+        ("Surface", f"{digits_of(brief.surface.area)} m², {' × '.join(size)}"),
+        ("Kept", _kept(design, sheet)),
+        ("Thickness", length(statics.thickness)),
+        ("Mass", mass(design.mass) if sheet else "-"),
+        ("Smallest member", length(design.smallest_member)),
+        ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
+        ("Density", f"{statics.density:g} kg/m³"),
+        ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not given: stress is not judged"),
+        ("Mesh of the surface", f"{_thousands(brief.surface.n)} vertices, edges of {length(brief.surface.mean_edge)}"),
+    ]
+    if sheet:
+        rows.append(("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"))
+    return Table(number.table("Structure and material."), ("Property", "Value"), rows, 2, "", (2, 5))
+
+
+def pattern_table(found: PatternQuality, number: Numbers) -> Table:
+    """How even both families of members are, how they end, and how they follow the stress."""
+    drawn = [(name, one) for name, one in found.families if one.drawn]
+    rows = [
+        ("Distance of members, median", *(length(one.spacing[1]) for _, one in drawn)),
+        ("Clear opening, on nine tenths of the area", *(_between(one) for _, one in drawn)),
+        ("Widest over narrowest distance (P95/P5)", *(f"{one.evenness:.2f}" for _, one in drawn)),
+        ("Dead ends", *(str(one.dead) for _, one in drawn)),
+        ("Openings narrower than the members beside them", *(str(one.slits) for _, one in drawn)),
+        ("Off the stress, mean", *(f"{one.deviation:.1f}°" for _, one in drawn)),
+        ("Off the stress by over 30°", *(percent(one.off) for _, one in drawn)),
+    ]
+    told = f"Members cross at {found.crossing_angle:.0f}° or more." if len(drawn) == 2 else "One family of members."
+    if found.symmetry_error is not None:
+        told += f" {percent(found.symmetry_error)} of the surface differs from its image under the design's symmetry."
+    heads = [f"{name.capitalize()} members" for name, _ in drawn]
+    widths = (3, *(2 for _ in drawn))
+    return Table(number.table("The pattern."), ("Measure", *heads), rows, 1 + len(drawn), told, widths)
+
+
+def _between(one: FamilyQuality) -> str:
+    return f"{length(one.opening[0])} to {length(one.opening[2])}" if one.opening[2] > 0 else "none"
+
+
+def _kept(design: Competitor, sheet: Surface | None) -> str:
+    if sheet is None:
+        return "nothing: see the verdict"
+    return f"{digits_of(sheet.area)} m² ({share_of(design.area_fraction)}), in {_count(design.pieces, 'piece')}"
+
+
+def loads_table(found: Findings, number: Numbers) -> Table:
+    """The sum of the forces of each case, and where it acts."""
+    brief, rows = found.brief, []
+    surface, cases = brief.surface, brief.statics.cases
+    sums = {name: resultant(surface, case.load.force).force for name, case in cases.items()}
+    factor, unit = unit_for(max(float(np.abs(force).max()) for force in sums.values()), "N")
+    combined = any(case.factors for case in cases.values())
+    for name in found_order(found):
+        case = cases[name]
+        made = " + ".join(f"{k:g} {escaped(part)}" for part, k in case.factors.items()) if case.factors else ""
+        followed = "yes" if name in brief.preset.followed else "no"
+        judged = "yes" if name in found.cases else "no"
+        made_of = (made,) if combined else ()
+        rows.append((escaped(name), *made_of, *(_small(x / factor) for x in sums[name]), followed, judged))
+    more, wide = (("Made of",), (2.4,)) if combined else ((), ())
+    head = ("Load case", *more, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "Checked")
+    widths = (2, *wide, 1.3, 1.3, 1.3, 1.5, 1.2)
+    return Table(number.table("Sums of the loads."), head, rows, 2 if combined else 1, "", widths)
+
+
+def found_order(found: Findings) -> list[str]:
+    """All cases: those that were judged first."""
+    return [*found.cases, *(name for name in found.brief.statics.cases if name not in found.cases)]
+
+
+def acting_table(found: Findings, number: Numbers) -> Table:
+    """Every load and every support, as the preset gives them."""
+    given = found.brief.preset.surface
+    rows = [("Load", load.case, load.kind.replace("_", " "), _places(load)) for load in given.load]
+    rows += [
+        (
+            f"Support {k}",
+            "all",
+            f"holds {', '.join(one.hold)}" if one.hold else "springs" if one.spring else "clamps",
+            _places(one),
+        )
+        for k, one in enumerate(given.support, start=1)
+    ]
+    cells = [tuple(escaped(cell) for cell in row) for row in rows]
+    return Table(
+        number.table("Loads and supports."), ("", "Case", "What", "Where and how much"), cells, 4, "",
+        (1.2, 1.2, 1.6, 5),
+    )  # fmt: skip
+
+
+UNITS = {
+    "force": "N",
+    "pressure": "Pa",
+    "per_metre": "N/m",
+    "spring": "N/m",
+    "radius": "m",
+    "center": "m",
+    "load": "Pa",
+}
+
+
+def _places(thing: Any) -> str:
+    """'axis x, end min; force (0, -1000, 0) N' of a load or a support."""
+    told: list[str] = []
+    for one in fields(thing):
+        value = getattr(thing, one.name)
+        if one.name in ("kind", "case", "hold") or value is None or value is False:
+            continue
+        if one.name == "at":
+            told.insert(0, _picker(value))
+        else:
+            told.append(f"{one.name.replace('_', ' ')} {_value(value)} {UNITS.get(one.name, '')}".strip())
+    return "; ".join(word for word in told if word)
+
+
+def _picker(at: Any) -> str:
+    parts = [f"{one.name} {_value(getattr(at, one.name))}" for one in fields(at) if one.name != "pick"]
+    kept = [part for part in parts if not part.endswith(" None")]
+    return f"{at.pick} ({', '.join(kept)})" if kept else str(at.pick)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, float | int) and not isinstance(value, bool):
+        return f"{value:g}"
+    if isinstance(value, list | tuple):
+        if len(value) > 6:
+            return f"{len(value)} values"
+        return f"({', '.join(_value(one) for one in value)})"
+    return str(value)
+
+
+def levels_table(found: Findings, number: Numbers) -> Table | None:
+    """The meshes that the verdict is made with, for the governing case."""
+    check, name = found.judged.check, found.cases[0]
+    if check is None:
+        return None
+    factor, unit = unit_for(check.case(name).value, "J")
+    rows = []
+    for k, level in enumerate(check.levels, start=1):
+        apart = level.midedge[name] / level.compliance[name] - 1 if name in level.midedge else None
+        rows.append(
+            (
+                str(k),
+                _thousands(level.triangles),
+                _thousands(level.unknowns),
+                digits_of(level.compliance[name] / factor, 5),
+                digits_of(level.midedge[name] / factor, 5) if name in level.midedge else "-",
+                f"{100 * apart:+.2f} %" if apart is not None else "-",
+                f"{100 * level.zz_membrane[name]:.2f} %",
+                f"{100 * level.zz_bending[name]:.2f} %",
+                f"{level.residual:.0e}",
+                f"{level.seconds:.1f}",
+                f"{level.memory / GB:.2f}",
+            )
+        )
+    value = check.case(name)
+    note = (
+        f"Extrapolated: <b>{digits_of(value.value / factor, 5)} {unit} ± {percent(value.bound)}</b>. "
+        "Level 1 is the mesh as it is cut, each further one has four triangles for one, with new points on the smooth "
+        "surface. The spread of the two pairs is that of level 1. ZZ: recovery error, membrane and bending apart. "
+        "Memory of the whole process."
+    )
+    head = (
+        "Level",
+        "Triangles",
+        "Unknowns",
+        f"quadratic + hhj, {unit}",
+        f"quadratic + midedge, {unit}",
+        "Spread",
+        "ZZ memb.",
+        "ZZ bend.",
+        "Residual",
+        "s",
+        "GB",
+    )
+    told = f"Compliance mesh after mesh{'' if len(found.cases) == 1 else f', load case {escaped(name)}'}."
+    return Table(number.table(told), head, rows, 1, note, (0.8, 1.2, 1.2, 1.3, 1.4, 1, 1, 1, 1, 0.8, 0.8))
+
+
+def cases_table(found: Findings, number: Numbers) -> Table:
+    """Each case that was judged, the governing one first."""
+    check, rows = found.judged.check, []
+    for name in found.cases:
+        case = found.judged.cases[name]
+        value = check.case(name) if check else None
+        rows.append(
+            (
+                escaped(name),
+                within(value.value, value.bound, "J") if value else within(case.compliance, found.judged.bound, "J"),
+                value.status if value else "unknown",
+                length(case.displacement.value),
+                quantity(case.stress.quantile, "Pa"),
+                quantity(case.tension.quantile, "Pa"),
+                quantity(case.compression.quantile, "Pa"),
+            )
+        )
+    head = ("Load case", "Compliance", "Verdict", "Moves at most", "von Mises", "Tension", "Compression")
+    note = "Stress: what 99.9 % of the area does not exceed, of the top, the middle and the bottom of the sheet."
+    return Table(
+        number.table("Load cases, the governing one first."), head, rows, 1, note, (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
+    )
+
+
+def stress_table(found: Findings, number: Numbers) -> Table:
+    """Largest stresses of the governing case, with their places."""
+    case = found.governing
+    rows = [
+        (name, quantity(one.quantile, "Pa"), quantity(one.value, "Pa"), point(one.place))
+        for name, one in (
+            ("von Mises", case.stress),
+            ("Largest principal (tension)", case.tension),
+            ("Smallest principal (compression)", case.compression),
+        )
+    ]
+    head = ("Stress", "99.9 % of the area", "Peak", "Place of the peak")
+    note = "Peaks at loads, supports and inner corners grow with every finer mesh: judge by the first column."
+    return Table(number.table("Largest stresses."), head, rows, 1, note, (2.4, 1.6, 1.4, 2))
+
+
+def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
+    """What each support carries in one case, and whether it balances the load."""
+    case = found.judged.cases[name]
+    loads = found.fields[name].load.force.sum(axis=0)
+    held = np.sum(case.reactions, axis=0)
+    factor, unit = unit_for(float(np.abs(loads).max()), "N")
+
+    def line(text: str, force: Any) -> tuple[str, ...]:
+        size = float(np.linalg.norm(force)) / factor
+        return (text, *(_small(x / factor) for x in force), digits_of(size, 4) if size > 1e-4 else "0")
+
+    rows = [line(f"Support {k}", force) for k, force in enumerate(case.reactions, start=1)]
+    rows += [line("All supports", held), line("Loads", loads)]
+    note = (
+        f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."
+    )
+    head = ("", *(f"R{axis}, {unit}" for axis in "xyz"), f"Size, {unit}")
+    told = f"Reactions{'' if len(found.cases) == 1 else f', load case {escaped(name)}'}."
+    return Table(number.table(told), head, rows, 1, note, (2, 1, 1, 1, 1), (len(rows) - 2,))
+
+
+def rivals_table(found: Findings, number: Numbers) -> Table:
+    """All competitors, how they carry the loads, and how they were judged."""
+    rows = [_rival(found, one) for one in found.compared.competitors]
+    _, unit = unit_for(found.unit_of, "J")
+    head = (
+        "Structure", "Mass", "Kept", f"Compliance, {unit}", "Over whole sheet", "Over design", "Moves", "99.9 % stress",
+        "Level",
+    )  # fmt: skip
+    names = [one.name for one in found.compared.competitors]
+    asked = {one.judgement.level for one in found.compared.competitors if one.judgement}
+    note = "Ratios of compliance: above 1 is softer. Level full: two meshes or three, extrapolated. "
+    note += (
+        "Level quick: one solve on the cut mesh; its bound holds for nine designs in ten." if "quick" in asked else ""
+    )
+    return Table(
+        number.table("The design and others under the same loads, on the same supports, with the same kept regions."),
+        head, rows, 1, note, (2.6, 1.1, 1.1, 1.9, 1, 1, 1.4, 1.4, 0.8), (names.index("design"),),
+    )  # fmt: skip
+
+
+def _rival(found: Findings, one: Competitor) -> tuple[str, ...]:
+    name = LABELS[one.name] + (f" ({escaped(one.variant)})" if one.variant else "")
+    if one.judgement is None:
+        sizes = (mass(one.mass), share_of(one.area_fraction)) if one.structure else ("-", "-")
+        return (name, *sizes, "carries nothing", "-", "-", "-", "-", "-")
+    factor, _ = unit_for(found.unit_of, "J")
+    worst = one.judgement.worst
+    return (
+        name,
+        mass(one.mass),
+        share_of(one.area_fraction),
+        f"{digits_of(one.compliance / factor)} ± {percent(one.judgement.bound or 0)}",
+        digits_of(one.compliance / found.compared.full.compliance),
+        digits_of(one.compliance / found.design.compliance) if found.carries else "-",
+        length(worst("displacement").value),
+        quantity(worst("stress").quantile, "Pa"),
+        one.judgement.level,
+    )
+
+
+def volumes_table(found: Findings, number: Numbers) -> Table:
+    """Compliance over that of the whole sheet, at each share of the surface."""
+    names = [one.name for one in found.volumes[0][1].competitors if one.name != "full"]
+    rows = []
+    for share, compared in found.volumes:
+        cells = [_ratio(compared[name], compared.full.compliance) for name in names]
+        rows.append((percent(share), mass(share * compared.full.mass), *cells))
+    head = ("Share", "Mass", *(LABELS[name] for name in names))
+    asked = {one.judgement.level for _, compared in found.volumes for one in compared.competitors if one.judgement}
+    how = {
+        frozenset(("full",)): "Judged by full checks.",
+        frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",
+    }.get(frozenset(asked), "Whole sheets are judged by full checks, those that are cut by one solve.")
+    note = f"Compliance over that of the whole sheet; - : carries nothing at that share. {how}"
+    return Table(number.table("Compliance at other masses."), head, rows, 1, note)
+
+
+def _ratio(one: Competitor, full: float) -> str:
+    return f"{one.compliance / full:.3g}" if one.judgement else "-"
+
+
+def versions_table(versions: Mapping[str, str], number: Numbers) -> Table:
+    """What it was made with."""
+    return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _thousands(count: int) -> str:
+    return f"{count:,}".replace(",", " ")
+
+
+def _small(value: float) -> str:
+    """Four digits, and 0 for what is dust."""
+    return "0" if abs(value) < 5e-5 else digits_of(value, 4)

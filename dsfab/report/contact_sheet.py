@@ -1,0 +1,233 @@
+"""A contact sheet: many pictures side by side with their labels, as one PNG and as a page that opens offline."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dsfab.render.palette import Palette
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
+"""Pixels between tiles, around the sheet, below each tile for its label, and above them for the title."""
+
+WIDEST = 8
+"""Most tiles in a row."""
+
+PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """One variant: its number from 1, its parameters as (short name, text), its command, its picture or why not.
+
+    png : the picture as a PNG file: a tenth of the memory, and a sheet may have hundreds.
+    """
+
+    number: int
+    parameters: tuple[tuple[str, str], ...]
+    command: str
+    png: bytes | None
+    error: str = ""
+
+    @property
+    def picture(self) -> "Image | None":
+        """Read anew whenever it is asked for."""
+        from PIL import Image
+
+        return None if self.png is None else Image.open(BytesIO(self.png))
+
+    @property
+    def file(self) -> str:
+        """Name of its picture's file."""
+        return f"{self.number:03}.png"
+
+    def label(self, letters: int | None = None) -> str:
+        """Its parameters in a line, at most so many letters of each word of their names."""
+        names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
+        return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
+
+
+def columns(count: int, runs: Sequence[int]) -> int:
+    """Tiles in a row: whole runs of the fastest keys where they fit, or else a sheet a little wider than high."""
+    row, best = 1, 1
+    for run in reversed(runs[1:]):
+        row *= run
+        best = row if row <= WIDEST else best
+    return best if best > 1 else min(count, WIDEST, int(np.ceil(np.sqrt(1.3 * count))))
+
+
+def contact_sheet(
+    tiles: Sequence[Tile], title: str, line: str, across: int, wide: int, aspect: float, palette: Palette
+) -> "Image":
+    """All tiles on one sheet, each `wide` pixels of width to height `aspect`, with a title and a line below it."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    high, rows = round(wide / aspect), -(-len(tiles) // across)
+    width = max(2 * MARGIN + across * wide + (across - 1) * GAP, 520)
+    height = MARGIN + HEAD + rows * (high + FOOT + GAP) - GAP + MARGIN // 2
+    sheet = Image.new("RGB", (width, height), palette.paper)
+    draw = ImageDraw.Draw(sheet)
+    draw.text((MARGIN, MARGIN + 6), title, fill=palette.text, font=ImageFont.load_default(size=34), anchor="lt")
+    grey = _between(palette.text, palette.paper, 0.35)
+    font = ImageFont.load_default(size=17)
+    draw.text((MARGIN, MARGIN + 56), _cut(line, width - 2 * MARGIN, font), fill=grey, font=font, anchor="lt")
+    for place, tile in enumerate(tiles):
+        x = MARGIN + place % across * (wide + GAP)
+        y = MARGIN + HEAD + place // across * (high + FOOT + GAP)
+        _put(sheet, tile, (x, y), (wide, high), palette)
+    return sheet
+
+
+def _put(sheet: "Image", tile: Tile, at: tuple[int, int], size: tuple[int, int], palette: Palette) -> None:
+    from PIL import Image, ImageDraw, ImageFont
+
+    draw, (x, y), (wide, high) = ImageDraw.Draw(sheet), at, size
+    hair, grey = _between(palette.text, palette.paper, 0.86), _between(palette.text, palette.paper, 0.5)
+    if (picture := tile.picture) is None:
+        small = ImageFont.load_default(size=15)
+        lines = _wrapped(tile.error, wide - 48, small)[: max(1, high // 22 - 2)]
+        draw.rectangle((x, y, x + wide - 1, y + high - 1), outline=hair)
+        draw.multiline_text(
+            (x + wide / 2, y + high / 2),
+            "\n".join(lines),
+            fill=grey,
+            font=small,
+            anchor="mm",
+            align="center",
+            spacing=6,
+        )
+    else:
+        sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), at)
+    draw.line((x, y + high + 6, x + wide - 1, y + high + 6), fill=hair)
+    number, font = f"{tile.number:03}", ImageFont.load_default(size=17)
+    base = y + high + 30
+    draw.text((x + wide - 2, base), number, fill=grey, font=font, anchor="rs")
+    draw.text((x + 2, base), _label(tile, wide - 50, font), fill=palette.text, font=font, anchor="ls")
+
+
+def _between(one: tuple[int, int, int], other: tuple[int, int, int], share: float) -> tuple[int, int, int]:
+    r, g, b = (round(p + share * (q - p)) for p, q in zip(one, other, strict=True))
+    return r, g, b
+
+
+def _label(tile: Tile, room: float, font: Any) -> str:
+    """Names give way before values do: it is these that tell tiles apart."""
+    shorter = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
+    return next((text for text in shorter if font.getlength(text) <= room), _cut(tile.label(1), room, font))
+
+
+def _cut(text: str, room: float, font: Any) -> str:
+    if font.getlength(text) <= room:
+        return text
+    while text and font.getlength(text + "...") > room:
+        text = text[:-1]
+    return text.rstrip() + "..."
+
+
+def _wrapped(text: str, room: float, font: Any) -> list[str]:
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and font.getlength(longer) > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines
+
+
+def page(tiles: Sequence[Tile], title: str, line: str, across: int, palette: Palette) -> str:
+    """The same as HTML with relative links to the tiles' files: each picture, its parameters, its command."""
+    figures = "\n".join(_figure(tile) for tile in tiles)
+    paper, text = (f"rgb{colour}" for colour in (palette.paper, palette.text))
+    style = _STYLE.replace("PAPER", paper).replace("TEXT", text).replace("ACROSS", str(_on_page(across)))
+    return _PAGE.format(title=escape(title), line=escape(line), style=style, figures=figures)
+
+
+def _on_page(across: int) -> int:
+    """Columns of the page: rows of the sheet stay together where they can be divided."""
+    return across if across <= 4 else next((k for k in (4, 3) if across % k == 0), 4)
+
+
+def _figure(tile: Tile) -> str:
+    terms = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in tile.parameters)
+    alt = escape(f"Variant {tile.number}: {tile.label()}", quote=True)
+    if (picture := tile.picture) is None:
+        shown = f'<p class="why">{escape(tile.error)}</p>'
+    else:
+        wide, high = picture.size
+        shown = (
+            f'<a href="{tile.file}"><img src="{tile.file}" alt="{alt}" width="{wide}" height="{high}" '
+            'loading="lazy"></a>'
+        )
+    return (
+        f'<figure id="v{tile.number:03}">{shown}<figcaption><span class="number">{tile.number:03}</span>'
+        f"<dl>{terms}</dl><code>{escape(tile.command)}</code></figcaption></figure>"
+    )
+
+
+def pictures_of(folder: Path) -> set[str]:
+    """Names of the pictures that the page in a folder shows; of an earlier page, for none of them to be left behind."""
+    try:
+        return set(re.findall(r'src="(\d{3,}\.png)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError):
+        return set()
+
+
+def save(tiles: Sequence[Tile], folder: Path) -> None:
+    """Write the pictures of the tiles."""
+    for tile in tiles:
+        if tile.png is not None:
+            (folder / tile.file).write_bytes(tile.png)
+
+
+_STYLE = """
+:root { color-scheme: light; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; padding: 3.5rem 2.5rem 4rem; max-width: 116rem; background: PAPER; color: TEXT;
+  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
+h1 { margin: 0; font-size: 2.1rem; font-weight: 600; letter-spacing: -0.02em; }
+header p { margin: 0.35rem 0 2.6rem; opacity: 0.72; }
+main { display: grid; gap: 2.6rem 1.8rem; grid-template-columns: repeat(ACROSS, minmax(0, 1fr)); }
+@media (max-width: 72rem) { main { grid-template-columns: repeat(auto-fill, minmax(19rem, 1fr)); } }
+figure { margin: 0; display: flex; flex-direction: column; }
+img { display: block; width: 100%; height: auto; }
+a { border-radius: 4px; } a:focus-visible { outline: 3px solid rgb(32, 84, 168); outline-offset: 3px; }
+.why { margin: 0; aspect-ratio: 4 / 3; display: grid; place-content: center; text-align: center; padding: 0 12%;
+  border: 1px solid rgba(86, 80, 76, 0.2); border-radius: 4px; opacity: 0.75; }
+figcaption { position: relative; border-top: 1px solid rgba(86, 80, 76, 0.2); margin-top: 0.5rem; padding-top: 0.6rem; }
+.number { position: absolute; right: 0; font-size: 0.85rem; opacity: 0.7; font-variant-numeric: tabular-nums; }
+dl { margin: 0 3rem 0.55rem 0; display: flex; flex-wrap: wrap; gap: 0 1.3rem; }
+dl div { display: flex; gap: 0.45rem; } dt { opacity: 0.72; } dd { margin: 0; font-weight: 600; }
+code { display: block; padding: 0.5rem 0.7rem; border-radius: 4px; background: rgba(120, 100, 80, 0.08);
+  font: 12.5px/1.55 ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; overflow-wrap: anywhere;
+  user-select: all; }
+footer { margin-top: 3.5rem; font-size: 0.9rem; opacity: 0.72; }
+@media print { main { grid-template-columns: repeat(3, 1fr); } figure { break-inside: avoid; } }
+"""
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title>
+<style>{style}</style>
+</head>
+<body>
+<header><h1>{title}</h1><p>{line}</p></header>
+<main>
+{figures}
+</main>
+<footer>A picture opens at full size; a click on a command selects all of it. Pictures show the pattern before
+it is cut: pieces that reach no support may still be there, and the thickness is not drawn.</footer>
+</body>
+</html>
+"""

@@ -1,0 +1,1 @@
+"""A design told: numbers for `design.json`, lines for people, and the folder of its files."""

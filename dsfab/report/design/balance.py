@@ -1,0 +1,85 @@
+"""What loads and supports add up to, for `design.json` and the lines that `dsfab build` prints."""
+
+from typing import TYPE_CHECKING, Any
+
+from dsfab.report.design.answers import answer_facts
+from dsfab.wording import length
+
+if TYPE_CHECKING:
+    from dsfab.pipeline.design import Design
+    from dsfab.statics import Equilibrium
+    from dsfab.surface import LoadCase
+
+
+def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
+    """Compliance, largest displacement, residuals, and the sums of loads and reactions, of one equilibrium."""
+    return {
+        "compliance_J": answer.compliance,
+        "largest_displacement_m": answer.largest_displacement,
+        "imbalance": answer.imbalance,
+        "residual": answer.residual,
+        **balance(design, load, answer),
+    }
+
+
+def case_facts(design: "Design") -> dict[str, Any]:
+    """The same of each case and combination, by name."""
+    told = {}
+    for name, case in design.statics.cases.items():
+        factors = {} if case.factors is None else {"factors": dict(case.factors)}
+        facts = equilibrium_facts(design, case.load, case.equilibrium)
+        told[name] = {**factors, **facts, **answer_facts(design, case)}
+    return told
+
+
+def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
+    """Sums of loads and reactions, moments about the origin, in all and support by support."""
+    from dsfab.statics import resultant, support_reactions
+
+    surface, supports = design.surface, design.preset.surface.support
+    loads, reaction = resultant(surface, load.force), resultant(surface, answer.reaction, answer.torque)
+    carried = zip(supports, support_reactions(surface, supports, answer), strict=True)
+    return {
+        "load_N": loads.force.tolist(),
+        "load_moment_Nm": loads.moment.tolist(),
+        "reaction_N": reaction.force.tolist(),
+        "reaction_moment_Nm": reaction.moment.tolist(),
+        "supports": [
+            {
+                "hold": support.hold,
+                **({"spring_N_per_m": list(support.spring)} if support.spring else {}),
+                **({"clamp": True} if support.clamp else {}),
+                "reaction_N": part.force.tolist(),
+                "moment_Nm": part.moment.tolist(),
+            }
+            for support, part in carried
+        ],
+    }
+
+
+def case_lines(design: "Design") -> list[str]:
+    """How stiff the uncut sheet is and who carries what: two lines for one case, else a line for each."""
+    cases = design.statics.cases
+    if len(cases) == 1:
+        (case,) = cases.values()
+        return [f"uncut sheet: {_answered(case.equilibrium)}", _carried(design, case.load, case.equilibrium)]
+    followed = design.preset.followed
+    return [
+        f"uncut sheet, {name}{'*' if name in followed else ''}: {_answered(case.equilibrium)}; "
+        f"{_carried(design, case.load, case.equilibrium)}"
+        for name, case in cases.items()
+    ] + [f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
+
+
+def _answered(answer: "Equilibrium") -> str:
+    return f"compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most"
+
+
+def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
+    sums = balance(design, load, answer)
+
+    def told(force: list[float]) -> str:
+        return f"{sum(x * x for x in force) ** 0.5:.4g} N"
+
+    parts = ", ".join(told(part["reaction_N"]) for part in sums["supports"])
+    return f"loads sum to {told(sums['load_N'])}; supports carry {parts}"

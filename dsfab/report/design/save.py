@@ -1,0 +1,118 @@
+"""A design as a folder of files: what `dsfab build`, the editor's Build and `design.save` write."""
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dsfab.delivery.archive import keep
+from dsfab.delivery.files import delivered
+from dsfab.errors import ExportError
+from dsfab.export import write
+from dsfab.export.folder import whole_or_nothing
+from dsfab.pipeline.design import Design
+from dsfab.pipeline.log import Progress, silent
+from dsfab.pipeline.measures import measured_pattern
+from dsfab.preset_file import preset_toml
+from dsfab.report.design.fabrication import fabrication_facts
+from dsfab.report.design.facts import facts
+from dsfab.report.design.pattern import quality_facts
+from dsfab.study.fabrication import Fabrication, fabrication
+from dsfab.thickening import Split, parts
+
+SIZE = (1600, 1200)
+"""Pixels of the picture of what is smallest."""
+
+MAY_BE_REFUSED = ("step", "stpz", "brep")
+"""Formats whose limits of size a design may miss: the others are written then, and it is told."""
+
+
+class Saved(NamedTuple):
+    """What was measured on the way (see `design.json`), lines about the files, and why a format was refused, or ''."""
+
+    measured: Mapping[str, Any]
+    told: tuple[str, ...]
+    refused: str
+
+
+class _Files(NamedTuple):
+    """Names of files, lines about them, notes for `design.json`, and why formats were refused."""
+
+    names: list[str]
+    reports: list[str]
+    notes: list[str]
+    refused: list[str]
+
+
+def save(
+    design: Design, folder: str | Path, progress: Progress = silent, picture: bool = True, marked: bool = False
+) -> Saved:
+    """Write every file of a design into `folder`: all of them, or none.
+
+    picture : also preview.png.
+    marked  : also fabrication.png: where the smallest member, gap and wall are.
+    Raises ExportError for a folder that cannot be written; a STEP file that is too large is told instead.
+    """
+    with whole_or_nothing(Path(folder)) as partial:
+        progress("fabrication", "measuring members, gaps and walls")
+        made = fabrication(design)
+        measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(measured_pattern(design))}
+        if marked:
+            _mark(design, made, partial / "fabrication.png")
+        start = time.perf_counter()
+        files = _written(design, partial, progress)
+        write(design.sheet.surface, partial / "sheet.ply")
+        keep(design, partial)
+        seconds = {**design.seconds, "export": time.perf_counter() - start}
+        if picture:
+            progress("preview", "drawing preview.png")
+            _draw(design, partial / "preview.png")
+        (partial / "preset.toml").write_text(preset_toml(design.settled), encoding="utf-8")
+        told = facts(design, seconds, files.names, files.refused, files.notes) | measured
+        (partial / "design.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    return Saved(measured, (*files.reports, *files.notes), "; ".join(files.refused))
+
+
+def _written(design: Design, folder: Path, progress: Progress) -> _Files:
+    """The files of all formats that the preset asks for."""
+    files = _Files([], [], [], [])
+    for suffix in design.preset.export.formats:
+        name = f"{design.preset.name}.{suffix}"
+        progress("export", f"writing and reading back {name}")
+        try:
+            thing, how = delivered(design, f".{suffix}")
+            how |= {"note": files.notes.append, "report": lambda done: files.reports.append(done.told)}
+            files.names.append(write(thing, folder / name, **how).name)
+        except ExportError as error:
+            if suffix not in MAY_BE_REFUSED:
+                raise
+            files.refused.append(str(error))
+            continue
+        if suffix == "stl":
+            files.names.extend(_parts(design, folder))
+    return files
+
+
+def _parts(design: Design, folder: Path) -> Iterator[str]:
+    """Of a solid that was split for a machine one STL file for each part; other formats keep parts in one file."""
+    if design.solid.pieces == 1 or not any(isinstance(extra, Split) for extra in design.preset.thickening.extra):
+        return
+    for number, part in enumerate(parts(design.solid), 1):
+        yield write(part, folder / f"{design.preset.name}_{number}.stl").name
+
+
+def _mark(design: Design, made: Fabrication, path: Path) -> None:
+    """Where the smallest things are, as a picture."""
+    from dsfab.render.fabrication import write_workshop_picture
+
+    write_workshop_picture(path, design, made, SIZE)
+
+
+def _draw(design: Design, path: Path) -> None:
+    """The finished structure, as a picture."""
+    from dsfab.render.caption import caption
+    from dsfab.render.picture import write_picture
+
+    solid = design.solid
+    write_picture(path, solid.V, solid.F, surface=design.surface, load=design.load, caption=caption(design))

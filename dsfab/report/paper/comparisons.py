@@ -1,0 +1,78 @@
+"""The comparisons that the paper draws: the anisotropy, the von Mises stress as a source of stripes, Bob's stress."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.diffusion import Modes
+from dsfab.pipeline import draft
+from dsfab.pipeline.design import Design
+from dsfab.preset_file import overridden
+from dsfab.report.paper.drawing import Shown, drawn
+from dsfab.results import DiffusionResult
+from dsfab.study.baselines.striped import as_mode
+
+RATIOS = (1.0, 10.0, 100.0)
+"""The anisotropies that are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Pictures side by side, in rows, as the paper compares them."""
+
+    title: str
+    words: str
+    rows: tuple[tuple[Shown, ...], ...]
+
+
+def comparisons(design: Design, folder: Path, shown: Mapping[str, Shown]) -> list[Comparison]:
+    """The comparisons that the paper draws on this figure; pictures that are there already are shown again."""
+    name = design.preset.name
+    if name == "hanging_bar":
+        return [_ratios(design, folder)]
+    if name == "sphere":
+        return [_one_family(design, folder, shown)]
+    if name == "bob":
+        words = "What the statics find on Bob: the stress gathers between the head and the feet."
+        again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
+        return [Comparison("Bob under his load", words, (again,))]
+    return []
+
+
+def _ratios(design: Design, folder: Path) -> Comparison:
+    """The same design with little and much anisotropy."""
+    rows = []
+    for show, name in (("major_mode", "major mode 1"), ("minor_mode", "minor mode 1"), ("structure", "structure")):
+        row = []
+        for r in RATIOS:
+            other = draft(overridden(design.preset, {"diffusion.r": r}), old=design)
+            row.append(drawn(other, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
+        rows.append(tuple(row))
+    words = (
+        "With r = 1 the stress is not heard and both families have the same modes; the larger r, the closer modes, "
+        "and with them stripes, keep to the principal directions."
+    )
+    return Comparison("The effect of the anisotropy r", words, tuple(rows))
+
+
+def _one_family(design: Design, folder: Path, shown: Mapping[str, Shown]) -> Comparison:
+    """Stripes along the von Mises stress, between those of the two families."""
+    value = as_mode(design.surface, design.statics.answers.stress.largest)
+    modes = Modes(np.zeros(1), value[:, None])
+    changed = overridden(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})
+    along = DiffusionResult(design.diffusion.tensors, modes, modes)
+    kept = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}
+    striped = Design.known(changed, diffusion=along, **kept)
+    name = design.preset.name
+    field = shown.get(f"{name}-vonmises.webp")
+    stripes = drawn(striped, folder, "major", f"{name}-vonmises", "Stripes along the von Mises stress")
+    pairs = [tuple(shown.get(f"{name}-{family}{end}.webp") for end in ("-mode", "")) for family in ("major", "minor")]
+    columns = (pairs[0], (field, stripes), pairs[1])
+    rows = tuple(tuple(one for column in columns if (one := column[i])) for i in range(2))
+    words = (
+        "Stripes of the same frequency along the von Mises stress, a single field: it hardly changes away from the "
+        "poles, and neither do its stripes. The families of the diffusion give rings and meridians everywhere."
+    )
+    return Comparison("Why not stripes along the von Mises stress?", words, rows)

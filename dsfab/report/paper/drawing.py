@@ -1,0 +1,79 @@
+"""One picture of a figure of the paper, in its file: what is shown, how large, and from where it is seen."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dsfab.errors import DsfabError
+from dsfab.pipeline.design import Design
+from dsfab.render.colouring import Bar
+from dsfab.render.light import Quality
+from dsfab.render.previewer import Previewer
+from dsfab.render.scene import Bytes
+
+SMALL, LARGE = (560, 420), (1120, 840)
+"""Pixels of the pictures of the steps, and of the structure: twice what the page gives them, for sharp screens."""
+
+LIGHT = Quality(8, 24, 5, 896, 512, (0.006, 0.035))
+"""Between a picture that stands alone and one of a hundred."""
+
+VIEWS = {
+    "pavilion": "25,35",
+    "camel_none": "20,25",
+    "camel_head": "20,52",
+    "camel_nose": "40,20",
+    "camel_ears": "60,35",
+    "climbing_hold": "210,25",
+    "mouse": "240,35",
+    "boys_surface": "30,25",
+}
+"""From where a figure is seen, if its best side (see `dsfab.render.view`) hides what its caption says."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A picture in its file, or why there is none.
+
+    file  : its name in the page's folder; '' without one.
+    title : what it is.     words: what it tells, or why it is not there.     bar: what explains its colours.
+    """
+
+    file: str
+    title: str
+    words: str = ""
+    bar: Bar | None = None
+    size: tuple[int, int] = SMALL
+
+
+def drawn(design: Design, folder: Path, show: str, stem: str, title: str = "") -> Shown:
+    """One picture of a design, in a file named by `stem` and what it shows."""
+    size = LARGE if show == "structure" and not title else SMALL
+    title = title or _title(design, show)
+    file = f"{stem}-{show.replace('_', '-')}.webp"
+    try:
+        with Previewer(design, show=show, view=VIEWS.get(design.preset.name, "iso")) as previewer:
+            pixels = previewer.picture(size, quality=LIGHT, words=False)
+            words, bar = previewer.words, previewer.bar
+    except DsfabError as error:
+        return Shown("", title, str(error))
+    _save(pixels, folder / file)
+    return Shown(file, title, words, bar, size)
+
+
+def _save(pixels: Bytes, path: Path) -> None:
+    from PIL import Image
+
+    Image.fromarray(pixels).save(path, format="WEBP", quality=82, method=6)
+
+
+def _title(design: Design, show: str) -> str:
+    pattern = design.preset.pattern
+    return {
+        "structure": "Structure",
+        "loads": "Surface, loads and supports",
+        "directions": "Principal directions",
+        "vonmises": "Von Mises stress",
+        "major_mode": f"Mode {pattern.major.mode} of the major family",
+        "minor_mode": f"Mode {pattern.minor.mode} of the minor family",
+        "major": "Major stripes",
+        "minor": "Minor stripes",
+    }[show]

@@ -1,0 +1,86 @@
+"""The figures of the paper, made: numbers and sentences about each, and its pictures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dsfab.errors import DsfabError
+from dsfab.pipeline import draft
+from dsfab.pipeline.design import Design
+from dsfab.pipeline.geometry import slicing_step
+from dsfab.pipeline.log import Log
+from dsfab.preset_file import load_preset, overridden
+from dsfab.report.paper.comparisons import Comparison, comparisons
+from dsfab.report.paper.drawing import Shown, drawn
+from dsfab.results import Piece
+from dsfab.study.paper import Figure
+
+STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
+"""What is shown of every figure beside its structure, in the order of the method."""
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A figure as it came out; `error` says why it could not be made, and the rest is empty then.
+
+    seconds : by row of the paper's Table 2.      carried: how the loads reach the supports.
+    """
+
+    figure: Figure
+    vertices: int = 0
+    triangles: int = 0
+    seconds: Mapping[str, float] | None = None
+    carried: str = ""
+    notes: tuple[str, ...] = ()
+    shown: tuple[Shown, ...] = ()
+    comparisons: tuple[Comparison, ...] = ()
+    error: str = ""
+
+    @property
+    def structure(self) -> Shown | None:
+        """The picture of the structure, which comes first."""
+        return self.shown[0] if self.shown else None
+
+
+def made(figure: Figure, folder: Path, coarser: float = 1.0) -> Made:
+    """Make a figure and write its pictures into `folder`; what cannot be made says so in its place.
+
+    coarser : the preset's edges times this: quicker, and rougher.
+    """
+    try:
+        preset = load_preset(figure.preset)
+        if coarser != 1:
+            preset = overridden(preset, {"surface.edge": coarser * preset.surface.model_dump()["edge"]})
+        design = draft(preset)
+        carried, notes = _carried(design)
+        shown = tuple(drawn(design, folder, show, figure.preset) for show in ("structure", *STEPS))
+        compared = tuple(comparisons(design, folder, {one.file: one for one in shown}))
+    except DsfabError as error:
+        return Made(figure, error=str(error))
+    surface = design.surface
+    return Made(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared)
+
+
+def _carried(design: Design) -> tuple[str, tuple[str, ...]]:
+    """How the cut sheet carries its loads, in a sentence, and what was noted; nothing needs to be thickened."""
+    log = Log(None)
+    slicing = slicing_step(design.preset, design.surface, design.statics, design.pattern, log)
+    share = slicing.sheet.surface.area / design.surface.area
+    told = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {_reached(slicing.pieces)}"
+    notes = [f"{note.stage}: {note.text}" for note in (*design.notes, *log.notes)]
+    return told, tuple(notes)
+
+
+def _count(pieces: int) -> str:
+    return "one piece" if pieces == 1 else f"{pieces} pieces"
+
+
+def _reached(pieces: Sequence[Piece]) -> str:
+    loaded = [piece for piece in pieces if piece.loaded]
+    if not loaded:
+        lost = sum(not piece.held for piece in pieces)
+        return f"the load is spread, and {f'{_count(lost)} reach no support' if lost else 'all of it is supported'}"
+    lost = sum(not piece.held for piece in loaded)
+    if lost:
+        return f"{lost} of {_count(len(loaded))} that carry a load reach no support"
+    return f"the loads reach the supports through {_count(len(loaded))}"

@@ -1,0 +1,201 @@
+"""The page of `dsfab reproduce`: every figure of the paper step by step, its parameters and its seconds."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from dsfab.render.colouring import Bar
+from dsfab.render.palette import PAPER
+from dsfab.report.paper.comparisons import Comparison
+from dsfab.report.paper.drawing import Shown
+from dsfab.report.paper.figures import Made
+from dsfab.study.paper import Parameters, Timings
+
+PAGE_NAME = "index.html"
+
+TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")
+"""The columns of Table 2 in seconds."""
+
+FACTS_AT = 4
+"""The words about a figure fill the place after its structure and three pictures: then families begin a row."""
+
+PARAMETERS = (
+    ("&gamma;", "force magnitude"),
+    ("r", "anisotropy"),
+    ("a", "major mode"),
+    ("b", "minor mode"),
+    ("m<sub>U</sub>", "major threshold"),
+    ("m<sub>W</sub>", "minor threshold"),
+    ("&alpha;<sub>U</sub>", "major frequency"),
+    ("&alpha;<sub>W</sub>", "minor frequency"),
+    ("&beta;<sub>U</sub>", "major phase"),
+    ("&beta;<sub>W</sub>", "minor phase"),
+)
+"""Columns of Table 1, as the paper writes them and in words."""
+
+
+@dataclass(frozen=True)
+class About:
+    """What the page says about itself: how much coarser than the presets it is, and what made it."""
+
+    coarser: float
+    machine: str
+
+
+def page(figures: Sequence[Made], about: About, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
+    """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
+    from dsfab.report.paper.style import STYLE
+
+    paper, text = (f"rgb{colour}" for colour in (PAPER.paper, PAPER.text))
+    style = STYLE.replace("PAPER", paper).replace("TEXT", text)
+    compared = [one for figure in figures for one in figure.comparisons]
+    head = (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>The paper\'s figures, made again</title>'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head><body>'
+    )
+    sections = [_section(figure, about.coarser) for figure in figures]
+    return "\n".join(
+        [
+            head,
+            _header(about),
+            _overview(figures),
+            *sections,
+            *map(_comparison, compared),
+            _claim(volumes),
+            "</body></html>\n",
+        ]
+    )
+
+
+def pictures_of(folder: Path) -> set[str]:
+    """Names of the pictures that the page in a folder shows; of an earlier page, for none of them to be left behind."""
+    try:
+        return set(re.findall(r'src="([\w.-]+\.webp)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError):
+        return set()
+
+
+def _header(about: About) -> str:
+    rough = "" if about.coarser == 1 else f" The meshes are {about.coarser:g} times coarser than the presets' own."
+    return (
+        "<header><h1>The paper's figures, made again</h1><p>A. Madan, A. Jacobson and D. I. W. Levin, "
+        "<i>Diffusion Structures for Architectural Stripe Pattern Generation</i>: every result from its surface to its "
+        "structure, with the parameters of the paper's Table 1. Where a surface of the paper cannot be had, one of "
+        "dsfab's own stands in. Arrows are loads, cones supports; crosses are red along tension and blue along "
+        "compression; a mode runs from teal through zero to ochre, and stripes lie along its values. Structures are "
+        "drawn before pieces that reach no support are dropped.</p>"
+        f'<p class="quiet">Made by <code>dsfab reproduce</code>: {escape(about.machine)}.{rough} Seconds are those of '
+        "one run, beside the paper's on a laptop of 2015 (dual-core i5); it gives one row for each mesh.</p></header>"
+    )
+
+
+def _overview(figures: Sequence[Made]) -> str:
+    tiles = []
+    for made in figures:
+        shown, name = made.structure, made.figure.preset
+        inside = _image(shown, f"{name}, structure") if shown and shown.file else '<p class="why">not made</p>'
+        tiles.append(f'<a href="#{name}">{inside}<span>{escape(made.figure.label)}</span> {escape(name)}</a>')
+    return f'<nav aria-label="All figures">{"".join(tiles)}</nav>'
+
+
+def _section(made: Made, coarser: float) -> str:
+    figure = made.figure
+    head = (
+        f'<section id="{figure.preset}"><h2>{escape(figure.preset)} <span>{escape(figure.label)}</span></h2>'
+        f"<p>{escape(figure.caption)}</p>"
+    )
+    if made.error:
+        return f'{head}<p class="why">Not made: {escape(made.error)}</p></section>'
+    shown = [_figure(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
+    cells = "".join([*shown[:FACTS_AT], _facts(made, coarser), *shown[FACTS_AT:]])
+    return f'{head}<div class="steps">{cells}</div>{_tables(made)}</section>'
+
+
+def _figure(shown: Shown, name: str, kind: str = "") -> str:
+    inside = _image(shown, f"{name}: {shown.title}") if shown.file else f'<p class="why">{escape(shown.words)}</p>'
+    if shown.file:
+        inside = f'<a href="{shown.file}">{inside}</a>'
+    words = f"<small>{escape(shown.words)}</small>" if shown.file and shown.words else ""
+    bar = _bar(shown.bar) if shown.bar else ""
+    return f'<figure class="{kind}">{inside}<figcaption><b>{escape(shown.title)}</b>{bar}{words}</figcaption></figure>'
+
+
+def _image(shown: Shown, alt: str) -> str:
+    wide, high = shown.size
+    alt = escape(alt, quote=True)
+    return f'<img src="{shown.file}" alt="{alt}" width="{wide}" height="{high}" loading="lazy">'
+
+
+def _bar(bar: Bar) -> str:
+    """The scale of colours, with what stands at its ends."""
+    colours = ", ".join(f"rgb({r:.0f}, {g:.0f}, {b:.0f})" for r, g, b in bar.colours)
+    left, right = (f"{label} {name}".strip() for label, name in zip(bar.labels[::2], bar.names, strict=True))
+    strip = f'<i style="background: linear-gradient(to right, {colours})"></i>'
+    return f'<span class="bar">{escape(left)}{strip}{escape(right)}</span>'
+
+
+def _facts(made: Made, coarser: float) -> str:
+    figure = made.figure
+    edge = "" if coarser == 1 else " (on its own mesh)"
+    lines = [escape(f"{made.carried[0].upper()}{made.carried[1:]}.")]
+    if figure.stand_in:
+        lines.append(f"The surface stands in for the paper's: {escape(figure.stand_in)}.")
+    lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in made.notes]
+    lines.append(f"<code>dsfab build {figure.preset}</code>{edge}")
+    return f'<div class="facts">{"".join(f"<p>{line}</p>" for line in lines)}</div>'
+
+
+def _tables(made: Made) -> str:
+    row = made.figure.row
+    first = _parameters(row) if row else "<p>Table 1 has no row for it.</p>"
+    return f'<div class="tables">{first}{_seconds(made, made.figure.timings)}</div>'
+
+
+def _parameters(row: Parameters) -> str:
+    values = (row.gamma, row.r, *row.modes, *row.thresholds, *row.frequencies, *row.phases)
+    head = "".join(f'<th title="{words}">{sign}</th>' for sign, words in PARAMETERS)
+    cells = "".join(f"<td>{value:g}</td>" for value in values)
+    return f"<table><caption>Table 1</caption><tr>{head}</tr><tr>{cells}</tr></table>"
+
+
+def _seconds(made: Made, paper: Timings) -> str:
+    theirs: dict[str, float | None] = {name: getattr(paper, name) for name in TIMED}
+    given = made.seconds or {}
+    ours: dict[str, float | None] = {name: given.get(name) for name in TIMED}
+    head = "".join(f"<th>{word}</th>" for word in ("", "|V|", "|T|", *(name.capitalize() for name in TIMED), "Sum"))
+    lines = [_timing("paper", paper.vertices, paper.triangles, theirs)]
+    lines.append(_timing("dsfab", made.vertices, made.triangles, ours))
+    return f"<table><caption>Table 2, seconds</caption><tr>{head}</tr>{''.join(lines)}</table>"
+
+
+def _timing(who: str, vertices: int, triangles: int, seconds: dict[str, float | None]) -> str:
+    known = [value for value in seconds.values() if value is not None]
+    cells = "".join("<td>n/a</td>" if value is None else f"<td>{value:.3f}</td>" for value in seconds.values())
+    return f"<tr><th>{who}</th><td>{vertices:,}</td><td>{triangles:,}</td>{cells}<td>{sum(known):.3f}</td></tr>"
+
+
+def _claim(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The chart of compliance over mass on the sphere, and what it says in words."""
+    if not rows:
+        return ""
+    own = {row["volume"]: row["compliance_J"] for row in rows if row["name"] == "design" and row["compliance_J"]}
+    other = {row["volume"]: row["compliance_J"] for row in rows if row["name"] == "isotropic" and row["compliance_J"]}
+    told = [f"{other[share] / own[share]:.1f} times at {share:.0%}" for share in sorted(own.keys() & other.keys())]
+    words = (
+        "The paper's claim, tested: how stiff a sphere of one mass is, held at one pole and pressed at the other. "
+        "Compliance of the best isotropic stripes over that of the design, of the share of the surface that is kept: "
+        f'{", ".join(told)}. The numbers are in <a href="sphere_volumes.json">sphere_volumes.json</a>.'
+    )
+    image = '<img src="sphere_volumes.svg" alt="Compliance over mass on the sphere" style="max-width: 54rem">'
+    return f'<section id="volumes"><h2>Compliance over mass</h2><p>{words}</p>{image}</section>'
+
+
+def _comparison(one: Comparison) -> str:
+    rows = "".join(
+        f'<div class="compared" style="--across: {len(row)}">{"".join(_figure(s, one.title) for s in row)}</div>'
+        for row in one.rows
+    )
+    return f"<section><h2>{escape(one.title)}</h2><p>{escape(one.words)}</p>{rows}</section>"

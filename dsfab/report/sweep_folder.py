@@ -1,0 +1,133 @@
+"""What a sweep's folder shows to people: a page, a contact sheet, and a few lines at the end."""
+
+import time
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dsfab.export.atomic import replacing, write_chunks
+from dsfab.render.palette import PAPER
+from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
+from dsfab.report.sweep_page import PAGE, page
+from dsfab.study.sweeps.folder import SweepFolder
+from dsfab.study.sweeps.metrics import ABOUT
+from dsfab.study.sweeps.plan import Plan
+from dsfab.study.sweeps.results import best, feasible, pareto, picture_of
+from dsfab.study.sweeps.store import Row
+from dsfab.study.variations import short_names, spelled
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+PAGE_EVERY = 30.0
+"""Seconds after which the page is written again while a sweep runs."""
+
+TILES = 240
+"""Pictures on the contact sheet; of more runs, the best of these are shown."""
+
+TILE_WIDE = 260
+"""Pixels across a tile."""
+
+USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
+"""What is looked at first, if it was measured: how stiff, and how heavy."""
+
+
+def headline(plan: Plan) -> str:
+    """The metric by which runs are called good when nobody says otherwise: what is searched for, or the stiffness."""
+    if plan.search is not None:
+        return plan.search.metric
+    return next((name for name in USUAL[0] if name in plan.measured), plan.measured[0])
+
+
+def against(plan: Plan) -> str:
+    """The metric that it is drawn against."""
+    first, measured = headline(plan), plan.measured
+    others = [name for name in measured if name != first]
+    return next((name for name in USUAL[1] if name in others), others[0] if others else first)
+
+
+class Shown:
+    """Writes index.html now and then while a sweep runs, and all that is to be seen at its end."""
+
+    def __init__(self, folder: SweepFolder) -> None:
+        self._folder, self._written = folder, time.monotonic()
+
+    def now_and_then(self) -> None:
+        if time.monotonic() - self._written > PAGE_EVERY:
+            self._page(self._folder.rows())
+            self._written = time.monotonic()
+
+    def write(self) -> None:
+        """The page and the contact sheet."""
+        rows = self._folder.rows()
+        self._page(rows)
+        if any(picture_of(row) for row in rows):
+            with replacing(self._folder.path / SHEET_NAME) as temporary:
+                _sheet(self._folder, rows).save(temporary, format="PNG")
+
+    def _page(self, rows: list[Row]) -> None:
+        plan = self._folder.plan
+        text = page(self._folder, rows, headline(plan), against(plan))
+        with replacing(self._folder.path / PAGE) as temporary:
+            write_chunks(temporary, [text.encode()])
+
+
+def _sheet(folder: SweepFolder, rows: list[Row]) -> "Image":
+    """The runs side by side in the order of their numbers; of very many, the best."""
+    plan = folder.plan
+    shown = [row for row in rows if row.state in ("done", "failed")]
+    which = f"{len(shown)} runs"
+    if len(shown) > TILES:
+        chosen = {row.number for row in best(rows, headline(plan), plan.limits)[:TILES]}
+        shown = [row for row in shown if row.number in chosen]
+        which = f"the best {len(shown)} of {len(rows)} runs by {headline(plan)}"
+    tiles = [_tile(folder.path, row, headline(plan)) for row in shown]
+    across = columns(
+        len(tiles),
+        [len(axis.listed()) for axis in plan.axes] if plan.sampling == "grid" and plan.search is None else [],
+    )
+    wide, high = (int(word) for word in plan.size.split("x"))
+    line = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
+    return contact_sheet(tiles, f"{folder.preset.name}, {which}", line, across, TILE_WIDE, wide / high, PAPER)
+
+
+def _tile(folder: Path, row: Row, metric: str) -> Tile:
+    from PIL import Image
+
+    picture, name = None, picture_of(row)
+    if name:
+        try:
+            picture = (folder / name).read_bytes()
+            with Image.open(BytesIO(picture)) as image:
+                image.load()
+        except OSError:  # taken away or spoilt by hand: the numbers are still there
+            picture = None
+    short = short_names(list(row.changes))
+    parameters = [(short[key], _brief(value)) for key, value in row.changes.items()]
+    if metric in row.metrics:
+        parameters.insert(0, (f"{row.metrics[metric]:.3g} {ABOUT[metric].unit}".strip(), ""))
+    return Tile(row.number, tuple(parameters), "", picture, row.error or "no picture")
+
+
+def _brief(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else spelled(value)
+
+
+def summary(folder: SweepFolder) -> str:
+    """A few lines at the end: what became of the runs, the best, the front, and the files."""
+    rows, plan = folder.rows(), folder.plan
+    metric, other = headline(plan), against(plan)
+    done = sum(row.state == "done" for row in rows)
+    failed = sum(row.state == "failed" for row in rows)
+    lines = [
+        f"{len(rows)} runs: {done} done, {failed} failed"
+        + (f", {len(rows) - done - failed} left" * (done + failed < len(rows)))
+    ]
+    if plan.constraints:
+        meets = sum(feasible(row, plan.limits) for row in rows)
+        lines.append(f"{meets} of them meet {', '.join(plan.constraints)}")
+    if ranked := best(rows, metric, plan.limits):
+        lines.append(f"best {metric}: {ranked[0].metrics[metric]:.4g} (run {ranked[0].number})")
+        lines.append(f"{len(pareto(rows, metric, other, plan.limits))} runs on the front of {metric} against {other}")
+    files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
+    return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])

@@ -1,0 +1,221 @@
+"""The page of `dsfab verify --page`: every test with its drawing, its plot and its numbers, in one file."""
+
+import platform
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+
+from dsfab import __version__
+from dsfab.export.folder import whole_or_nothing
+from dsfab.report.verification_plots import COLOURS, curves, drawing
+from dsfab.statics import VERDICT
+from dsfab.study.verification import Row, Standing, Test, pattern_spread, shortfalls, standings
+
+STYLE = """
+:root { color-scheme: light dark; --ink: #262626; --paper: #fdfcf9; --faint: #9a9a9a; --line: #d9d6cf; --good: #1d7a48;
+  --bad: #b3401f; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e4e2dc; --paper: #17181a; --faint: #84878b; --line: #3a3c40;
+  --good: #58c48a; --bad: #f0815a; } }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 72rem;
+  margin: 2rem auto; padding: 0 1rem; }
+h1, h2 { font-weight: 600; line-height: 1.2; } h2 { margin: 2.4rem 0 .3rem; font-size: 1.15rem; }
+table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; margin: .6rem 0; }
+th, td { text-align: right; padding: .1rem .4rem; border-bottom: 1px solid var(--line); font-weight: 400;
+  white-space: nowrap; } td.left { white-space: normal; }
+th { font-weight: 600; } th:first-child, td:first-child, th.left, td.left { text-align: left; }
+.ok, .better, .met { color: var(--good); } .off, .refused, .worse, .missed { color: var(--bad); }
+.quiet, .coarse { color: var(--faint); }
+figure { display: flex; flex-wrap: wrap; gap: 1rem; align-items: center; margin: .4rem 0; } svg { max-width: 100%;
+  height: auto; font-family: system-ui, sans-serif; } a { color: inherit; }
+.wide { overflow-x: auto; }
+@media print { :root { --ink: #000; --paper: #fff; --faint: #888; --line: #ccc; } body { margin: 0; max-width: none;
+  font-size: 10pt; } section { break-inside: avoid; } }
+"""
+
+
+def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[Row]) -> Path:
+    """Write `index.html` about these rows into `folder` and return its path; raises ExportError."""
+    text = page(tests, rows)
+    with whole_or_nothing(folder) as partial:
+        (partial / "index.html").write_text(text, encoding="utf-8")
+    return folder / "index.html"
+
+
+def page(tests: Sequence[Test], rows: Sequence[Row]) -> str:
+    """The whole page. Two calls with equal rows give equal text: no clock is in it."""
+    against = standings(rows, {test.name: test for test in tests})
+    short = shortfalls(rows)
+    parts = [
+        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>dsfab verify</title>',
+        '<meta name="viewport" content="width=device-width">',
+        f"<style>{STYLE}</style></head><body>",
+        _head(tests, rows),
+        _summary(tests, rows),
+        _field(against),
+        *(_section(test, rows, against, short) for test in tests),
+        "</body></html>\n",
+    ]
+    return "\n".join(parts)
+
+
+def _head(tests: Sequence[Test], rows: Sequence[Row]) -> str:
+    limits = {test.name: test.limit for test in tests}
+    aimed = [row for row in rows if row.met is not None]
+    missed = "".join(
+        f"<li>{row.test}, {_cells(row.cells)}, {row.mesh.replace('_', ' ')}: {_error(row, limits[row.test])}</li>"
+        for row in aimed
+        if not row.met
+    )
+    met = sum(bool(row.met) for row in aimed)
+    spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (str(VERDICT), 16)}
+    widest = max(spread, key=lambda key: spread[key], default=None)
+    versions = f"dsfab {__version__}, Python {platform.python_version()}, " + ", ".join(
+        f"{name} {version(name)}" for name in ("numpy", "scipy")
+    )
+    return "\n".join(
+        [
+            "<h1>Can the statics be trusted?</h1>",
+            "<p>Structures with known answers, each on at least three meshes. <b>Ratio</b> is the value found over ",
+            "the reference; where thin sheets converge to something else, the share of that limit follows, which the ",
+            f"targets are about. The pair <b>{VERDICT}</b> judges structures; the others stand beside it. Verdicts: ",
+            "<span class=ok>ok</span> within the tolerance of the test, <span class=coarse>coarse</span> not yet but ",
+            "on a finer mesh, <span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
+            "where hinges cannot hold what the test holds. In the plots lines are the mesh patterns in the order of ",
+            "the table (solid, dashed, dotted), grey marks are published values, the grey line is the tolerance.</p>",
+            f"<p>Targets of {VERDICT}: {met} of {len(aimed)} met{'; missed:' if missed else '.'}</p><ul>{missed}</ul>",
+            f"<p>Widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]}).</p>"
+            if widest
+            else "",
+            f"<p class=quiet>Made by <code>dsfab verify --page</code> with {escape(versions)}.</p>",
+        ]
+    )
+
+
+def _cells(count: int) -> str:
+    return "1 cell" if count == 1 else f"{count} cells"
+
+
+def _error(row: Row, limit: float | None) -> str:
+    if row.value is None:
+        return "no value"
+    of = f" of {limit:.5g}, the limit of thin sheets" if limit else ""
+    return f"{row.value / (limit or row.reference):.4f}{of}; wanted within {100 * (row.target or 0):.2g} %"
+
+
+def _summary(tests: Sequence[Test], rows: Sequence[Row]) -> str:
+    pairs = list(dict.fromkeys(row.elements for row in rows))
+    head = "".join(f"<th colspan=2>{escape(pair)}</th>" for pair in pairs)
+    lines = []
+    for test in tests:
+        cells = ""
+        for pair in pairs:
+            last = [row for row in rows if (row.test, row.elements, row.cells) == (test.name, pair, test.cells[-1])]
+            ratios = sorted(row.ratio for row in last if row.ratio is not None)
+            verdicts = Counter(row.verdict for row in last)
+            worst = next((name for name in ("off", "refused", "coarse", "not run") if name in verdicts), "ok")
+            apart = ratios and ratios[-1] - ratios[0] >= 5e-4
+            shown = "" if not ratios else f"{ratios[0]:.3f}" + (f" to {ratios[-1]:.3f}" if apart else "")
+            cells += f"<td>{shown}</td>" + _verdict(worst)
+        lines.append(f'<tr><td><a href="#{test.name}">{test.name}</a></td><td>{test.cells[-1]}</td>{cells}</tr>')
+    return (
+        f"<h2>Ratio on the finest mesh, over all patterns</h2><div class=wide><table><tr><th>test</th><th>cells</th>"
+        f"{head}</tr>{''.join(lines)}</table></div>"
+    )
+
+
+def _field(against: Sequence[Standing]) -> str:
+    """How often the pair for verdicts is better and worse, element by element."""
+    if not against:
+        return ""
+    counts: dict[str, Counter[str]] = {}
+    for standing in against:
+        counts.setdefault(standing.published.element, Counter())[standing.outcome] += 1
+    lines = "".join(
+        f"<tr><td>{escape(name)}</td>"
+        + "".join(f"<td>{count[outcome] or ''}</td>" for outcome in ("better", "alike", "worse", "unknown"))
+        + "</tr>"
+        for name, count in counts.items()
+    )
+    return (
+        f"<h2>Against the field</h2><p>{VERDICT} beside published values: its error at as many unknowns, or on the "
+        "same cells where even its coarsest mesh has more; a value that passes through the reference by chance counts "
+        "as on the finer meshes that follow. Errors closer than half a percent are alike; not comparable "
+        "where the source does not tell its mesh. Each value stands in the table of its test.</p>"
+        "<table><tr><th>published element</th><th>better</th><th>alike</th><th>worse</th><th>not comparable</th></tr>"
+        f"{lines}</table>"
+    )
+
+
+def _section(test: Test, rows: Sequence[Row], against: Sequence[Standing], short: Mapping[str, str]) -> str:
+    here = [row for row in rows if row.test == test.name]
+    beside = [standing for standing in against if standing.published.test == test.name]
+    mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
+    sketch = drawing(test.problem(test.cells[min(1, len(test.cells) - 1)], mesh), test.about)
+    plot = "" if test.tolerance < 1e-6 else curves(test, here, beside)
+    note = f"<p>{escape(short[test.name])}.</p>" if test.name in short else ""
+    return (
+        f'<section id="{test.name}"><h2>{test.name}</h2><p>{escape(test.about.capitalize())}. Reference '
+        f"{test.reference:.6g}: {escape(test.source)}.{_limit(test)}</p><figure>{sketch}{plot}</figure>"
+        f"{_table(test, here)}{note}{_beside(beside)}</section>"
+    )
+
+
+def _limit(test: Test) -> str:
+    return "" if test.limit is None else f" Targets are about {test.limit:.6g}; the second ratio is over it."
+
+
+def _table(test: Test, rows: Sequence[Row]) -> str:
+    """Meshes down, pairs side by side, the most accurate one first."""
+    colours = dict(zip(dict.fromkeys(row.elements for row in rows), COLOURS, strict=False))
+    pairs = list(reversed(colours))
+    head = "".join(f'<th colspan=4 style="color: {colours[pair]}">{escape(pair)}</th>' for pair in pairs)
+    lines = ""
+    for mesh in test.meshes:
+        for cells in test.cells:
+            found = {row.elements: row for row in rows if (row.mesh, row.cells) == (mesh, cells)}
+            target = next((row for row in found.values() if row.met is not None), None)
+            state = "" if target is None or target.target is None else f"{100 * target.target:.2g} % "
+            word = "" if target is None else "met" if target.met else "missed"
+            lines += (
+                f"<tr><td>{mesh.replace('_', ' ')}</td><td>{cells}</td><td class={word or 'quiet'}>{state}{word}</td>"
+            )
+            lines += f"{''.join(_numbers(found[pair]) for pair in pairs)}</tr>"
+    return (
+        f"<div class=wide><table><tr><th>mesh</th><th>cells</th><th>target</th>{head}</tr><tr class=quiet><td></td>"
+        f"<td></td><td></td>{'<td>unknowns</td><td>ratio</td><td>rate</td><td></td>' * len(pairs)}</tr>{lines}"
+        "</table></div>"
+    )
+
+
+def _numbers(row: Row) -> str:
+    ratio = "" if row.ratio is None else f"{row.ratio:.4f}"
+    if row.of_limit is not None:
+        ratio += f" <span class=quiet>/ {row.of_limit:.4f}</span>"
+    rate = "" if row.rate is None else f"{row.rate:.1f}"
+    return f"<td class=quiet>{row.unknowns}</td><td>{ratio}</td><td>{rate}</td>{_verdict(row.verdict)}"
+
+
+def _verdict(verdict: str) -> str:
+    return f'<td class="{"quiet" if verdict == "not run" else verdict}">{verdict}</td>'
+
+
+def _beside(against: Sequence[Standing]) -> str:
+    if not against:
+        return ""
+    lines = ""
+    for standing in against:
+        published = standing.published
+        mesh = published.note or _cells(published.cells or 0)
+        ours = "" if standing.ours is None else f"{100 * standing.ours:.2f} %, equal {standing.basis}"
+        outcome = "" if standing.outcome == "unknown" else standing.outcome
+        lines += (
+            f"<tr><td>{escape(published.element)}</td><td>{escape(mesh)}</td><td>{standing.unknowns or ''}</td>"
+            f"<td>{published.ratio:.3f}</td><td>{ours}</td><td class={outcome or 'quiet'}>{outcome}</td>"
+            f"<td class=left>{escape(str(published.source))}</td></tr>"
+        )
+    return (
+        "<div class=wide><table><tr><th>published</th><th>mesh</th><th>unknowns</th><th>ratio</th>"
+        f"<th>error of {VERDICT}</th><th></th><th class=left>source</th></tr>{lines}</table></div>"
+    )

@@ -1,0 +1,176 @@
+"""Is the file that leaves the house the solid that was designed? Judged on the file, by readers that are not ours.
+
+`check_file` reads, judges and measures; with a design it also compares: where the surface runs, and what it carries.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from dsfab.errors import DsfabError
+from dsfab.pipeline.design import Design
+from dsfab.study.file_check.compliance import Carrying, carrying
+from dsfab.study.file_check.distance import Distance, distance
+from dsfab.study.file_check.reading import SUFFIXES, Found, read_shipped
+from dsfab.study.file_check.soundness import Fault, Soundness, soundness
+from dsfab.study.file_check.tetrahedra import missing
+from dsfab.study.file_check.walls import Clearance, Clearances, clearances
+
+__all__ = [
+    "SUFFIXES",
+    "Carrying",
+    "Checked",
+    "Clearance",
+    "Clearances",
+    "Distance",
+    "Fault",
+    "Finding",
+    "Found",
+    "Soundness",
+    "check_file",
+    "read_shipped",
+    "soundness",
+]
+
+Verdict = Literal["pass", "fail", "unknown"]
+Progress = Callable[[str, str], None]
+
+TOO_THIN, TOO_THICK = 1e-4, 10.0
+"""Metres. No workshop makes thinner walls; no building has thicker ones: the file's numbers are in another unit."""
+
+OFF = 0.05
+"""Largest accepted distance from the design's solid, as a share of the thickness: a STEP file may have curves."""
+
+AGREES, DIFFERS = 0.05, 0.15
+"""Solid and shell agree to the first; beyond the second something is wrong; between them nobody knows."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One question and its answer: `solid`, `unit`, `wall`, `gap`, `design` or `compliance`.
+
+    reason : why it is unknown, a sentence; empty otherwise.
+    """
+
+    name: str
+    verdict: Verdict
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """Everything that was found in a file.
+
+    clearances : None for a file that is not closed.       distance, carrying : None where not measured, see `findings`.
+    density    : kg/m3, 0 where nobody gave it.
+    """
+
+    path: Path
+    found: Found
+    soundness: Soundness
+    clearances: Clearances | None
+    distance: Distance | None
+    carrying: Carrying | None
+    density: float
+    findings: tuple[Finding, ...]
+
+    @property
+    def mass(self) -> float | None:
+        """Kilograms; None without a density, or without an inside."""
+        return self.density * self.soundness.volume if self.density and self.soundness.watertight else None
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing failed."""
+        return not any(finding.verdict == "fail" for finding in self.findings)
+
+
+def check_file(
+    path: str | Path,
+    design: Design | None = None,
+    unit: str | None = None,
+    density: float = 0.0,
+    solid: bool = True,
+    progress: Progress | None = None,
+) -> Checked:
+    """Read a file again, and say what is in it.
+
+    design  : what it should be; without one the file is judged as it stands.
+    unit    : of an STL file's numbers, millimetres when left out.     density : kg/m3, else the design's.
+    solid   : whether compliance is compared by a solid model, which needs the extra `solid` and takes longest.
+
+    Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`).
+    """
+    tell = progress or (lambda stage, doing: None)
+    tell("read", f"reading {Path(path).name}")
+    found = read_shipped(path, unit)
+    tell("judge", f"looking for holes and crossings in {len(found.F):,} triangles")
+    sound = soundness(found.V, found.F)
+    near = None
+    if sound.watertight:
+        tell("measure", "measuring walls and gaps")
+        near = clearances(found.V, found.F)
+    findings = [Finding("solid", "pass" if sound.sound else "fail")]
+    apart, carries = None, None
+    if design is not None:
+        tell("compare", "measuring the distance from the design")
+        apart = distance(found.V, found.F, design)
+    findings.append(_unit(found, near, apart, unit))
+    if design is not None and apart is not None:
+        findings += _limits(near, design)
+        t = design.preset.statics.thickness
+        findings.append(Finding("design", "pass" if apart.largest <= OFF * t else "fail"))
+        carries, why = _carrying(found, design, solid, all(f.verdict == "pass" for f in findings[:2]), tell)
+        findings.append(_compliance(carries, why))
+    density = density or (design.preset.statics.density if design else 0.0)
+    return Checked(Path(path), found, sound, near, apart, carries, density, tuple(findings))
+
+
+def _unit(found: Found, near: Clearances | None, apart: Distance | None, asked: str | None) -> Finding:
+    """Whether the numbers of the file can be in the unit that it was read in."""
+    if apart is not None:
+        return Finding("unit", "fail" if apart.meant_unit else "pass")
+    if near is None or near.wall is None or found.declared or asked:
+        return Finding("unit", "pass" if found.declared or asked else "unknown", "an STL file names no unit")
+    return Finding("unit", "fail" if not TOO_THIN <= near.wall.size <= TOO_THICK else "pass")
+
+
+def _limits(near: Clearances | None, design: Design) -> list[Finding]:
+    """The limits of [fabrication] that can be measured on the file."""
+    ask, findings = design.preset.fabrication, []
+    for name, limit in (("wall", ask.min_wall), ("gap", ask.min_gap)):
+        if not limit:
+            continue
+        here = getattr(near, name) if near else None
+        if near is None:
+            findings.append(Finding(name, "unknown", "the file is not closed"))
+        else:
+            findings.append(Finding(name, "fail" if here is not None and here.size < limit else "pass"))
+    return findings
+
+
+def _carrying(found: Found, design: Design, asked: bool, usable: bool, tell: Progress) -> tuple[Carrying | None, str]:
+    """The comparison by a solid model, or why there is none."""
+    if not asked:
+        return None, "not asked for"
+    if not usable:
+        return None, "the file is no sound solid in the right unit"
+    if absent := missing():
+        return None, absent
+    tell("carry", "filling the solid with tetrahedra and solving it")
+    try:
+        return carrying(found, design), ""
+    except DsfabError as error:
+        return None, str(error)
+
+
+def _compliance(carries: Carrying | None, why: str) -> Finding:
+    if carries is None:
+        return Finding("compliance", "unknown", why)
+    off = abs(carries.ratio - 1)
+    if off <= AGREES:
+        return Finding("compliance", "pass")
+    if off > DIFFERS:
+        return Finding("compliance", "fail")
+    return Finding("compliance", "unknown", f"solid and shell are {off:.0%} apart; a finer mesh may close that")

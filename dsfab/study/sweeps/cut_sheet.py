@@ -1,0 +1,38 @@
+"""What a sweep asks of the cut sheet of a design: how it carries, and the verdict on it; each worked out once."""
+
+from dsfab.pipeline.design import Design
+from dsfab.pipeline.handover import sheet_loads
+from dsfab.statics import Bending, Equilibrium, Membrane, solve_cases
+from dsfab.study.verdict import Setting, Sheeting, Verdict, check
+from dsfab.surface import LoadCase
+
+
+def loads_on(design: Design) -> dict[str, LoadCase]:
+    """By name, the loads that the pattern follows, on the cut sheet; raises StaticsError where nothing carries them."""
+    loads = {name: design.statics.cases[name].load for name in design.preset.followed}
+    return sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, loads)
+
+
+def carried(design: Design, membrane: Membrane = "quadratic", bending: Bending = "midedge") -> dict[str, Equilibrium]:
+    """By name, equilibria of a design's cut sheet under the loads that its pattern follows; worked out once.
+
+    Raises StaticsError when it does not carry them.
+    """
+
+    def solved() -> dict[str, Equilibrium]:
+        made, sheet = design.preset.statics, design.sheet.surface
+        return solve_cases(sheet, made.material, loads_on(design), made.thickness, made.law, membrane, bending)
+
+    return design.once("slicing", f"carried by {membrane} and {bending}", solved)
+
+
+def verdict(design: Design) -> Verdict:
+    """The full verdict on a design's cut sheet under the loads that its pattern follows; worked out once."""
+
+    def checked() -> Verdict:
+        statics = design.preset.statics
+        loads = {name: design.statics.cases[name].load for name in design.preset.followed}
+        setting = Setting(design.surface, Sheeting(statics.material, statics.thickness, statics.law), loads)
+        return check(setting, design.slicing.cells.kept())
+
+    return design.once("slicing", "verdict", checked)

@@ -1,0 +1,79 @@
+"""Meshes of other libraries as surfaces, and ours as theirs; metres here, each library imported when asked for."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.polygons import polygons, triangles
+from dsfab.surface.reader import orientable
+from dsfab.units import metres_per
+
+if TYPE_CHECKING:
+    import pyvista
+    import trimesh
+
+
+def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
+    """A surface of vertices V (n, 3), numbers in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
+
+    Polygons are cut into triangles, and faces turned the same way, as those of a file are (`dsfab.read_surface`).
+    Raises SurfaceError for what is no mesh, and as `read_surface` does.
+    """
+    try:
+        faces = [[int(corner) for corner in face] for face in F]
+        mesh = polygons(np.asarray(V, dtype=np.float64).reshape(-1, 3).tolist(), faces)
+    except (TypeError, ValueError) as error:
+        raise SurfaceError(
+            f"vertices are (n, 3) numbers and faces lists of vertex indices; this is not: {error}"
+        ) from None
+    if faces and not (mesh.corners.min() >= 0 and mesh.corners.max() < len(mesh.V) and mesh.sizes.min() >= 3):
+        raise SurfaceError(f"faces need three corners or more, each one of 0..{len(mesh.V) - 1}; repair the mesh")
+    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+
+
+def surface_of(mesh: Any, unit: str | None = None) -> Surface:
+    """The surface that a mesh of another library is: trimesh, pyvista, compas, meshio, or any with vertices and faces.
+
+    unit : of its numbers; None takes the unit that it says itself (trimesh may), else metres.
+    Raises SurfaceError for what is none of these, and as `surface_from` does.
+    """
+    if isinstance(mesh, Surface):
+        return mesh
+    own = getattr(mesh, "units", None)
+    unit = unit or (own if isinstance(own, str) and own else "m")
+    if hasattr(mesh, "to_vertices_and_faces"):  # compas
+        V, F = mesh.to_vertices_and_faces()
+        return surface_from(V, F, unit)
+    if hasattr(mesh, "extract_surface") and hasattr(mesh, "points"):  # pyvista
+        shell = mesh.extract_surface(algorithm=None) if not hasattr(type(mesh), "regular_faces") else mesh
+        return surface_from(shell.points, shell.irregular_faces, unit)
+    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # meshio
+        cells = [face for kind in ("triangle", "quad") for face in mesh.cells_dict.get(kind, ())]
+        return surface_from(mesh.points, cells, unit)
+    if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+        return surface_from(mesh.vertices, mesh.faces, unit)
+    raise SurfaceError(
+        f"a {type(mesh).__name__} is no mesh that dsfab knows; give one with vertices and faces, or call from_mesh"
+    )
+
+
+def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
+    """V (n, 3), metres, and F (m, 3) as they are, with nothing merged or turned."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(V, F, process=False)
+    mesh.units = "m"
+    return mesh
+
+
+def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
+    """V (n, 3), metres, and F (m, 3) as they are."""
+    import pyvista
+
+    made: Any = pyvista.PolyData.from_regular_faces  # typed for Python's own numbers only
+    mesh: pyvista.PolyData = made(np.asarray(V), np.asarray(F))
+    return mesh

@@ -1,0 +1,266 @@
+"""`geodesic_distances`: exact distances along a triangle mesh from vertices, edges and faces of it, as far as is asked.
+
+A shortest path is straight where the faces that it crosses are unfolded into a plane. The part of an edge to which a
+source sends rays that way is a window [Mitchell, Mount, Papadimitriou 1987]. Windows go on from edge to edge, all of
+them at a time, and those that known distances prove useless are left out [Xin, Wang 2009]. An edge as a source sends
+out parallel rays, its ends and other vertices send them out in fans [Bommes, Kobbelt 2007]. So do vertices at which
+paths bend: those with more than a full turn of faces around them or, at the boundary, with more than half of one.
+
+               C              A window on the edge A-B, between P0 and P1, of the source S, in the plane of S.
+             / | \\           C lies between its rays: it is seen from S, and two windows go on from there,
+            /  |  \\          on the edges A-C and C-B.
+           A-P0-P1-B
+               S
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from dsfab.arrays import Bools, Floats, Ints, lengths, sorted_order
+from dsfab.surface.mesh import Surface
+from dsfab.surface.windows import SLACK, Windows, cross2, dot2, share
+
+
+class Origins(NamedTuple):
+    """What distances are measured from: marked vertices (n,), edges (e,) and faces (m,).
+
+    With a face its edges are marked too, and with an edge its ends.
+    """
+
+    vertices: Bools
+    edges: Bools
+    faces: Bools
+
+
+class Distances(NamedTuple):
+    """Metres at the vertices (n,) and at the middles of the edges (e,), and which faces (m,) are partly within reach.
+
+    They are exact on these faces, and bounds from above elsewhere, or infinite.
+    """
+
+    vertex: Floats
+    middle: Floats
+    reached: Bools
+
+
+def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
+    """Lengths of the shortest paths along a surface to the nearest marked part; infinite where none leads there.
+
+    reach : metres; faces that are farther away are not looked at. On those that are partly nearer all is exact.
+    """
+    front = _Front(surface, origins, reach)
+    waiting = front.advanced([front.strips(), front.fans(_Bends.marked(origins))], reach)
+    reached = front.reached.copy()
+    front.advanced(waiting, reach + front.size[front.edges.of[reached]].max(initial=0.0))
+    along = front.vertex[front.edges.ends].min(axis=1) + front.size / 2
+    return Distances(front.vertex, np.minimum(front.middle, along), reached)
+
+
+class _Bends(NamedTuple):
+    """Vertices (k,) that send out rays, `offset` (k,) metres from the source.
+
+    None is wanted within `bound` radians of a direction that is (k, 2) `angle` radians from two edges (k, 2) there.
+    """
+
+    vertex: Ints
+    offset: Floats
+    edge: Ints
+    angle: Floats
+    bound: float
+
+    def at(self, which: Ints | Bools) -> "_Bends":
+        return _Bends(self.vertex[which], self.offset[which], self.edge[which], self.angle[which], self.bound)
+
+    @classmethod
+    def marked(cls, origins: Origins) -> "_Bends":
+        """Sources: what is nearest to an edge among them is told by `_Front.fans`."""
+        vertex = np.flatnonzero(origins.vertices)
+        none = np.full((len(vertex), 2), -1)
+        return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)
+
+
+class _Front:
+    """Distances as they are known so far; see `Distances`.
+
+    size    : (e,) lengths of the edges.    reached : (m,) faces that are partly within reach.
+    bending : (n,) whether paths may bend.  bent : (n,) the distance at which each vertex sent out rays.
+    waiting : vertices that are to do so.
+    """
+
+    def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
+        self.F, self.edges, self.origins, self.reach = surface.F, surface.edges, origins, reach
+        ends = self.edges.ends
+        self.size = lengths(surface.V[ends[:, 1]] - surface.V[ends[:, 0]])
+        self.middle = np.where(origins.edges, 0.0, np.inf)
+        self.reached = origins.faces.copy()
+        self.vertex = self._along_edges(surface.n, 2 * reach + self.size.max())
+        self.bent, self.waiting = np.where(origins.vertices, 0.0, np.inf), list[_Bends]()
+        ab, bc, ca = (np.roll(self.size[self.edges.of], -k, axis=1) for k in range(3))
+        along, high = (ab**2 + ca**2 - bc**2) / (2 * ab**2), 2 * surface.areas[:, None] / ab**2
+        self.third = np.stack([along, high], axis=2).reshape(-1, 2)  # where c is, if a is (0, 0) and b is (1, 0)
+        self.turn = np.arctan2(high, along).ravel()  # the angle at a
+        total = np.bincount(self.F.ravel(), self.turn, surface.n)
+        full = np.full(surface.n, 2 * np.pi)
+        full[ends[self.edges.count != 2]] = np.pi
+        self.bending = total > full + SLACK
+        self.bending[surface.pinches] = True
+        self.corners = sorted_order(self.F.ravel())
+        self.first_corner = np.searchsorted(self.F.ravel()[self.corners], np.arange(surface.n + 1))
+
+    def _along_edges(self, n: int, limit: float) -> Floats:
+        """(n,) lengths of the shortest ways along edges: bounds from above."""
+        i, j = self.edges.ends.T
+        graph = csr_array((self.size, (i, j)), shape=(n, n))
+        if not self.origins.vertices.any():
+            return np.full(n, np.inf)
+        marked = np.flatnonzero(self.origins.vertices)
+        return np.asarray(dijkstra(graph, directed=False, indices=marked, min_only=True, limit=limit))
+
+    def strips(self) -> Windows:
+        """What marked edges send out."""
+        edge = np.flatnonzero(self.origins.edges)
+        zero, a, b = np.zeros(len(edge)), *self.edges.ends[edge].T
+        A, B = np.zeros((len(edge), 2)), np.stack([self.size[edge], zero], axis=1)
+        return Windows.of((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
+
+    def advanced(self, windows: list[Windows], limit: float) -> list[Windows]:
+        """Windows sent on until all are farther away than the limit, metres; returns those."""
+        far: list[Windows] = []
+        while windows:
+            some = Windows.together(windows)
+            some = some.at(self._useful(some))
+            least = some.nearest()
+            far.append(some.at(least > limit))
+            within = least <= limit
+            windows = self._crossed(some.at(within), least[within] <= self.reach) if within.any() else []
+            bends, self.waiting = self.waiting, []
+            for some_bends in bends:
+                near = some_bends.offset <= limit
+                self.waiting.append(some_bends.at(~near))
+                if near.any():
+                    windows.append(self.fans(some_bends.at(near)))
+        return far
+
+    def _useful(self, w: Windows) -> Bools:
+        """(k,) windows that are nearer to what they show than the two ends of their edge are."""
+        size = self.size[w.edge]
+        low, high = w.distance(w.place(w.start)), w.distance(w.place(w.end))
+        room = SLACK * (size + high + low)
+        better = high <= self.vertex[w.a] + w.end * size + room
+        return better & (low <= self.vertex[w.b] + (1 - w.start) * size + room) & (w.end - w.start > SLACK)
+
+    def _crossed(self, w: Windows, near: Bools) -> list[Windows]:
+        """What is seen through windows on the other edges of the faces behind them; near : (k,) see `reached`."""
+        i, half = _ranged(self.edges.start[w.edge], self.edges.start[w.edge + 1], self.edges.order)
+        face = half // 3
+        there = (face != w.face[i]) & ~self.origins.faces[face]
+        i, half, face = i[there], half[there], face[there]
+        self.reached[face[near[i]]] = True
+        w, ahead, back = w.at(i), _turned(half, 1), _turned(half, 2)
+        same = self.F.ravel()[half] == w.a
+        c, of = self.F.ravel()[back], self.edges.of.ravel()
+        along, high = self.third[half].T
+        AB = w.at_b - w.at_a
+        across = np.stack([-AB[:, 1], AB[:, 0]], axis=1)
+        C = w.at_a + np.where(same, along, 1 - along)[:, None] * AB + high[:, None] * across
+        edges = np.where(same, of[back], of[ahead]), np.where(same, of[ahead], of[back])
+        one, two = w.left(w.start, C), w.left(w.end, C)
+        a0, a1, b0, b1 = (w.left(t, P) for P in (w.at_a, w.at_b) for t in (w.start, w.end))
+        start, end = share(a0, one), np.where(two < 0, share(a1, two), 1.0)
+        first = Windows.of((edges[0], face, w.a, c, w.parallel), w.at_a, C, start, end, w.offset).at(one < 0)
+        start, end = np.where(one > 0, share(one, b0), 0.0), share(two, b1)
+        second = Windows.of((edges[1], face, c, w.b, w.parallel), C, w.at_b, start, end, w.offset).at(two > 0)
+        for new in (first, second):
+            self._note_middles(new)
+        seen = (one <= 0) & (two >= 0)
+        self._arrive(w.at(seen), C[seen], c[seen], np.stack(edges, axis=1)[seen])
+        return [first, second]
+
+    def _note_middles(self, w: Windows) -> None:
+        shown = (w.start <= 0.5 + SLACK) & (w.end >= 0.5 - SLACK)
+        w = w.at(shown)
+        np.minimum.at(self.middle, w.edge, w.distance((w.at_a + w.at_b) / 2))
+
+    def _arrive(self, w: Windows, C: Floats, c: Ints, edges: Ints) -> None:
+        """Note the distances to vertices c that are seen at C (k, 2), between edges (k, 2)."""
+        back = -w.rays(C)
+        sides = np.stack([w.at_a - C, w.at_b - C])
+        angle = np.abs(np.arctan2(cross2(sides, back), dot2(sides, back))).T
+        self._bend(_Bends(c, w.distance(C), edges, angle, np.pi))
+
+    def _bend(self, bends: _Bends) -> None:
+        """Note the distances to vertices, and those at which paths bend."""
+        c, found = bends.vertex, bends.offset
+        np.minimum.at(self.vertex, c, found)
+        room = 1 + SLACK
+        new = np.flatnonzero(self.bending[c] & (found <= room * self.vertex[c]) & (room * found < self.bent[c]))
+        if len(new):
+            new = new[np.unique(c[new], return_index=True)[1]]
+            self.bent[c[new]] = found[new]
+            self.waiting.append(bends.at(new))
+
+    def fans(self, bends: _Bends) -> Windows:
+        """What vertices send out, as far as it is wanted."""
+        vertex = bends.vertex
+        i, half = _ranged(self.first_corner[vertex], self.first_corner[vertex + 1], self.corners)
+        of, face = self.edges.of.ravel(), half // 3
+        p, q = of[half], of[_turned(half, 2)]  # the edges at the vertex, and the vertices there
+        ahead, back = self.F.ravel()[_turned(half, 1)], self.F.ravel()[_turned(half, 2)]
+        turn = self.turn[half]
+        off_p, off_q = self._bearings(bends, i, p, q, turn)
+        low, high = np.maximum(0, bends.bound - off_p), np.minimum(turn, turn - bends.bound + off_q)
+        A = self.size[p][:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        B = np.stack([self.size[q], np.zeros(len(q))], axis=1)
+        start, end = (_met(A, B, turn - angle) for angle in (low, high))
+        start, end = np.where(low > 0, start, 0.0), np.where(high < turn, end, 1.0)
+        offset = bends.offset[i]
+        w = Windows.of((of[_turned(half, 1)], face, ahead, back, np.zeros_like(i)), A, B, start, end, offset)
+        w = w.at((high - low > SLACK) & ~self.origins.faces[face])
+        self.reached[face[bends.offset[i] <= self.reach]] = True
+        self._note_middles(w)
+        for edge, end_, bearing in ((p, ahead, off_p), (q, back, off_q)):
+            at = bearing >= bends.bound - SLACK
+            here, size = edge[at], self.size[edge[at]]
+            np.minimum.at(self.middle, here, offset[at] + size / 2)
+            along = np.stack([here, here], axis=1)
+            self._bend(_Bends(end_[at], offset[at] + size, along, np.zeros(along.shape), np.pi))
+        return w
+
+    def _bearings(self, bends: _Bends, i: Ints, p: Ints, q: Ints, turn: Floats) -> tuple[Floats, Floats]:
+        """Radians, around vertices i, from edges p and q to the nearest direction that nothing is wanted from."""
+        count = len(self.size)
+        keys, place = np.unique(np.concatenate([i, i]) * count + np.concatenate([p, q]), return_inverse=True)
+        one, two = place.ravel().reshape(2, -1)
+        off = np.full(len(keys), np.inf)
+        if bends.bound < np.pi:
+            off[self.origins.edges[keys % count]] = 0.0
+        else:
+            known = np.searchsorted(keys, np.arange(len(bends.vertex))[:, None] * count + bends.edge)
+            np.minimum.at(off, known, bends.angle)
+        while True:
+            before = off.copy()
+            np.minimum.at(off, one, off[two] + turn)
+            np.minimum.at(off, two, off[one] + turn)
+            if np.array_equal(before, off):
+                return off[one], off[two]
+
+
+def _ranged(begins: Ints, ends: Ints, values: Ints) -> tuple[Ints, Ints]:
+    """Of ranges (k,) of values: which range each value is from, and the values."""
+    count = ends - begins
+    i = np.repeat(np.arange(len(count)), count)
+    return i, values[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + begins[i]]
+
+
+def _turned(half: Ints, by: int) -> Ints:
+    """The half-edges that many places on, around their faces."""
+    return half - half % 3 + (half + by) % 3
+
+
+def _met(A: Floats, B: Floats, angle: Floats) -> Floats:
+    """(k,) where rays from (0, 0) meet lines from A to B (k, 2), as shares of these."""
+    ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.clip(share(cross2(ray, A), cross2(ray, B)), 0, 1)

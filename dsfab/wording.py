@@ -1,0 +1,36 @@
+"""Quantities and tables in words: how a number with its unit is told to people."""
+
+from collections.abc import Iterable, Sequence
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Columns in plain text, the first flush left, the others flush right."""
+    lines = [list(head), *(list(row) for row in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
+        for line in lines
+    )
+
+
+def size(count: float) -> str:
+    """Bytes for people: '4.2 MB'."""
+    for unit in ("B", "KB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
+        count /= 1000
+    return f"{count:.1f} GB"
+
+
+def mass(kilograms: float) -> str:
+    """'830 g', '12.4 kg', '3.1 t'."""
+    if kilograms < 1:
+        return f"{1000 * kilograms:.3g} g"
+    return f"{kilograms:.3g} kg" if kilograms < 1000 else f"{kilograms / 1000:.3g} t"
+
+
+def length(metres: float) -> str:
+    """'0.31 mm', '2.4 m'."""
+    return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"

@@ -1,0 +1,123 @@
+"""Meshes of other libraries as surfaces, and surfaces, sheets and solids as theirs."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import pyvista
+import trimesh
+
+import dsfab
+from dsfab.errors import SolidError, SurfaceError
+from dsfab.surface import Surface
+from dsfab.thickening import Solid
+from tests.presets import DOME_MODES
+
+V = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.5], [1, 2, 0]], dtype=float)
+QUAD, TRIANGLE = [0, 1, 2, 3], [3, 2, 4]
+TRIANGLES = np.array([[0, 1, 2], [0, 2, 3], [3, 2, 4]])
+
+
+@pytest.fixture(scope="module")
+def design() -> dsfab.Design:
+    return dsfab.run(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.6}))
+
+
+def faces(surface: Surface) -> set[frozenset[int]]:
+    return {frozenset(face) for face in surface.F.tolist()}
+
+
+MESHES = {
+    "trimesh": lambda: trimesh.Trimesh(V, TRIANGLES, process=False),
+    "pyvista": lambda: pyvista.PolyData.from_regular_faces(V, TRIANGLES),
+    "pyvista, a grid": lambda: pyvista.PolyData.from_regular_faces(V, TRIANGLES).cast_to_unstructured_grid(),
+    "pyvista, polygons": lambda: pyvista.PolyData.from_irregular_faces(V, [QUAD, TRIANGLE]),
+    "meshio": lambda: SimpleNamespace(points=V, cells_dict={"triangle": [TRIANGLE], "quad": [QUAD]}),
+    "compas": lambda: SimpleNamespace(to_vertices_and_faces=lambda: (V.tolist(), [QUAD, TRIANGLE])),
+    "vertices and faces": lambda: SimpleNamespace(vertices=V, faces=TRIANGLES),
+}
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_the_same_surface_comes_from_every_library(kind: str) -> None:
+    surface = Surface.of(MESHES[kind]())
+    assert np.array_equal(surface.V, V)
+    assert surface.m == 3
+    assert surface.area == pytest.approx(Surface.from_mesh(V, [QUAD, TRIANGLE]).area, rel=0.05)
+
+
+def test_units_are_those_that_are_given_or_said() -> None:
+    mesh = trimesh.Trimesh(1000 * V, TRIANGLES, process=False)
+    assert np.allclose(Surface.of(mesh, "mm").V, V)
+    mesh.units = "mm"
+    assert np.allclose(Surface.of(mesh).V, V)
+    assert np.allclose(Surface.from_mesh(100 * V, TRIANGLES, "cm").V, V)
+    with pytest.raises(SurfaceError, match="use one of mm, cm"):
+        Surface.of(mesh, "inch-ish")
+
+
+def test_faces_are_turned_the_same_way_and_a_surface_is_itself() -> None:
+    turned = TRIANGLES.copy()
+    turned[1] = turned[1][::-1]
+    surface = Surface.from_mesh(V, turned)
+    assert faces(surface) == faces(Surface(V, TRIANGLES))
+    assert (surface.normals @ surface.normals[0] > 0.5).all()
+    assert Surface.of(surface) is surface
+
+
+@pytest.mark.parametrize(
+    ("mesh", "says"),
+    [
+        ({"vertices": V, "faces": [[0, 1, 9]]}, "each one of 0..4"),
+        ({"vertices": V, "faces": [[0, 1]]}, "three corners or more"),
+        ({"vertices": V, "faces": []}, "has no faces"),
+        ({"vertices": [["a", "b", "c"]], "faces": [[0, 0, 0]]}, "this is not"),
+        ({"vertices": V * np.nan, "faces": TRIANGLES}, "not finite"),
+        ({"vertices": V, "faces": [[0, 1, 2], [0, 1, 3], [0, 1, 4]]}, "edge"),
+        ({}, "is no mesh that dsfab knows"),
+    ],
+)
+def test_what_is_no_surface_is_refused_in_a_sentence(mesh: dict, says: str) -> None:
+    with pytest.raises(SurfaceError, match=says):
+        Surface.of(SimpleNamespace(**mesh))
+
+
+def test_there_and_back(design: dsfab.Design) -> None:
+    for ours in (design.surface, design.sheet.surface):
+        for theirs in (ours.to_trimesh(), ours.to_pyvista()):
+            back = Surface.of(theirs)
+            assert np.array_equal(back.V, ours.V)
+            assert np.array_equal(back.F, ours.F)
+    assert design.sheet.to_trimesh().area == pytest.approx(design.sheet.surface.area)
+    cells = design.sheet.to_pyvista()
+    assert np.array_equal(cells.cell_data["family"], design.sheet.family)
+
+
+def test_a_solid_has_its_volume_everywhere(design: dsfab.Design) -> None:
+    solid = design.solid
+    assert solid.to_trimesh().is_watertight
+    assert solid.to_trimesh().volume == pytest.approx(solid.volume)
+    assert solid.to_pyvista().volume == pytest.approx(solid.volume)
+    body = solid.to_manifold()
+    assert body.volume() == pytest.approx(solid.volume)
+    assert body.genus() == solid.genus
+    assert (body - body.translate((100, 0, 0))).volume() == pytest.approx(solid.volume)
+
+
+@pytest.mark.slow
+def test_a_design_is_a_shape_for_cad(design: dsfab.Design) -> None:
+    shape = design.to_build123d()
+    assert shape.is_valid
+    assert shape.volume == pytest.approx(design.solid.volume * 1e9, rel=5e-3)
+
+
+def test_a_solid_is_a_shape_for_cad() -> None:
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    shape = Solid(box.vertices, box.faces, 0, 1).to_build123d()
+    assert shape.volume == pytest.approx(6e9)
+    assert len(shape.faces()) == 6
+
+
+def test_what_is_no_solid_is_none_for_manifold() -> None:
+    with pytest.raises(SolidError, match="does not take the solid"):
+        Solid(V, TRIANGLES, 0, 1).to_manifold()

@@ -1,0 +1,156 @@
+"""`Design`: its stages are made when they are asked for, shared by revisions, and written the same by every way out."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+import dsfab
+from dsfab.app.cli import main
+from dsfab.app.editor.pickling import carried
+from dsfab.delivery.archive import keep, kept
+from dsfab.errors import PatternError, PresetError
+from dsfab.pipeline import Design, draft
+from dsfab.preset_file import load_preset, overridden
+from tests.presets import DOME_MODES
+
+SMALL = {"surface.edge": 1.2, "pattern.keep": 0.6, "export.formats": ["stl", "3mf"]}
+
+
+@pytest.fixture(scope="module")
+def whole() -> Design:
+    return dsfab.run(load_preset(DOME_MODES, SMALL))
+
+
+STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening")
+
+
+def made(design: Design) -> list[str]:
+    return [
+        stage for stage in ("surface", "statics", "diffusion", "pattern", "slicing", "thickening") if design.has(stage)
+    ]
+
+
+def test_nothing_is_made_before_it_is_asked_for() -> None:
+    design = Design.of(load_preset(DOME_MODES, SMALL))
+    assert made(design) == []
+    surface = design.surface
+    assert made(design) == ["surface"]
+    assert design.surface is surface
+    assert design.statics.equilibrium.compliance > 0
+    assert made(design) == ["surface", "statics"]
+    assert set(design.seconds) >= {"surface", "statics"}
+    assert "diffusion" not in design.seconds
+
+
+def test_a_draft_is_a_design_whose_cut_is_still_to_be_made(whole: Design) -> None:
+    drafted = draft(whole.preset)
+    assert made(drafted) == ["surface", "statics", "diffusion", "pattern"]
+    assert drafted.sheet.surface.area == whole.sheet.surface.area
+    assert (drafted.solid.V == whole.solid.V).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "shared"),
+    [
+        ({"export.step_faces": 9}, 6),
+        ({"thickening.side": "out"}, 5),
+        ({"slicing.snap": 0.1}, 4),
+        ({"pattern.major.phase": 0.3}, 3),
+        ({"diffusion.r": 7.0}, 2),
+        ({"statics.thickness": 0.07}, 1),
+        ({"surface.edge": 1.3}, 0),
+    ],
+)
+def test_a_revision_shares_the_stages_before_the_first_change(whole: Design, changes: dict, shared: int) -> None:
+    names = ("surface", "statics", "diffusion", "pattern", "slicing", "solid")
+    new = Design.of(overridden(whole.preset, changes), whole)
+    assert [name for name in names if name in vars(new)] == list(names[:shared])
+    assert all(vars(new)[name] is getattr(whole, name) for name in names[:shared])
+    assert set(new.seconds) <= set(whole.seconds)
+    assert len(new.seconds) == len(whole.seconds) or shared < 6
+
+
+def test_what_was_worked_out_once_goes_with_the_stage_it_hangs_on(whole: Design) -> None:
+    calls: list[str] = []
+    for _ in range(2):
+        assert whole.once("slicing", "answer", lambda: calls.append("made") or 42) == 42
+    assert calls == ["made"]
+    later, earlier = ({"export.step_faces": 9}, {"pattern.major.phase": 0.3})
+    assert Design.of(overridden(whole.preset, later), whole).once("slicing", "answer", lambda: 1) == 42
+    assert Design.of(overridden(whole.preset, earlier), whole).once("slicing", "answer", lambda: 1) == 1
+
+
+def test_the_refusal_is_that_of_the_stage_and_the_stages_before_it_stay() -> None:
+    empty = {
+        "pattern.width": {"rule": "plain"},
+        "pattern.keep": 0.0,
+        "pattern.major.threshold": 1.0,
+        "pattern.minor.threshold": 1.0,
+    }
+    design = Design.of(load_preset(DOME_MODES, SMALL | empty))
+    for _ in range(2):
+        with pytest.raises(PatternError, match="leaves no material"):
+            design.until("thickening")
+    assert made(design) == ["surface", "statics", "diffusion", "pattern"]
+
+
+def test_it_goes_to_another_process_without_who_is_told_of_it(whole: Design) -> None:
+    told: list[str] = []
+    design = Design.of(whole.preset, None, lambda stage, doing: told.append(stage)).until("pattern")
+    assert told
+    there = pickle.loads(carried(design))
+    assert made(there) == made(design)
+    count = len(told)
+    assert there.sheet.surface.area == whole.sheet.surface.area
+    assert len(told) == count
+
+
+def test_a_folder_reads_back_as_a_design(whole: Design, tmp_path: Path) -> None:
+    keep(whole, tmp_path)
+    back = kept(tmp_path, whole.settled)
+    assert isinstance(back, Design)
+    assert back.mass == pytest.approx(whole.mass)
+    assert (back.sheet.surface.V == whole.sheet.surface.V).all()
+    assert not back.has("statics")
+    assert back.statics.equilibrium.compliance == pytest.approx(whole.statics.equilibrium.compliance)  # made again
+
+
+def test_every_way_out_gives_the_same_bytes(whole: Design, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    preset = tmp_path / "dome.toml"
+    whole.save(tmp_path / "saved", picture=False)
+    preset.write_bytes((tmp_path / "saved" / "preset.toml").read_bytes())
+    assert main(["build", str(preset), "-o", str(tmp_path / "built"), "--no-picture", "--quiet"]) == 0
+    name = whole.preset.name
+    for suffix in ("stl", "3mf"):
+        there = (tmp_path / "built" / f"{name}.{suffix}").read_bytes()
+        assert (tmp_path / "saved" / f"{name}.{suffix}").read_bytes() == there
+        assert whole.write(tmp_path / f"{name}.{suffix}").read_bytes() == there
+        assert dsfab.write(whole, tmp_path / f"again.{suffix}").read_bytes() == there
+    both = [{p.name for p in (tmp_path / folder).iterdir()} for folder in ("built", "saved")]
+    assert both[0] == both[1]
+
+
+@pytest.mark.slow
+def test_step_is_smooth_whoever_writes_it(whole: Design, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    whole.save(tmp_path / "saved", picture=False)
+    assert main(["export", str(tmp_path / "saved"), "--to", "step", "-o", str(tmp_path / "cli.step"), "--quiet"]) == 0
+    ours = whole.write(tmp_path / "python.step").read_bytes()
+    assert ours == (tmp_path / "cli.step").read_bytes()
+    assert b"B_SPLINE_SURFACE" in ours
+
+
+def test_it_says_what_it_is_in_five_lines(whole: Design) -> None:
+    lines = repr(whole).splitlines()
+    assert len(lines) == 5
+    assert lines[0].startswith(f"Design {whole.preset.name}")
+    assert f"{whole.solid.volume:.4g} m3" in lines[4]
+    assert "made when it is asked for" in repr(Design.of(whole.preset))
+    assert max(map(len, lines)) < 160
+
+
+def test_an_unknown_stage_and_a_wrong_key_are_refused(whole: Design) -> None:
+    with pytest.raises(PresetError):
+        overridden(whole.preset, {"pattern.nothing": 1})
+    with pytest.raises(ValueError, match="not in"):
+        whole.until("cooking")
