@@ -12,7 +12,7 @@ from dsfab.pattern import CornerPhase
 from dsfab.preset import Pattern, Preset
 from dsfab.slicing import Chart, Sheet, Tidy
 from dsfab.statics import Answers, Equilibrium
-from dsfab.surface import LoadCase
+from dsfab.surface import LoadCase, Surface
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
 
@@ -134,6 +134,20 @@ class Choice:
     def phase(self) -> tuple[float, float]:
         """Of the major and of the minor stripes."""
         return self.candidates[0].phase
+
+
+@dataclass(frozen=True, eq=False)
+class StressedSurface:
+    """What a pattern is drawn on: a surface, how it carries its loads, and the modes along its stresses."""
+
+    surface: Surface
+    statics: StaticsResult
+    diffusion: DiffusionResult
+
+    @property
+    def load(self) -> LoadCase:
+        """Supports and loads on it."""
+        return self.statics.load
 
 
 class Attempt(NamedTuple):

@@ -256,7 +256,6 @@ def cycles(graph: dict[str, set[str]]) -> list[set[str]]:
 
 
 IN_CYCLES = [
-    tuple(f"dsfab.pipeline.{name}" for name in ("design", "measures", "method", "pattern_stage")),
     ("dsfab.render.answers", "dsfab.render.colouring"),
     ("dsfab.render.scene", "dsfab.render.shader"),
     ("dsfab.surface.bridges", "dsfab.surface.cover", "dsfab.surface.mesh", "dsfab.surface.reader"),

@@ -6,7 +6,7 @@ import pytest
 import dsfab
 from dsfab.delivery.archive_even import even_arrays, even_of
 from dsfab.pattern import Frames, crossed_over
-from dsfab.pipeline.measures import measured_pattern, pattern_chart
+from dsfab.pipeline.measures import pattern_chart
 from dsfab.preset_file import load_preset, overridden
 from dsfab.surface import Surface
 from tests.zoo import grid, jittered, two_pieces
@@ -83,7 +83,7 @@ def test_members_of_a_ring_go_on_where_the_stresses_cross(pressed):
     assert even.steered is not None
     assert 0.05 < pressed.surface.areas @ even.steered.over / pressed.surface.area < 0.5
     assert "go on as the other family" in even.steered.told
-    quality = measured_pattern(pressed)
+    quality = pressed.quality()
     assert quality.major.evenness < 1.3
     assert quality.minor.evenness < 2.2
     assert quality.dead_ends == 0

@@ -13,7 +13,7 @@ from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import kept_regions, pattern_step
 from dsfab.preset_file import overridden
-from dsfab.results import CaseResult, EvenStripes, StaticsResult
+from dsfab.results import CaseResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import cut
 from dsfab.statics import Material, solve_statics, stress
 from dsfab.surface import LoadCase, Surface, read_surface
@@ -55,13 +55,19 @@ class Case:
         cases = {name: CaseResult(self.load, answer, sigma, None) for name in self.preset.followed}
         return StaticsResult(self.load, answer, sigma, None, cases)
 
+    @property
+    def stressed(self) -> StressedSurface:
+        return StressedSurface(self.surface, self.statics, None)  # no modes
+
     @cached_property
     def even(self) -> EvenStripes:
         return even_stripes(self.preset, self.surface, self.statics)
 
     @cached_property
     def sheet(self):
-        pattern = pattern_step(self.preset, self.surface, self.statics, None, Log(None), even=self.even)
+        pattern = pattern_step(
+            self.preset, StressedSurface(self.surface, self.statics, None), Log(None), even=self.even
+        )
         return cut(self.surface, pattern.fields, pattern.levels, 0)
 
     @cached_property

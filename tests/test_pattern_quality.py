@@ -13,7 +13,7 @@ from dsfab.app.editor.figures import figures
 from dsfab.app.listing import inspect
 from dsfab.diffusion.symmetry import symmetry_under
 from dsfab.pipeline import Design, draft, run
-from dsfab.pipeline.measures import measured_pattern, symmetry_error
+from dsfab.pipeline.measures import symmetry_error
 from dsfab.report.compliance.document import Numbers
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.pattern import quality_facts, quality_lines
@@ -232,7 +232,7 @@ def even():
 
 def test_the_dome_on_modes_has_houses_and_slits(modes):
     """Looked at: six meridians turn back around each of three radii, but those that do it on a ring."""
-    found = measured_pattern(modes)
+    found = modes.quality()
     assert len(found.minor.dead_ends.loose) == found.major.dead == 0
     radii = np.linalg.norm(found.minor.dead_ends.turns[:, :2], axis=1)
     assert ((radii > 0.5) & (radii < 1.5)).sum() == 18
@@ -243,10 +243,10 @@ def test_the_dome_on_modes_has_houses_and_slits(modes):
 
 
 def test_the_dome_of_even_stripes_is_even(even):
-    found = measured_pattern(even)
+    found = even.quality()
     assert found.major.evenness < 1.1
     assert found.minor.evenness < 2.2
-    assert measured_pattern(Design.of(even.preset, even).until("slicing"), symmetry=False).slits == 0
+    assert Design.of(even.preset, even).until("slicing").quality(symmetry=False).slits == 0
     assert found.deviation < 2.5
     assert found.crossing_angle > 75
     assert 0 <= found.symmetry_error < 0.02
@@ -255,10 +255,10 @@ def test_the_dome_of_even_stripes_is_even(even):
 
 def test_measures_are_metrics_of_sweeps(modes, even):
     for made in (modes, even):
-        found = measured_pattern(made)
+        found = made.quality()
         told = {name: METRICS[name](made) for name in ("evenness", "dead_ends", "slits", "deviation", "crossing_angle")}
         assert told == {name: getattr(found, name) for name in told}
-    assert METRICS["symmetry_error"](even) == measured_pattern(even).symmetry_error
+    assert METRICS["symmetry_error"](even) == even.quality().symmetry_error
     assert METRICS["symmetry_error"](modes) < 0.05
 
 
@@ -289,6 +289,6 @@ def test_reports_and_the_editor_have_them_too(modes):
     assert table.rows[3] == ("Dead ends", "0", str(compared.pattern.dead_ends))
     assert table.note.startswith("Members cross at ")
     told = figures(modes)["pattern"]
-    found = measured_pattern(modes)
+    found = modes.quality()
     assert told["dead_ends"] == found.dead_ends > 0
     assert told["openings"] == [found.minor.opening[0], found.minor.opening[2]]

@@ -15,14 +15,13 @@ from dsfab.pattern import Frames, Guidance, Guide, relative_stresses
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.patterns import pattern_step, stripe_stresses
 from dsfab.pipeline.steering import _same_guides, _same_sense
 from dsfab.preset_file import load_preset, overridden, preset_toml
 from dsfab.report.compliance.document import Numbers
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.pattern import quality_facts, quality_lines
-from dsfab.results import CaseResult, StaticsResult
+from dsfab.results import CaseResult, StaticsResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.slicing.pattern_quality import pattern_quality
 from dsfab.statics import Equilibrium
@@ -302,7 +301,7 @@ def test_what_symmetry_is_left_is_told_and_kept(more, order, told):
     notes = [note.text for note in made.notes if note.text.startswith("surface, supports")]
     assert [told in note for note in notes] == [True] * bool(told)
     if order > 1:
-        assert measured_pattern(made).symmetry_error < 0.02
+        assert made.quality().symmetry_error < 0.02
 
 
 # --- what is refused
@@ -364,7 +363,9 @@ def test_a_surface_with_one_side_turns_by_quarters_only():
 
 
 def share(given: Case) -> float:
-    pattern = pattern_step(given.preset, given.surface, given.statics, None, Log(None), even=given.even)
+    pattern = pattern_step(
+        given.preset, StressedSurface(given.surface, given.statics, None), Log(None), even=given.even
+    )
     return material_area(given.surface, pattern.fields, pattern.levels) / given.surface.area
 
 
@@ -373,7 +374,7 @@ def test_stripes_of_one_family_are_half_the_material(families):
     """Threshold 1/2: a quarter of each spacing is material, 1 - (3/4)^2 of the area where two families cross."""
     given = plate(families=families)
     assert share(given) == pytest.approx(7 / 16 if families == "both" else 1 / 4, rel=0.02)
-    made = pattern_step(given.preset, given.surface, given.statics, None, Log(None), even=given.even)
+    made = pattern_step(given.preset, given.stressed, Log(None), even=given.even)
     assert set(made.names) == ({"major", "minor"} if families == "both" else {families})
     other = {"major": "minor", "minor": "major"}
     if families != "both":
@@ -403,7 +404,7 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     assert ribs.sheet.surface.area / ribs.surface.area == pytest.approx(0.4, abs=1e-3)
     assert {line.layer for line in design_lines(ribs)} >= {"centre-minor", "edges-minor"}
     assert not any("major" in line.layer for line in design_lines(ribs))
-    found = measured_pattern(ribs)
+    found = ribs.quality()
     assert (found.major.drawn, found.minor.drawn) == (False, True)
     assert (found.evenness, found.deviation) == (found.minor.evenness, found.minor.deviation)
     assert "stress turned by 20" in found.summary
@@ -478,7 +479,7 @@ def test_one_family_on_modes_by_every_width_rule(rule):
     assert "major" not in made.pattern.names
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.4, abs=2e-3)
     assert not any(line.family == "major" for line in design_lines(made))
-    found = measured_pattern(made)
+    found = made.quality()
     assert (found.major.drawn, found.major.spacing, found.minor.drawn) == (False, (0.0, 0.0, 0.0), True)
 
 
@@ -494,10 +495,10 @@ def test_only_what_is_drawn_is_chosen():
 
 
 def test_deviation_is_from_where_stripes_were_to_run():
-    found = measured_pattern(drafted(rotate=45))
+    found = drafted(rotate=45).quality()
     assert found.turned == 45
     assert found.deviation < 20  # and over 30 off the stress itself
-    assert measured_pattern(drafted()).turned == 0
+    assert drafted().quality().turned == 0
 
 
 def test_where_guides_lead_members_may_turn_back():

@@ -8,7 +8,6 @@ import pytest
 import dsfab
 from dsfab.pipeline import draft
 from dsfab.pipeline.even import even_stripes
-from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.patterns import striped_families
 from dsfab.preset_file import load_preset, overridden
 from dsfab.study.baselines import Brief
@@ -32,7 +31,7 @@ def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
     preset = overridden(load_preset(PRESET), {"pattern.method": "modes"})
     made = draft(preset)
     surface, statics, diffusion = made.surface, made.statics, made.diffusion
-    families = striped_families(preset, surface, diffusion, 0.0)
+    families = striped_families(preset, made.stressed)
     spacing = [surface.area / float(surface.vertex_areas @ family.slope) for family in families]
     apart = {f"pattern.{name}.spacing": h for name, h in zip(("major", "minor"), spacing, strict=True)}
     found = {}
@@ -52,7 +51,7 @@ def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
 @pytest.mark.slow
 def test_no_member_ends_in_the_air():
     design = dsfab.run(load_preset(PRESET))
-    quality = measured_pattern(design)
+    quality = design.quality()
     assert len(design.slicing.pieces) == 1
     assert quality.dead_ends == 0
     assert quality.slits == 0

@@ -68,7 +68,7 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
     made = on_modes(chosen)
     surface, statics, diffusion = made.surface, made.statics, made.diffusion
     own = made.settled
-    families = striped_families(own, surface, diffusion, 0.0)
+    families = striped_families(own, made.stressed)
     spacing = [surface.area / float(surface.vertex_areas @ family.slope) for family in families]
     apart = {f"pattern.{name}.spacing": h for name, h in zip(("major", "minor"), spacing, strict=True)}
     width = {"pattern.width.rule": rule, "pattern.width.q": q}
@@ -78,8 +78,8 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
     if rule != "stressed":
         structure = striped(brief, own, diffusion, even)
     else:
-        grading = stressed_step(own, surface, statics, diffusion, Log(None), even=even)
-        structure = widened(brief, own, striped_families(own, surface, diffusion, 0.0, grading, even))
+        grading = stressed_step(own, made.stressed, Log(None), even=even)
+        structure = widened(brief, own, striped_families(own, made.stressed, 0.0, grading, even))
     assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
     return quick(brief, structure).compliance
 

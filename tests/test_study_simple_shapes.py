@@ -38,7 +38,7 @@ RECORDED = {
 def striped_alike(made: Design) -> Preset:
     """A preset on modes, on stripes of the same mean spacings."""
     surface = made.surface
-    families = striped_families(made.settled, surface, made.diffusion, 0.0)
+    families = striped_families(made.settled, made.stressed)
     spacing = [surface.area / float(surface.vertex_areas @ family.slope) for family in families]
     apart = {f"pattern.{name}.spacing": h for name, h in zip(("major", "minor"), spacing, strict=True)}
     return overridden(made.settled, {"pattern.method": "stripes", **apart})
@@ -69,9 +69,9 @@ def test_on_a_dome_widths_that_even_out_the_stress_come_near_to_the_uncut_sheet(
     keys = {"pattern.width.rule": "stressed", "pattern.width.solid_fraction": share}
     own = overridden(striped_alike(made), keys)
     even = even_stripes(own, surface, statics)
-    grading = stressed_step(own, surface, statics, diffusion, Log(None), even=even)
+    grading = stressed_step(own, made.stressed, Log(None), even=even)
     brief = Brief(own, surface, statics, diffusion, made.pattern.frequency, share * surface.area, even)
-    structure = widened(brief, own, striped_families(own, surface, diffusion, 0.0, grading, even))
+    structure = widened(brief, own, striped_families(own, made.stressed, 0.0, grading, even))
     assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
     uncut = Structure.uncut(surface, own.statics.thickness)
     assert quick(brief, structure).compliance < most * quick(brief, uncut).compliance

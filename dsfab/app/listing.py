@@ -81,7 +81,6 @@ def _built(folder: Path) -> dict[str, Any]:
 def _made(preset: str, picture: Path | None) -> dict[str, Any]:
     """The same of a preset, which is run for it, and drawn if there is a file for that."""
     from dsfab.pipeline import run
-    from dsfab.pipeline.measures import measured_pattern
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
 
@@ -95,7 +94,7 @@ def _made(preset: str, picture: Path | None) -> dict[str, Any]:
         reporter.done()
     finally:
         reporter.stop()
-    return {**fabrication_facts(made), "pattern": quality_facts(measured_pattern(design))}
+    return {**fabrication_facts(made), "pattern": quality_facts(design.quality())}
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:

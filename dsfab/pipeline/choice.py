@@ -12,8 +12,7 @@ from dsfab.pipeline.log import Log
 from dsfab.pipeline.stressing import stressed_choice
 from dsfab.pipeline.trial import Trial
 from dsfab.preset import AUTO, FAMILIES, Preset
-from dsfab.results import Candidate, Choice, DiffusionResult, StaticsResult
-from dsfab.surface import Surface
+from dsfab.results import Candidate, Choice, StressedSurface
 
 MODES = 4
 """The first modes of a family, among which one is chosen: the paper finds them enough."""
@@ -43,9 +42,7 @@ Numbers = tuple[tuple[int, int], tuple[float, float]]
 """Modes and phases of both families."""
 
 
-def choice_step(
-    preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult, log: Log
-) -> Choice:
+def choice_step(preset: Preset, given: StressedSurface, log: Log) -> Choice:
     """The candidates for what is `auto`, best first.
 
     Best is the smallest compliance per share of material, of those in which every concentrated load stands on a piece
@@ -57,8 +54,8 @@ def choice_step(
     """
     found: dict[Numbers, Candidate] = {}
     with log.row("choice"):
-        trial = Trial(preset, surface, statics, diffusion)
-        for number, wanted in enumerate(_rounds(preset, len(diffusion.major.lam), found)):
+        trial = Trial(preset, given)
+        for number, wanted in enumerate(_rounds(preset, len(given.diffusion.major.lam), found)):
             new = [numbers for numbers in dict.fromkeys(wanted) if numbers not in found]
             if log.progress and new:
                 told = f"choosing modes and phases, round {number + 1}: cutting and solving {len(new)}"
@@ -79,7 +76,7 @@ def choice_step(
     )
     choice = Choice(ranked)
     if preset.pattern.width.rule == "stressed":
-        return stressed_choice(preset, surface, statics, diffusion, log, choice)
+        return stressed_choice(preset, given, log, choice)
     return choice
 
 

@@ -12,11 +12,13 @@ from dsfab.arrays import Floats
 from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
+from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.pattern_stage import Before, pattern_stage
 from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
-from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult
+from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
+from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.surface import LoadCase, Surface
 from dsfab.thickening import Solid
 from dsfab.wording import length, mass
@@ -37,7 +39,7 @@ ROWS = {
 PARTS = {"statics": ("factor",)}
 """Seconds that are part of another row of the stage, told beside it."""
 
-HELD = {"slicing": ("slicing", "sheet"), "thickening": ("solid",), "export": ()}
+HELD = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
 """What holds the results of a stage, where that is not an attribute of its name."""
 
 T = TypeVar("T")
@@ -147,7 +149,7 @@ class Design:
     @cached_property
     def pattern(self) -> PatternResult:
         """Stage 4: the stripes, before anything is cut."""
-        return pattern_stage(self.preset, self.surface, self.statics, self.diffusion, self._log, self._before)
+        return pattern_stage(self.preset, self.stressed, self._log, self._before)
 
     @cached_property
     def slicing(self) -> SlicingResult:
@@ -170,6 +172,11 @@ class Design:
         return None
 
     @property
+    def stressed(self) -> StressedSurface:
+        """What the pattern is drawn on: stages 1 to 3."""
+        return StressedSurface(self.surface, self.statics, self.diffusion)
+
+    @property
     def seconds(self) -> Mapping[str, float]:
         """Rows of the timing table, of the stages that were made."""
         return MappingProxyType(self._log.seconds)
@@ -188,6 +195,13 @@ class Design:
     def load(self) -> LoadCase:
         """Supports and loads on the uncut surface."""
         return self.statics.load
+
+    def quality(self, symmetry: bool = True) -> PatternQuality:
+        """The measures of a good pattern: of the sheet where that is made, else of what is drawn.
+
+        symmetry : whether the error of its symmetry is measured too: it takes longest.
+        """
+        return measured_pattern(self, symmetry, self.sheet.surface if self.has("slicing") else None)
 
     @property
     def mass(self) -> float:

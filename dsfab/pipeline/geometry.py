@@ -37,7 +37,6 @@ def slicing_step(
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         smallest = _smallest_opening(pattern.settled(preset), surface)
-        radius = preset.pattern.fillet
         cells, pinches, filled, rounded = finished_cells(preset, cells, ask, smallest)
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import NamedTuple, Protocol
 
 import igl
 import numpy as np
@@ -13,8 +13,8 @@ from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
 from dsfab.errors import PatternError
 from dsfab.pattern import StressDirections
 from dsfab.pipeline.directions import followed_stress
-from dsfab.preset import FAMILIES
-from dsfab.results import DiffusionResult, PatternResult
+from dsfab.preset import FAMILIES, Preset
+from dsfab.results import DiffusionResult, PatternResult, StaticsResult
 from dsfab.slicing import Chart
 from dsfab.slicing.arms import Arms, arms
 from dsfab.slicing.dead_ends import DeadEnds
@@ -23,10 +23,6 @@ from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern
 from dsfab.surface import Surface
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
-
-if TYPE_CHECKING:
-    from dsfab.pipeline.design import Design
-
 
 TOUCH = 0.1
 """A dead end is still there if material is this near to it, as a share of a mean edge."""
@@ -40,15 +36,37 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])
 """Steps of a sequence of points that fills a square evenly: the powers of 1 / 1.3247..., the root of x^3 = x + 1."""
 
 
-def measured_pattern(
-    made: "Design", symmetry: bool = True, sheet: Surface | None = None, cut: bool = True
-) -> PatternQuality:
+class Patterned(Protocol):
+    """A design, or what is known of one when its pattern is."""
+
+    @property
+    def preset(self) -> Preset: ...
+    @property
+    def surface(self) -> Surface: ...
+    @property
+    def statics(self) -> StaticsResult: ...
+    @property
+    def diffusion(self) -> DiffusionResult: ...
+    @property
+    def pattern(self) -> PatternResult: ...
+
+
+class Drafted(NamedTuple):
+    """Stages 1 to 4 of a design that may never be made."""
+
+    preset: Preset
+    surface: Surface
+    statics: StaticsResult
+    diffusion: DiffusionResult
+    pattern: PatternResult
+
+
+def measured_pattern(made: Patterned, symmetry: bool = True, sheet: Surface | None = None) -> PatternQuality:
     """The measures of what is drawn; of what is cut and tidied, dead ends and slits are those of the sheet.
 
     symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
-    sheet    : what a design that is not cut yet was cut to; one that is has its own, unless `cut` is false.
+    sheet    : what it was cut to; None measures what is drawn (see `Design.quality`).
     """
-    sheet = made.sheet.surface if cut and made.has("slicing") else sheet
     sheet = sheet if made.pattern.tidy else None
     chart = pattern_chart(made)
     drawn = drawn_pattern(made.surface, chart, made.pattern)
@@ -92,13 +110,13 @@ def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Float
     return replace(family, dead_ends=DeadEnds(left(ends.loose, Arms.tip), left(ends.turns, Arms.hairpin)))
 
 
-def pattern_chart(made: "Design") -> Chart:
+def pattern_chart(made: Patterned) -> Chart:
     """The chart of either kind of stripes."""
     even = made.pattern.even
     return even.chart if even is not None else modes_chart(made.surface, made.diffusion, made.pattern)
 
 
-def drawn_on_chart(made: "Design") -> Drawn:
+def drawn_on_chart(made: Patterned) -> Drawn:
     """What is drawn, on that chart."""
     return drawn_pattern(made.surface, pattern_chart(made), made.pattern)
 
@@ -122,7 +140,7 @@ def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Dra
     return Drawn.of(chart, d, np.maximum(kept, -surface.size))
 
 
-def _followed(made: "Design") -> StressDirections:
+def _followed(made: Patterned) -> StressDirections:
     """What the members of both families were to run along, but for guides."""
     ask = made.preset
     stress, direction = principal_stresses(made.surface, followed_stress(ask, made.surface, made.statics))
@@ -140,7 +158,7 @@ def _followed(made: "Design") -> StressDirections:
     return StressDirections(stress, direction)
 
 
-def used_symmetry(made: "Design") -> Symmetry | None:
+def used_symmetry(made: Patterned) -> Symmetry | None:
     """The mirrors and turns that the pattern was made with; None without any."""
     if made.pattern.even is not None:
         return made.pattern.even.symmetry

@@ -4,58 +4,89 @@ Which is the stiffest depends on the surface: evenly spaced stripes on most shel
 and solved, as for modes that are `auto`, and its dead ends and slits are counted on what was cut.
 """
 
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
+from dsfab.arrays import Floats
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.measures import measured_pattern
+from dsfab.pipeline.measures import Drafted, measured_pattern
 from dsfab.pipeline.stressing import stressed_step
 from dsfab.pipeline.trial import Trial
 from dsfab.preset import Preset, Width
-from dsfab.results import Attempt, DiffusionResult, EvenStripes, StaticsResult
-from dsfab.surface import Surface
+from dsfab.results import Attempt, Choice, EvenStripes, Note, StressedSurface
+from dsfab.slicing import Sheet
 
 RULES = ("constant", "graded")
 """Width rules of which the better one is taken, where one of them is asked for with a share of the surface to keep."""
 GENTLE = 0.5
 """Widths are graded by this power of what is asked, too. Were stripes bars that nothing bends, the stiffest would be as
 wide as their force is large; members that carry little in the plane still carry their own weight and brace others."""
+CLOSE = 0.02
+"""What is softer than the best by less than this share may be stiffer in truth: trials solve with quick elements."""
 
 
-class _Drawn(NamedTuple):
-    """A way to draw the stripes, where evenly spaced ones run (None for modes), and what it is worth."""
+@dataclass(frozen=True, eq=False)
+class Way:
+    """A way to draw the stripes, and what it is worth.
+
+    preset  : with nothing left to be chosen.            choice  : of its modes and phases, where these were `auto`.
+    even    : where evenly spaced stripes run; None for modes.        sheet : what it was cut to; None when refused.
+    grading : (n, f) relative half-widths by the rule `stressed`; None by others.           notes : for who takes it.
+    """
 
     preset: Preset
-    even: EvenStripes | None
     attempt: Attempt
+    choice: Choice | None = None
+    even: EvenStripes | None = None
+    grading: Floats | None = None
+    sheet: Sheet | None = None
+    notes: tuple[Note, ...] = ()
 
 
-def method_step(
-    preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult, log: Log
-) -> tuple[Preset, EvenStripes | None, tuple[Attempt, ...]]:
-    """The preset with the method, halving and width rule that are the best; its evenly spaced stripes, or None for
-    modes; and all that was tried, best first: without dead ends, then without slits, then the stiffest per share of
-    material (see `Attempt.rank`).
+def method_step(preset: Preset, given: StressedSurface, log: Log) -> tuple[Way, tuple[Attempt, ...]]:
+    """The best way to draw the stripes, and all that was tried, best first: without dead ends, then without slits, then
+    the stiffest per share of material (see `Attempt.rank`); where that is close, by better elements.
 
     Raises PatternError when none carries the loads.
     """
-    found: list[_Drawn] = []
+    found: list[Way] = []
     for method, halve in _methods(preset):
         with log.row("method"):
-            found += _tried(preset, surface, statics, diffusion, log, method, halve)
-    ranked = sorted(found, key=lambda one: one.attempt.rank)
+            found += _ways(preset, given, log, method, halve)
+    with log.row("method"):
+        ranked = _ranked(found, given)
     best = ranked[0]
     if best.attempt.refused:
         raise PatternError(f"no method draws stripes that carry the loads; the first: {found[0].attempt.refused}")
-    told = "; ".join(_told(one.attempt) for one in found)
-    log.note("pattern", f"method auto took {best.attempt.name}: of compliances over that of the uncut sheet, {told}")
-    return best.preset, best.even, tuple(one.attempt for one in ranked)
+    log.notes.extend(best.notes)
+    listed = "; ".join(_described(one.attempt) for one in found)
+    log.note("pattern", f"method auto took {best.attempt.name}: of compliances over that of the uncut sheet, {listed}")
+    return best, tuple(one.attempt for one in ranked)
 
 
-def _told(attempt: Attempt) -> str:
+def _ranked(found: list[Way], given: StressedSurface) -> list[Way]:
+    """Best first. The best, and what is as free of flaws and nearly as stiff, is put in order by better elements."""
+    ranked = sorted(found, key=lambda one: one.attempt.rank)
+    *flaws, soft = ranked[0].attempt.rank
+    close = [one for one in ranked if one.sheet and list(one.attempt.rank[:-1]) == flaws]
+    close = [one for one in close if one.attempt.rank[-1] <= (1 + CLOSE) * soft]
+    if len(close) > 1:
+        ranked[: len(close)] = sorted(close, key=lambda one: _judged(one, given))
+    return ranked
+
+
+def _judged(way: Way, given: StressedSurface) -> float:
+    """Joules times share of material, by quadratic membranes; equal to three digits as in `Attempt.rank`."""
+    assert way.sheet is not None
+    trial = Trial(way.preset, given, way.even)
+    compliance = trial.compliance(way.sheet.surface, trial.loads_on(way.sheet), "quadratic")
+    return float(f"{compliance * way.attempt.kept:.3g}")
+
+
+def _described(attempt: Attempt) -> str:
     if attempt.refused:
         return f"{attempt.name} refused"
     counted = {"dead end": attempt.dead_ends, "slit": attempt.slits}
@@ -69,15 +100,7 @@ def _methods(preset: Preset) -> list[tuple[str, bool]]:
     return [*halved, ("stripes", False), *modes]
 
 
-def _tried(
-    preset: Preset,
-    surface: Surface,
-    statics: StaticsResult,
-    diffusion: DiffusionResult,
-    log: Log,
-    method: str,
-    halve: bool,
-) -> list[_Drawn]:
+def _ways(preset: Preset, given: StressedSurface, log: Log, method: str, halve: bool) -> Iterator[Way]:
     """One method by each width rule."""
     words = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     asked = preset.with_pattern(method=method, halve=halve)
@@ -85,47 +108,33 @@ def _tried(
         asked = asked.with_pattern(tidy=True)  # what ends in the air is taken off, as of evenly spaced ones
     if log.progress:
         log.progress("pattern", f"trying {words}: cutting and solving")
+    scratch = replace(log, notes=[])
     try:
-        even = even_stripes(asked, surface, statics) if method == "stripes" else None
-        if asked.pattern.auto:
-            chosen = choice_step(asked, surface, statics, diffusion, log)
-            asked = asked.settled(chosen.mode, chosen.phase)
+        even = even_stripes(asked, given.surface, given.statics) if method == "stripes" else None
+        choice = choice_step(asked, given, scratch) if asked.pattern.auto else None
     except DsfabError as error:
-        return [_Drawn(asked, None, Attempt(words, refused=str(error)))]
-    found = []
+        yield Way(asked, Attempt(words, refused=str(error)))
+        return
+    asked = asked.settled(choice.mode, choice.phase) if choice else asked
     for rule, width in _widths(preset.pattern.width).items():
-        variant = asked.with_pattern(width=width)
-        attempt = _attempt(f"{words}, {rule}", variant, surface, statics, diffusion, log, even)
-        found.append(_Drawn(variant, even, attempt))
-    return found
+        variant = Way(asked.with_pattern(width=width), Attempt(f"{words}, {rule}"), choice, even)
+        yield _tried(variant, given, replace(log, notes=list(scratch.notes)))
 
 
-def _attempt(
-    name: str,
-    preset: Preset,
-    surface: Surface,
-    statics: StaticsResult,
-    diffusion: DiffusionResult,
-    log: Log,
-    even: EvenStripes | None,
-) -> Attempt:
-    """What a preset without anything `auto` is worth."""
-
-    given = preset, surface, statics, diffusion
+def _tried(way: Way, given: StressedSurface, scratch: Log) -> Way:
+    """A way with what it is worth."""
+    preset, name = way.preset, way.attempt.name
     try:
-        grading = None
-        if preset.pattern.width.rule == "stressed":
-            grading = stressed_step(*given, replace(log, notes=[]), even=even)
-        candidate, pattern, sheet = Trial(*given, even).drawn(preset, grading)
+        stressed = preset.pattern.width.rule == "stressed"
+        grading = stressed_step(preset, given, scratch, even=way.even) if stressed else None
+        candidate, pattern, sheet = Trial(preset, given, way.even).drawn(preset, grading)
     except DsfabError as error:
-        return Attempt(name, refused=str(error))
-    from dsfab.pipeline.design import Design  # it is made of this, among others
-
-    stages = {"surface": surface, "statics": statics, "diffusion": diffusion, "pattern": pattern}
-    tentative = Design.known(preset, **stages)
-    quality = measured_pattern(tentative, symmetry=False, sheet=sheet)
+        return replace(way, attempt=Attempt(name, refused=str(error)))
+    drafted = Drafted(preset, given.surface, given.statics, given.diffusion, pattern)
+    quality = measured_pattern(drafted, symmetry=False, sheet=sheet.surface)
     worth = candidate.compliance, candidate.over_uncut, candidate.kept
-    return Attempt(name, *worth, quality.dead_ends, quality.slits)
+    attempt = Attempt(name, *worth, quality.dead_ends, quality.slits)
+    return replace(way, attempt=attempt, grading=grading, sheet=sheet, notes=tuple(scratch.notes))
 
 
 def _widths(asked: Width) -> dict[str, Width]:

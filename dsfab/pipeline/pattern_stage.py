@@ -6,13 +6,12 @@ from typing import NamedTuple
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import even_step, same_stripes
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.method import method_step
+from dsfab.pipeline.method import Way, method_step
 from dsfab.pipeline.patterns import pattern_step
 from dsfab.pipeline.stressing import stressed_step
 from dsfab.preset import Pattern, Preset
-from dsfab.results import Attempt, Choice, DiffusionResult, EvenStripes, PatternResult, StaticsResult
+from dsfab.results import Attempt, EvenStripes, PatternResult, StressedSurface
 from dsfab.sparse import give_back
-from dsfab.surface import Surface
 
 
 class Before(NamedTuple):
@@ -23,44 +22,36 @@ class Before(NamedTuple):
     seconds: float
 
 
-def pattern_stage(
-    preset: Preset,
-    surface: Surface,
-    statics: StaticsResult,
-    diffusion: DiffusionResult,
-    log: Log,
-    before: Before | None = None,
-) -> PatternResult:
+def pattern_stage(preset: Preset, given: StressedSurface, log: Log, before: Before | None = None) -> PatternResult:
     """The stripes of a preset, with all that it leaves to be chosen.
 
     before : its stripes are taken where at most their widths, and what is kept besides them, have changed.
     """
-    asked, even, attempts = preset, None, tuple[Attempt, ...]()
+    attempts = tuple[Attempt, ...]()
     if preset.pattern.method == "auto":
-        asked, even, attempts = method_step(preset, surface, statics, diffusion, log)
-    elif preset.pattern.method == "stripes":
-        even = _even(preset, surface, statics, log, before)
-    if even and even.steered and even.steered.told:
-        log.note("pattern", even.steered.told)
-    choice = choice_step(asked, surface, statics, diffusion, log) if asked.pattern.auto else None
-    given = asked, surface, statics, diffusion, log, choice
-    grading = stressed_step(*given, even) if asked.pattern.width.rule == "stressed" else None
-    drawn = pattern_step(*given, grading, even)
-    pattern = replace(drawn, asked=_chosen(preset, asked, choice), attempts=attempts)
+        way, attempts = method_step(preset, given, log)
+    else:
+        way = _asked_way(preset, given, log, before)
+    if way.even and way.even.steered and way.even.steered.told:
+        log.note("pattern", way.even.steered.told)
+    drawn = pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
+    asked = None if way.preset is preset else way.preset.pattern
     give_back()  # what the solvers held: whoever draws needs memory of another shape
-    return pattern
+    return replace(drawn, asked=asked, attempts=attempts)
 
 
-def _even(preset: Preset, surface: Surface, statics: StaticsResult, log: Log, before: Before | None) -> EvenStripes:
+def _asked_way(preset: Preset, given: StressedSurface, log: Log, before: Before | None) -> Way:
+    """The way to draw that a preset asks for, with the modes, phases and widths that it leaves to be chosen."""
+    even = _even(preset, given, log, before) if preset.pattern.method == "stripes" else None
+    choice = choice_step(preset, given, log) if preset.pattern.auto else None
+    settled = preset.settled(choice.mode, choice.phase) if choice else preset
+    grading = stressed_step(settled, given, log, even) if preset.pattern.width.rule == "stressed" else None
+    return Way(settled, Attempt(preset.pattern.method), choice, even, grading)
+
+
+def _even(preset: Preset, given: StressedSurface, log: Log, before: Before | None) -> EvenStripes:
     """Evenly spaced stripes: those from before, or new ones."""
     if before and same_stripes(before.asked, preset.pattern):
         log.seconds["stripes"] = before.seconds
         return before.even
-    return even_step(preset, surface, statics, log)
-
-
-def _chosen(preset: Preset, asked: Preset, choice: Choice | None) -> Pattern | None:
-    """[pattern] with all that was chosen; None where nothing was to be."""
-    if choice:
-        return asked.settled(choice.mode, choice.phase).pattern
-    return None if asked is preset else asked.pattern
+    return even_step(preset, given.surface, given.statics, log)

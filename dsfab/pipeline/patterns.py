@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from dsfab.pipeline.geometry import added_share
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import FAMILIES, Preset
-from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StaticsResult
+from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.surface import LoadCase, Surface
 
@@ -44,11 +45,25 @@ SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
 
+class WidthSearch(NamedTuple):
+    """How widths are searched for by which the layers keep pattern.width.solid_fraction of the surface.
+
+    share     : the share of the surface that layers keep, in whose measure it is reached.
+    tolerance : how closely.    guess : what the multiplier was for a like pattern, or 0; saves time.
+    counted   : a quicker, rougher `share`, with which the search begins.
+    added     : the share that round corners bring on top: stripes keep that much less than is asked.
+    """
+
+    share: Callable[[Sequence[Layer]], float]
+    tolerance: float
+    guess: float = 0.0
+    counted: Callable[[Sequence[Layer]], float] | None = None
+    added: float = 0.0
+
+
 def pattern_step(
     preset: Preset,
-    surface: Surface,
-    statics: StaticsResult,
-    diffusion: DiffusionResult,
+    given: StressedSurface,
     log: Log,
     choice: Choice | None = None,
     grading: Floats | None = None,
@@ -56,14 +71,14 @@ def pattern_step(
 ) -> PatternResult:
     """Kept regions come first: a cell that they make material is not cut again by the stripes.
 
-    choice  : of the modes and phases that are `auto`.    grading, even : see `striped_families`.
+    preset  : with its modes and phases settled.    choice : of them, where they were `auto`.
+    grading, even : see `striped_families`.
     """
-    settled = preset.settled(choice.mode, choice.phase) if choice else preset
-    ask = settled.pattern
+    ask, surface = preset.pattern, given.surface
     with log.stage("pattern", "drawing stripes"):
-        kept = kept_regions(settled, surface, statics.load, even)
+        kept = kept_regions(preset, surface, given.load, even)
         widths = ask.width.widths(np.sqrt(surface.area))
-        families = striped_families(settled, surface, diffusion, widths.radius, grading, even)
+        families = striped_families(preset, given, widths.radius, grading, even)
         for family in families:
             asked = getattr(ask, family.name)
             if asked.spacing and not even:
@@ -75,27 +90,27 @@ def pattern_step(
 
         def share(layers: Sequence[Layer]) -> float:
             fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
-            tidy = tidy_of(settled, surface, statics.load, diffusion, layers)
+            tidy = tidy_of(preset, given, layers)
             reached.append(material_area(surface, fields, levels, SHARE_SNAP, tidy) / surface.area)
             return reached[-1]
 
         def made(added: float = 0.0, guess: float = 0.0) -> PatternResult:
             reached.clear()
-            first = None if guess else counted
-            layers, factor = drawn(settled, surface, kept, families, share, SHARE_TOLERANCE, guess, first, added)
-            tidy = tidy_of(settled, surface, statics.load, diffusion, layers)
-            found = pattern_of(settled, families, layers)
+            search = WidthSearch(share, SHARE_TOLERANCE, guess, None if guess else counted, added)
+            layers, factor = solved_layers(preset, surface, kept, families, search)
+            tidy = tidy_of(preset, given, layers)
+            found = pattern_of(preset, families, layers)
             return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
 
         result, added = made(), 0.0
         for _ in range(CORRECTIONS if (ask.fillet or even) and ask.width.solid_fraction else 0):
-            more = added_share(settled, surface, result)
+            more = added_share(preset, surface, result)
             if abs(more - added) < SHARE_TOLERANCE:
                 break
             result, added = made(more, result.factor), more
         if wanted := ask.width.solid_fraction:
             nearest = min(reached, key=lambda one: abs(one + added - wanted)) + added
-            log.note("pattern", _solved(settled, widths, result.factor, nearest))
+            log.note("pattern", _solved(preset, widths, result.factor, nearest))
     return result
 
 
@@ -110,33 +125,21 @@ def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[La
     return PatternResult(names, fields, levels, half_widths, frequency=frequencies, mode=modes, phase=phases)
 
 
-def drawn(
-    preset: Preset,
-    surface: Surface,
-    kept: Sequence[Layer],
-    families: Sequence[Drawable],
-    share: Callable[[Sequence[Layer]], float],
-    tolerance: float,
-    guess: float = 0.0,
-    counted: Callable[[Sequence[Layer]], float] | None = None,
-    added: float = 0.0,
+def solved_layers(
+    preset: Preset, surface: Surface, kept: Sequence[Layer], families: Sequence[Drawable], search: WidthSearch
 ) -> tuple[list[Layer], float]:
     """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
-
-    share     : the share of the surface that layers keep; pattern.width.solid_fraction is reached in its measure.
-    tolerance : how closely.    guess : what the multiplier was for a like pattern; saves time.
-    counted   : a quicker, rougher `share`, with which the search begins.
-    added     : the share that round corners bring on top: stripes keep that much less than is asked.
 
     Raises PatternError where that share cannot be reached.
     """
     width = preset.pattern.width
     widths = width.widths(np.sqrt(surface.area))
-    factor = guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
+    factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
 
     def layers(factor: float) -> list[Layer]:
         return [*kept, *stripe_layers(families, widths, factor)]
 
+    share, tolerance, _, counted, added = search
     if width.solid_fraction:
         wanted, slope = width.solid_fraction - added, 0.0
         if counted is not None:
@@ -163,9 +166,8 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 def striped_families(
     preset: Preset,
-    surface: Surface,
-    diffusion: DiffusionResult,
-    radius: float,
+    given: StressedSurface,
+    radius: float = 0.0,
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[Drawable]:
@@ -177,6 +179,7 @@ def striped_families(
 
     Raises PatternError for a mode that was not computed.
     """
+    surface, diffusion = given.surface, given.diffusion
     ask, families = preset.pattern, list[Drawable]()
     stress: list[Floats | None] = [None] * len(ask.family_names)
     if ask.width.rule in ("graded", "stressed"):

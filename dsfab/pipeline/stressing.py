@@ -15,12 +15,11 @@ from dsfab.arrays import Floats
 from dsfab.errors import DsfabError
 from dsfab.pattern import Drawable, evened
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import drawn, striped_families
+from dsfab.pipeline.patterns import WidthSearch, solved_layers, striped_families
 from dsfab.pipeline.trial import SHARE_TOLERANCE, Trial
 from dsfab.preset import Preset
-from dsfab.results import Candidate, Choice, DiffusionResult, EvenStripes, StaticsResult
+from dsfab.results import Candidate, Choice, EvenStripes, StressedSurface
 from dsfab.slicing import Sheet
-from dsfab.surface import Surface
 
 LEAST, MOST = 0.01, 0.55
 """Half-widths, in periods, that stripes shrink and grow to: what has vanished may come back, what is full may open."""
@@ -37,22 +36,13 @@ class Step(NamedTuple):
     after: Floats
 
 
-def stressed_step(
-    preset: Preset,
-    surface: Surface,
-    statics: StaticsResult,
-    diffusion: DiffusionResult,
-    log: Log,
-    choice: Choice | None = None,
-    even: EvenStripes | None = None,
-) -> Floats | None:
+def stressed_step(preset: Preset, given: StressedSurface, log: Log, even: EvenStripes | None = None) -> Floats | None:
     """(n, 2) relative half-widths of both families: of pattern.width.steps tries, the best.
 
     Best is the least compliance per share of material, by constant strain and mid-edge bending on the cut mesh. None
     where not even the first sheet carries the loads: then the widths are those of the rule `graded`.
     """
-    settled = preset.settled(choice.mode, choice.phase) if choice else preset
-    tried = _steps(Stressed(settled, surface, statics, diffusion, even), log)
+    tried = _steps(Stressed(preset, given, even), log)
     if not tried:
         return None
     best = min(tried, key=lambda step: step.worth)
@@ -64,9 +54,7 @@ def stressed_step(
     return best.grading
 
 
-def stressed_choice(
-    preset: Preset, surface: Surface, statics: StaticsResult, diffusion: DiffusionResult, log: Log, choice: Choice
-) -> Choice:
+def stressed_choice(preset: Preset, given: StressedSurface, log: Log, choice: Choice) -> Choice:
     """The choice with those modes and phases first that are the stiffest when their widths even out the stress.
 
     Evened are the best of a few pairs of modes. How stiff they are before says little: on the cantilever at 30 % of the
@@ -84,7 +72,7 @@ def stressed_choice(
 
     def worth(candidate: Candidate) -> float:
         settled = preset.settled(candidate.mode, candidate.phase)
-        steps = _steps(Stressed(settled, surface, statics, diffusion), replace(log, notes=[]))
+        steps = _steps(Stressed(settled, given), replace(log, notes=[]))
         return min((step.worth for step in steps), default=float("inf"))
 
     best = min(finalists, key=worth)
@@ -116,16 +104,10 @@ def _steps(trial: "Stressed", log: Log) -> list[Step]:
 class Stressed(Trial):
     """Tries widths with given modes and phases."""
 
-    def __init__(
-        self,
-        preset: Preset,
-        surface: Surface,
-        statics: StaticsResult,
-        diffusion: DiffusionResult,
-        even: EvenStripes | None = None,
-    ) -> None:
-        super().__init__(preset, surface, statics, diffusion, even)
-        self.families = striped_families(preset, surface, diffusion, 0.0, even=even)
+    def __init__(self, preset: Preset, given: StressedSurface, even: EvenStripes | None = None) -> None:
+        super().__init__(preset, given, even)
+        surface = given.surface
+        self.families = striped_families(preset, given, even=even)
         slopes = np.stack([family.density for family in self.families])
         self.spacing = float(slopes.shape[0] * surface.area / (slopes @ surface.vertex_areas).sum())
         self.start = np.stack([family.stress for family in self.families], axis=1)
@@ -134,9 +116,8 @@ class Stressed(Trial):
     def step(self, grading: Floats) -> Step:
         """Cut and solve; raises DsfabError for a sheet that does not carry the loads."""
         families = [family.stressed(g) for family, g in zip(self.families, grading.T, strict=True)]
-        layers, self.factor = drawn(
-            self.preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, self.factor
-        )
+        search = WidthSearch(self._share, SHARE_TOLERANCE, self.factor)
+        layers, self.factor = solved_layers(self.preset, self.surface, self.kept, families, search)
         found = self.carrying(layers)
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(found.sheet.surface, self.loads_on(found.sheet))

@@ -7,24 +7,22 @@ import numpy as np
 from dsfab.arrays import Bools, Floats
 from dsfab.pattern import Layer
 from dsfab.preset import FAMILIES, Preset
-from dsfab.results import DiffusionResult
+from dsfab.results import DiffusionResult, StressedSurface
 from dsfab.slicing import Tidy
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import Surface
 from dsfab.surface.hats import hat_gradients
 
 ASTRAY = float(np.cos(np.radians(45)))
 """Stripes go astray where they run nearer to the other direction of the stress than to their own."""
 
 
-def tidy_of(
-    preset: Preset, surface: Surface, load: LoadCase, diffusion: DiffusionResult, layers: Sequence[Layer]
-) -> Tidy | None:
+def tidy_of(preset: Preset, given: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
     """What to take off of layers that are cut together, or None where the preset does not ask for it."""
     if not preset.pattern.tidied:
         return None
     names = [layer.name for layer in layers]
-    astray = tuple(_astray(surface, diffusion, layer) for layer in layers)
-    return Tidy(tuple(name in FAMILIES for name in names), astray, load.held | load.loaded)
+    astray = tuple(_astray(given.surface, given.diffusion, layer) for layer in layers)
+    return Tidy(tuple(name in FAMILIES for name in names), astray, given.load.held | given.load.loaded)
 
 
 def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:

@@ -15,12 +15,19 @@ from dsfab.arrays import Floats
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Drawable, Layer, counted_share
 from dsfab.pipeline.handover import lost_load, sheet_load
-from dsfab.pipeline.patterns import SHARE_SNAP, drawn, kept_regions, pattern_of, striped_families
+from dsfab.pipeline.patterns import (
+    SHARE_SNAP,
+    WidthSearch,
+    kept_regions,
+    pattern_of,
+    solved_layers,
+    striped_families,
+)
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
-from dsfab.results import Candidate, DiffusionResult, EvenStripes, PatternResult, StaticsResult
+from dsfab.results import Candidate, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.statics import FaceStiffness, solve_cases
+from dsfab.statics import FaceStiffness, Membrane, solve_cases
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 
@@ -42,27 +49,19 @@ class Tried(NamedTuple):
 
     candidate: Candidate
     pattern: PatternResult
-    sheet: Surface
+    sheet: Sheet
 
 
 class Trial:
     """Tries modes and phases on one surface: what all candidates share is made once."""
 
-    def __init__(
-        self,
-        preset: Preset,
-        surface: Surface,
-        statics: StaticsResult,
-        diffusion: DiffusionResult,
-        even: EvenStripes | None = None,
-    ) -> None:
-        self.preset, self.surface, self.diffusion, self.even = preset, surface, diffusion, even
-        self.loads = {name: statics.cases[name].load for name in preset.followed}
-        self.load, self.held = statics.load, statics.load.held
-        self.kept = kept_regions(preset, surface, statics.load, even)
+    def __init__(self, preset: Preset, given: StressedSurface, even: EvenStripes | None = None) -> None:
+        self.preset, self.given, self.surface, self.even = preset, given, given.surface, even
+        self.loads = {name: given.statics.cases[name].load for name in preset.followed}
+        self.kept = kept_regions(preset, given.surface, given.load, even)
         self.factors: dict[tuple[int, int], float] = {}
-        self._share = counted_share(surface, self.kept)
-        self.uncut = self._compliance(surface, self.loads)
+        self._share = counted_share(given.surface, self.kept)
+        self.uncut = self.compliance(given.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
         """What these modes and phases of the major and of the minor stripes are worth; refused with its reason."""
@@ -79,24 +78,24 @@ class Trial:
         ask = preset.pattern
         families, layers = self._layers(preset, grading)
         found = self.carrying(layers)
-        compliance = self._compliance(found.sheet.surface, self.loads_on(found.sheet))
+        compliance = self.compliance(found.sheet.surface, self.loads_on(found.sheet))
         numbers = (ask.major.number, ask.minor.number), (ask.major.shift, ask.minor.shift)
         over = compliance / self.uncut
         candidate = Candidate(*numbers, compliance, over, found.kept, found.whole, found.pieces)
-        tidy = tidy_of(preset, self.surface, self.load, self.diffusion, layers)
+        tidy = tidy_of(preset, self.given, layers)
         pattern = replace(pattern_of(preset, families, layers), even=self.even, tidy=tidy)
-        return Tried(candidate, pattern, found.sheet.surface)
+        return Tried(candidate, pattern, found.sheet)
 
     def carrying(self, layers: Sequence[Layer]) -> "Carrying":
         """Layers as a sheet; raises DsfabError when it does not carry the loads."""
         surface = self.surface
-        tidy = tidy_of(self.preset, surface, self.load, self.diffusion, layers)
+        tidy = tidy_of(self.preset, self.given, layers)
         cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP, tidy)
         material = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet.kept()
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)
         area = np.bincount(label, material.surface.areas, count)
-        held = np.bincount(label, material.between(self.held)[F].any(axis=1), count) > 0
+        held = np.bincount(label, material.between(self.given.load.held)[F].any(axis=1), count) > 0
         if not held.any():
             raise PatternError("no piece of material reaches a support")
         sheet = material if held.all() else material.kept(held[label])
@@ -115,15 +114,15 @@ class Trial:
 
     def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[Drawable], list[Layer]]:
         radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
-        families = striped_families(preset, self.surface, self.diffusion, radius, grading, self.even)
+        families = striped_families(preset, self.given, radius, grading, self.even)
         modes = preset.pattern.major.number, preset.pattern.minor.number
-        guess = self.factors.get(modes, 0.0)
-        layers, factor = drawn(preset, self.surface, self.kept, families, self._share, SHARE_TOLERANCE, guess)
+        search = WidthSearch(self._share, SHARE_TOLERANCE, self.factors.get(modes, 0.0))
+        layers, factor = solved_layers(preset, self.surface, self.kept, families, search)
         self.factors[modes] = factor
         return families, layers
 
-    def _compliance(self, surface: Surface, loads: dict[str, LoadCase]) -> float:
+    def compliance(self, surface: Surface, loads: dict[str, LoadCase], membrane: Membrane = "constant") -> float:
         """Joules, the weighted sum over what the pattern follows."""
         ask = self.preset.statics
-        answers = solve_cases(surface, ask.material, loads, ask.thickness, ask.law, "constant", "midedge")
+        answers = solve_cases(surface, ask.material, loads, ask.thickness, ask.law, membrane, "midedge")
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())

@@ -14,7 +14,6 @@ import numpy as np
 
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
-from dsfab.pipeline.measures import measured_pattern
 from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.study.baselines import DEFAULT, Baseline, Brief, Structure, Variant, chosen
@@ -94,7 +93,7 @@ def comparison(
     own = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
     entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse)
     compared = _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
-    return replace(compared, pattern=measured_pattern(design))
+    return replace(compared, pattern=design.quality())
 
 
 def compare_at(

@@ -6,7 +6,6 @@ from dsfab.app.editor.job import Telling
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.measures import measured_pattern
 from dsfab.slicing.features import features, kept_cells
 
 
@@ -42,7 +41,7 @@ def figures(made: Design, progress: Telling | None = None) -> dict[str, Any]:
 
 def _pattern(made: Design) -> dict[str, Any]:
     """Dead ends, slits, and the clear openings, metres, that nine tenths of the area of both families lie between."""
-    found = measured_pattern(made, symmetry=False)
+    found = made.quality(symmetry=False)
     open_ = [family.opening for _, family in found.families if family.opening[2] > 0]
     between = [min(one[0] for one in open_), max(one[2] for one in open_)] if open_ else None
     return {"dead_ends": found.dead_ends, "slits": found.slits, "openings": between}

@@ -13,7 +13,6 @@ from dsfab.export import write
 from dsfab.export.folder import whole_or_nothing
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress, silent
-from dsfab.pipeline.measures import measured_pattern
 from dsfab.preset_file import preset_toml
 from dsfab.report.design.fabrication import fabrication_facts
 from dsfab.report.design.facts import facts
@@ -57,7 +56,7 @@ def save(
     with whole_or_nothing(Path(folder)) as partial:
         progress("fabrication", "measuring members, gaps and walls")
         made = fabrication(design)
-        measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(measured_pattern(design))}
+        measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
         if marked:
             _mark(design, made, partial / "fabrication.png")
         start = time.perf_counter()

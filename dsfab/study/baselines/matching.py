@@ -9,7 +9,7 @@ from dsfab.errors import PatternError
 from dsfab.pattern import Drawable, Layer
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import drawn, striped_families
+from dsfab.pipeline.patterns import WidthSearch, solved_layers, striped_families
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.results import DiffusionResult, EvenStripes, PatternResult
@@ -65,7 +65,7 @@ def sliced(brief: Brief, layers: Sequence[Layer]) -> Structure:
     names, fields, levels, widths = zip(*layers, strict=True)
     slicing = brief.preset.slicing.model_copy(update={"loose": "drop"})
     preset = brief.preset.model_copy(update={"slicing": slicing})
-    tidy = tidy_of(preset, brief.surface, brief.statics.load, brief.diffusion, layers)
+    tidy = tidy_of(preset, brief.stressed, layers)
     pattern = PatternResult(names, fields, levels, widths, tidy=tidy)
     made = slicing_step(preset, brief.surface, brief.statics, pattern, Log(None))
     return Structure(made.cells, names, made.sheet, len(made.pieces), preset.statics.thickness)
@@ -74,7 +74,7 @@ def sliced(brief: Brief, layers: Sequence[Layer]) -> Structure:
 def area_share(brief: Brief, layers: Sequence[Layer]) -> float:
     """The share of the surface that layers make material."""
     fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
-    tidy = tidy_of(brief.preset, brief.surface, brief.statics.load, brief.diffusion, layers)
+    tidy = tidy_of(brief.preset, brief.stressed, layers)
     return material_area(brief.surface, fields, levels, brief.preset.slicing.snap, tidy) / brief.surface.area
 
 
@@ -82,7 +82,8 @@ def striped(brief: Brief, preset: Preset, diffusion: DiffusionResult, even: Even
     """Both families of stripes of a preset, as wide as the area of the brief asks: on the modes of `diffusion`, or
     evenly spaced."""
     radius = preset.pattern.width.widths(np.sqrt(brief.surface.area)).radius
-    return widened(brief, preset, striped_families(preset, brief.surface, diffusion, radius, even=even))
+    given = replace(brief.stressed, diffusion=diffusion)
+    return widened(brief, preset, striped_families(preset, given, radius, even=even))
 
 
 def widened(brief: Brief, preset: Preset, families: Sequence[Drawable]) -> Structure:
@@ -93,9 +94,8 @@ def widened(brief: Brief, preset: Preset, families: Sequence[Drawable]) -> Struc
         nonlocal factor
         width = preset.pattern.width.model_copy(update={"solid_fraction": share})
         asked = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
-        layers, factor = drawn(
-            asked, brief.surface, brief.kept, families, lambda layers: area_share(brief, layers), tolerance, factor
-        )
+        search = WidthSearch(lambda layers: area_share(brief, layers), tolerance, factor)
+        layers, factor = solved_layers(asked, brief.surface, brief.kept, families, search)
         return layers
 
     return matched(brief, drawing)

@@ -13,7 +13,7 @@ from dsfab.pattern import Layer, face_points, frequency_for, material_points
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.patterns import kept_regions
 from dsfab.preset import Family, Preset
-from dsfab.results import DiffusionResult, EvenStripes, StaticsResult
+from dsfab.results import DiffusionResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
@@ -63,6 +63,11 @@ class Brief:
 
         modes = {"method": "modes", "guide": (), "rotate": 0.0, "major": apart(ask.major), "minor": apart(ask.minor)}
         return self.preset.model_copy(update={"pattern": ask.model_copy(update=modes)})
+
+    @property
+    def stressed(self) -> StressedSurface:
+        """What its patterns are drawn on."""
+        return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
     def share(self) -> float:

@@ -85,7 +85,7 @@ def _lower_share(values: Floats, weights: Floats, share: float) -> float:
 
 def _quality(made: Design) -> PatternQuality:
     """The measures of a pattern, once for all metrics."""
-    return made.once("pattern", "quality", lambda: measured_pattern(made, symmetry=False, cut=False))
+    return made.once("pattern", "quality", lambda: measured_pattern(made, symmetry=False))
 
 
 def _symmetry_error(made: Design) -> float:
