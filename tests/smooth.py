@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from dsfab.delivery.curved import curved_sheet
-from dsfab.export import write
+from dsfab.export import StepOptions, write
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import Surface
 from dsfab.thickening import Solid, offsets, thicken
@@ -30,5 +30,7 @@ def written(surface, sheet, path, step="smooth"):
 
     said: list[str] = []
     solid = thickened(surface, sheet)
-    write(solid, path, step=step, curved=partial(curved_sheet, surface, sheet, THICKNESS), note=said.append)
+    write(
+        solid, path, step=StepOptions(step, curved=partial(curved_sheet, surface, sheet, THICKNESS)), note=said.append
+    )
     return solid, import_step(path), said

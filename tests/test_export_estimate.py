@@ -6,7 +6,7 @@ import trimesh
 
 from dsfab.app.step_options import overrides
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, estimate, ladder, simplify, step, step_estimates, write
+from dsfab.export import STEP_FACES, StepOptions, estimate, ladder, simplify, step, step_estimates, write
 from dsfab.export.part import open_edges, part_of
 from dsfab.export.planar import polyhedron
 from dsfab.export.shells import solids_of
@@ -62,13 +62,13 @@ def test_estimates_count_what_the_files_have(tmp_path, quick_step):  # noqa: F81
 
 
 def test_estimates_say_what_cannot_be_and_what_is_too_much():
-    found = {one.way: one for one in step_estimates(torus(), step_faces=500)}
+    found = {one.way: one for one in step_estimates(torus(), step=StepOptions(faces=500))}
     assert "not flat" in found["planar"].refused
     assert found["faceted"].chosen
     assert found["faceted"].faces == 288  # of its quads
-    few = {one.way: one for one in step_estimates(torus(), step_faces=200)}
+    few = {one.way: one for one in step_estimates(torus(), step=StepOptions(faces=200))}
     assert few["faceted"].refused == "288 planar faces, more than step_faces = 200"
-    small = {one.way: one for one in step_estimates(torus(), step_mb=0.1)}
+    small = {one.way: one for one in step_estimates(torus(), step=StepOptions(megabytes=0.1))}
     assert "more than step_mb = 0.1" in small["faceted"].refused
     assert not any(one.chosen for one in small.values())
 
@@ -96,7 +96,7 @@ def test_distances_between_surfaces_are_measured_both_ways():
 
 def test_a_tolerance_makes_faceted_files_simpler_and_they_say_by_how_much(tmp_path, quick_step):  # noqa: F811
     said, solid = [], saddle()
-    path = write(solid, tmp_path / "a.step", step="faceted", step_tolerance=0.01, note=said.append)
+    path = write(solid, tmp_path / "a.step", step=StepOptions("faceted", tolerance=0.01), note=said.append)
     assert path.read_bytes().count(b"=ADVANCED_FACE(") < 0.7 * len(solid.F)
     assert said[0].startswith(f"STEP is faceted, simplified from {len(solid.F):,} to")
     assert "mm off at most" in said[0]
@@ -104,20 +104,20 @@ def test_a_tolerance_makes_faceted_files_simpler_and_they_say_by_how_much(tmp_pa
 
 def test_auto_simplifies_what_is_over_the_budget(tmp_path, quick_step):  # noqa: F811
     said, solid = [], saddle()
-    write(solid, tmp_path / "a.step", step_faces=1000, note=said.append)
+    write(solid, tmp_path / "a.step", step=StepOptions(faces=1000), note=said.append)
     assert f"simplified from {len(solid.F):,} to" in said[0]
     assert said[0].endswith(f": faceted it would have {len(solid.F):,} planar faces, more than step_faces = 1000")
 
 
 def test_a_tolerance_that_does_not_help_is_said(tmp_path, quick_step):  # noqa: F811
     said = []
-    write(box(), tmp_path / "a.step", step="faceted", step_tolerance=1e-6, note=said.append)
+    write(box(), tmp_path / "a.step", step=StepOptions("faceted", tolerance=1e-6), note=said.append)
     assert "not simplified, since 'a' does not become simpler within 0.001 mm" in said[0]
 
 
 def test_files_above_the_budget_in_megabytes_are_refused_with_the_ways_out(tmp_path):
     with pytest.raises(ExportError) as caught:
-        write(torus(), tmp_path / "a.step", step="faceted", step_mb=0.1)
+        write(torus(), tmp_path / "a.step", step=StepOptions("faceted", megabytes=0.1))
     for words in (
         "0.24 MB, more than step_mb = 0.1 MB",
         "STL or 3MF",

@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.delivery.curved import curved_sheet
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, ladder, readback, simplify, step, step_estimates, write
+from dsfab.export import STEP_FACES, StepOptions, ladder, readback, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
@@ -47,28 +47,28 @@ def chosen(solid, **how):
 
 def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, unread):
     said, (solid, curved) = [], slow_vault
-    path = write(solid, tmp_path / "a.step", curved=curved, step_faces=60, note=said.append)
+    path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved, faces=60), note=said.append)
     assert faces(path) < 30
     assert said[0].startswith("STEP is smooth")
     assert re.search(
         r"; made however long it took, since faceted it would have [\d,]+ planar faces, more than", said[0]
     )
-    assert chosen(solid, curved=curved, step_faces=60).way == "smooth"
-    assert chosen(solid, curved=curved).way == "faceted"
+    assert chosen(solid, step=StepOptions(curved=curved, faces=60)).way == "smooth"
+    assert chosen(solid, step=StepOptions(curved=curved)).way == "faceted"
 
 
 def test_a_smooth_file_over_the_budget_is_not_shown_to_occt(tmp_path, slow_vault, monkeypatch):
     monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
     solid, curved = slow_vault
     with pytest.raises(ExportError, match=r"the STEP file of 'a' would have 0\.0\d+ MB, more than step_mb = 0.01 MB"):
-        write(solid, tmp_path / "a.step", step="smooth", curved=curved, step_mb=0.01)
+        write(solid, tmp_path / "a.step", step=StepOptions("smooth", curved=curved, megabytes=0.01))
 
 
 @pytest.mark.parametrize(("budget", "way"), [(1200, "faceted"), (1000, "simplified"), (650, "simplified")])
 def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_step, budget, way):  # noqa: F811
     said, solid = [], saddle()
-    path = write(solid, tmp_path / "a.step", step_faces=budget, note=said.append)
-    found = chosen(solid, step_faces=budget)
+    path = write(solid, tmp_path / "a.step", step=StepOptions(faces=budget), note=said.append)
+    found = chosen(solid, step=StepOptions(faces=budget))
     assert (found.way, found.faces) == (way, faces(path))
     assert faces(path) <= budget
     assert found.size == pytest.approx(path.stat().st_size, rel=0.1)
@@ -82,7 +82,7 @@ def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_ste
 def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_path, unread):
     solid = saddle()
     with pytest.raises(ExportError) as caught:
-        write(solid, tmp_path / "a.step", step_faces=10)
+        write(solid, tmp_path / "a.step", step=StepOptions(faces=10))
     said = str(caught.value)
     assert said.startswith("every STEP file of 'a' would be more than step_faces = 10: ")
     assert re.search(r"faceted 1,152 faces \(0\.\d+ MB, about 4\.2 s to write and check\)", said)
@@ -90,7 +90,7 @@ def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_pat
     for words in ("STL or 3MF", "coarsen the mesh", "step_tolerance", "or raise step_faces"):
         assert words in said
     assert not any(tmp_path.iterdir())
-    assert chosen(solid, step_faces=10) is None
+    assert chosen(solid, step=StepOptions(faces=10)) is None
 
 
 def test_a_tolerance_that_was_asked_for_is_not_exceeded_to_keep_to_the_budget(tmp_path, unread):
@@ -126,7 +126,7 @@ def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, m
     monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * build.made(part).volume})
     monkeypatch.setattr(readback, "TOLERANCE", 1e-12)
     (solid, curved), share = slow_vault, 1.0
-    assert write(solid, tmp_path / "a.brep", step="smooth", curved=curved).stat().st_size > 1000
+    assert write(solid, tmp_path / "a.brep", step=StepOptions("smooth", curved=curved)).stat().st_size > 1000
     share = 1.01
     with pytest.raises(ExportError, match="reads back with another volume"):
-        write(solid, tmp_path / "a.brep", step="smooth", curved=curved)
+        write(solid, tmp_path / "a.brep", step=StepOptions("smooth", curved=curved))

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from dsfab.app.build import build
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export import ladder, step, step_check, write
+from dsfab.export import StepOptions, ladder, step, step_check, write
 from dsfab.export.curves import Curve, curves_through, fitted, halves, turning
 from dsfab.export.part import part_of
 from dsfab.export.plate import outlines_of, plate
@@ -97,7 +97,7 @@ def test_a_plate_with_round_holes_is_two_skins_four_planes_and_two_curved_walls_
 def test_curves_in_the_file_keep_the_tolerance_both_ways(tmp_path, here, tolerance):
     """Measured on what build123d reads, against the boundary of the sheet."""
     sheet = holed_sheet()
-    path = write(thickened(sheet), tmp_path / "plate.step", step="planar", step_tolerance=tolerance / 1000)
+    path = write(thickened(sheet), tmp_path / "plate.step", step=StepOptions("planar", tolerance=tolerance / 1000))
     points, _ = outline_in(path, 1000 * THICKNESS / 2)
     loops = outlines_of(ladder.prepare(part_of(thickened(sheet), "a", 99))).pieces[0]
     assert len(loops) == 4
@@ -114,7 +114,7 @@ def test_pieces_in_a_tilted_plane_become_solids_of_their_own(tmp_path, here):
     right = sheet.centroids[:, 0] > 0.4
     apart = moved(used(sheet, left | right))
     solid = thickened(apart)
-    write(solid, tmp_path / "a.step", step="planar", step_tolerance=2e-4)
+    write(solid, tmp_path / "a.step", step=StepOptions("planar", tolerance=2e-4))
     assert (here["solids"], here["valid"]) == (2, True)
     assert here["volume"] == pytest.approx(solid.volume * 1e9, rel=5e-4)
 
@@ -135,7 +135,7 @@ def blunt_outline(angle: float) -> tuple[Floats, Floats]:
 def test_a_blunt_corner_is_kept_where_it_is_told_and_sharp_ones_always(tmp_path, here):
     rim, tip = blunt_outline(np.deg2rad(12))
     solid = thickened(fan(rim))
-    told = write(solid, tmp_path / "told.step", step="planar", corners=np.array([[*tip, 0.0]]))
+    told = write(solid, tmp_path / "told.step", step=StepOptions("planar", corners=np.array([[*tip, 0.0]])))
     alone = write(solid, tmp_path / "alone.step", step="planar")
     ends = [outline_in(path, 1000 * THICKNESS / 2)[1] for path in (told, alone)]
     near = [np.linalg.norm(e - 1000 * tip, axis=1).min() for e in ends]
@@ -288,7 +288,7 @@ def test_curves_do_not_cross_a_member_narrower_than_the_tolerance():
 def test_a_plate_with_a_narrow_member_stays_valid(tmp_path, here):
     solid = thickened(wavy_slits(4e-4))
     said: list[str] = []
-    write(solid, tmp_path / "a.step", step_tolerance=3e-3, note=said.append)
+    write(solid, tmp_path / "a.step", step=StepOptions(tolerance=3e-3), note=said.append)
     assert said == ["STEP is planar, its outline within 3 mm of the mesh"]
     assert (here["solids"], here["valid"], here["faces"]) == (1, True, 14)
 
@@ -301,7 +301,7 @@ def test_an_unknown_way_is_refused(tmp_path):
 def test_too_many_walls_are_over_the_budget(tmp_path, here):
     solid = thickened(holed_sheet())
     with pytest.raises(ExportError, match="12 planar faces, more than step_faces = 11"):
-        write(solid, tmp_path / "a.step", step="planar", step_faces=11)
+        write(solid, tmp_path / "a.step", step=StepOptions("planar", faces=11))
 
 
 def test_a_circle_closes_smoothly_and_converges():

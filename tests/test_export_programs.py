@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from dsfab.delivery.curved import curved_sheet
-from dsfab.export import Details, write
+from dsfab.export import Details, StepOptions, write
 from dsfab.surface.lines import Line
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken
@@ -126,7 +126,7 @@ def step_file(arch, plate, tmp_path, quick_step, here) -> Callable[[str], tuple[
             surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
             sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
             solid, curved = thickened(surface, sheet), partial(curved_sheet, surface, sheet, THICKNESS)
-        return solid, write(solid, tmp_path / "a.step", step=way, curved=curved)
+        return solid, write(solid, tmp_path / "a.step", step=StepOptions(way, curved=curved))
 
     return made
 

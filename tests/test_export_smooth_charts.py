@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.delivery.curved import _where_largest, curved_sheet
-from dsfab.export import write
+from dsfab.export import StepOptions, write
 from dsfab.export.smooth import charts, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
@@ -133,6 +133,6 @@ def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
     solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
     said: list[str] = []
     curved = partial(curved_sheet, surface, sheet, THICKNESS)
-    write(solid, tmp_path / "a.step", step="smooth", curved=curved, note=said.append)
+    write(solid, tmp_path / "a.step", step=StepOptions("smooth", curved=curved), note=said.append)
     assert "1 of 2 pieces" in said[0]
     assert "no spline surface follows chart" in said[0]

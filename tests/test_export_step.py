@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, ladder, step, step_check, write
+from dsfab.export import STEP_FACES, StepOptions, ladder, step, step_check, write
 from dsfab.export.coplanar import FLATNESS
 from dsfab.export.loops import outline_of
 from dsfab.export.part import part_of
@@ -263,10 +263,10 @@ def test_a_piece_inside_out_is_refused(tmp_path):
 
 def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, here):
     solid = plate_with_hole()
-    write(solid, tmp_path / "plate.step", step_faces=10)
+    write(solid, tmp_path / "plate.step", step=StepOptions(faces=10))
     (tmp_path / "plate.step").unlink()
     with pytest.raises(ExportError) as caught:
-        write(solid, tmp_path / "plate.step", step_faces=9)
+        write(solid, tmp_path / "plate.step", step=StepOptions(faces=9))
     for words in (
         "planar 10 faces",
         "faceted 10 faces",

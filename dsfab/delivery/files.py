@@ -1,6 +1,7 @@
 """What of a design goes into a file of which format: the solid, the sheet with its lines, or the fields."""
 
 import tempfile
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from dsfab.delivery.curved import curved_design
 from dsfab.delivery.fields import design_fields
 from dsfab.delivery.lines import design_lines
-from dsfab.export import Details
+from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, format_of, suffix_of
 from dsfab.pipeline.design import Design
@@ -39,6 +40,8 @@ def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: 
         return written(thing.surface if isinstance(thing, Sheet) else thing, path, **options)
     format_of(Path(path))
     part, how = delivered(thing, suffix_of(Path(path)))
+    if isinstance(route := options.get("step"), str) and "step" in how:
+        options["step"] = replace(how["step"], route=route)
     return written(part, path, **{"name": thing.preset.name, **how, **options})
 
 
@@ -66,17 +69,17 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         details = Details(measures=_measures(design))
-        how = {**step_options(ask), "corners": corners, "details": details, "curved": partial(curved_design, design)}
-        return design.solid, how
+        step = replace(step_options(ask), corners=corners, curved=partial(curved_design, design))
+        return design.solid, {"step": step, "details": details}
     tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
     exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
     details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
 
 
-def step_options(ask: Export) -> dict[str, Any]:
-    """The keywords of `dsfab.export.write` about STEP, as the preset has them."""
-    return {key: getattr(ask, key) for key in ("step_faces", "step", "step_tolerance", "step_mb")}
+def step_options(ask: Export) -> StepOptions:
+    """How STEP is made, as the preset has it."""
+    return StepOptions(ask.step, ask.step_faces, ask.step_tolerance, ask.step_mb)
 
 
 def _measures(design: Design) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """From a solid to a file: millimetres, the unit written into it, read back by another reader before it has its name."""
 
 from dsfab.export.estimate import Estimate
-from dsfab.export.formats import FORMATS, STEP_FACES, Written, step_estimates, write
-from dsfab.export.part import Details
+from dsfab.export.formats import FORMATS, Written, step_estimates, write
+from dsfab.export.part import STEP_FACES, Details, StepOptions
 
-__all__ = ["FORMATS", "STEP_FACES", "Details", "Estimate", "Written", "step_estimates", "write"]
+__all__ = ["FORMATS", "STEP_FACES", "Details", "Estimate", "StepOptions", "Written", "step_estimates", "write"]

@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export import (
     brep,
@@ -33,20 +32,11 @@ from dsfab.export import (
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate, estimates
-from dsfab.export.part import Details, Part, part_of
+from dsfab.export.part import Details, Part, Route, StepOptions, part_of
 from dsfab.export.readback import Found
-from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
-
-STEP_FACES = 30_000
-"""Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
-
-
-Route = Literal["auto", "planar", "smooth", "faceted", "tessellated"]
-"""How a STEP file is made."""
-
 
 Takes = Literal["mesh", "lines", "both", "fields"]
 
@@ -131,33 +121,20 @@ def write(
     thing: Solid | Surface,
     path: str | Path,
     *,
-    step_faces: int = STEP_FACES,
     name: str | None = None,
-    step: Route = "auto",
-    step_tolerance: float = 0.0,
-    step_mb: float = 0.0,
-    corners: Floats | None = None,
+    step: StepOptions | Route = "auto",
     details: Details | None = None,
-    curved: Callable[[], Curved] | None = None,
     note: Callable[[str], None] | None = None,
     report: Callable[[Written], None] | None = None,
 ) -> Path:
     """Write a solid, or a sheet, in the format that the suffix of `path` names, and read it back; returns the path.
 
-    thing      : metres. Files are in millimetres (.glb in metres, its standard says so) and tell the unit if they can.
-    step_faces : largest number of planar faces of a STEP file, counted after coplanar triangles were joined.
-    name       : what the part is called inside the file; the file's own name without suffix if not given.
-    step       : planar, for flat solids: lines and splines through the outline; smooth, for curved sheets: spline
-                 skins and ruled walls; faceted: planar faces only; auto takes the first that the solid allows and
-                 that stands the check. tessellated: its triangles, for viewers; auto never takes it.
-    step_tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted
-                 solid may be simplified by, which it is not if 0 unless nothing else is accepted.
-    step_mb    : largest size of a STEP file in 1e6 bytes; 0 is no limit.
-    corners    : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
-    details    : lines, fields and facts, for the formats that hold them.
-    curved     : makes what smooth STEP needs of the sheet, see `dsfab.export.smooth.source`.
-    note       : called with a line that says how the STEP file was made, and why not otherwise.
-    report     : called with what was written: size, seconds, triangles or faces, and how far the volume is off.
+    thing   : metres. Files are in millimetres (.glb in metres, its standard says so) and tell the unit if they can.
+    name    : what the part is called inside the file; the file's own name without suffix if not given.
+    step    : how a STEP file is made, or the word for its route alone.
+    details : lines, fields and facts, for the formats that hold them.
+    note    : called with a line that says how the STEP file was made, and why not otherwise.
+    report  : called with what was written: size, seconds, triangles or faces, and how far the volume is off.
 
     The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
     same volume (area of a sheet) to 0.1 %; only then does the file take its name, in one step. After a failure there is
@@ -169,14 +146,14 @@ def write(
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()
-    part = part_of(thing, path.name[: -len(suffix_of(path))] if name is None else name, step_faces)
+    part = part_of(thing, path.name[: -len(suffix_of(path))] if name is None else name)
     if not (part.is_solid or form.sheets):
         open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if f.sheets)
         raise ExportError(
             f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
-    part = form.prepare(replace(_with_options(part, step, step_tolerance, step_mb, corners, details), curved=curved))
+    part = form.prepare(_with_options(part, step, details))
     with replacing(path) as temporary:
         taken, refused, found = _put(form, part, temporary)
     if note and (how := form.told(taken, refused)):
@@ -189,33 +166,33 @@ def write(
 def step_estimates(
     thing: Solid | Surface,
     *,
-    step_faces: int = STEP_FACES,
     name: str = "part",
-    step: Route = "auto",
-    step_tolerance: float = 0.0,
-    step_mb: float = 0.0,
-    corners: Floats | None = None,
+    step: StepOptions | Route = "auto",
     details: Details | None = None,
-    curved: Callable[[], Curved] | None = None,
 ) -> tuple[Estimate, ...]:
     """What each way of writing a solid as STEP would cost; the keywords are those of `write`. Nothing is written."""
-    part = part_of(thing, name, step_faces)
+    part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP holds closed solids and {name!r} is an open sheet; thicken it first")
-    part = _with_options(part, step, step_tolerance, step_mb, corners, details)
-    return estimates(ladder.prepare(replace(part, curved=curved)))
+    return estimates(ladder.prepare(_with_options(part, step, details)))
 
 
-def _with_options(
-    part: Part, step: str, tolerance: float, megabytes: float, corners: Floats | None, details: Details | None
-) -> Part:
+def _with_options(part: Part, step: StepOptions | str, details: Details | None) -> Part:
     """The part with what was asked for; lengths become millimetres."""
-    if step not in ladder.ROUTES:
-        raise ExportError(f"step = {step!r} names no way to write STEP; use one of {', '.join(ladder.ROUTES)}")
-    marked = np.zeros((0, 3)) if corners is None else np.asarray(corners, dtype=np.float64)
-    about = (details or Details()).scaled(MM_PER_M)
-    tolerance, marked = tolerance * MM_PER_M, marked * MM_PER_M
-    return replace(part, details=about, step=step, step_mb=megabytes, tolerance=tolerance, corners=marked)
+    ask = StepOptions(step) if isinstance(step, str) else step
+    if ask.route not in ladder.ROUTES:
+        raise ExportError(f"step = {ask.route!r} names no way to write STEP; use one of {', '.join(ladder.ROUTES)}")
+    marked = np.zeros((0, 3)) if ask.corners is None else MM_PER_M * np.asarray(ask.corners, dtype=np.float64)
+    return replace(
+        part,
+        details=(details or Details()).scaled(MM_PER_M),
+        step=ask.route,
+        step_faces=ask.faces,
+        step_mb=ask.megabytes,
+        tolerance=MM_PER_M * ask.tolerance,
+        corners=marked,
+        curved=ask.curved,
+    )
 
 
 def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportError], Found]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -16,6 +17,12 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
+
+STEP_FACES = 30_000
+"""Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
+
+Route = Literal["auto", "planar", "smooth", "faceted", "tessellated"]
+"""The ways to make a STEP file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +47,29 @@ class Details:
         """The same with `lines` and `tolerance` in another unit of length."""
         lines = tuple(replace(x, points=factor * x.points, length=factor * x.length) for x in self.lines)
         return replace(self, lines=lines, tolerance=factor * self.tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class StepOptions:
+    """How a STEP file is made.
+
+    route     : planar, for flat solids: lines and splines through the outline; smooth, for curved sheets: spline skins
+                and ruled walls; faceted: planar faces only; auto takes the first that the solid allows and that stands
+                the check. tessellated: its triangles, for viewers; auto never takes it.
+    faces     : largest number of planar faces, counted after coplanar triangles were joined.
+    tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted solid
+                may be simplified by, which it is not if 0 unless nothing else is accepted.
+    megabytes : largest size of the file in 1e6 bytes; 0 is no limit.
+    corners   : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
+    curved    : makes what smooth STEP needs of the sheet, see `dsfab.export.smooth.source`.
+    """
+
+    route: str = "auto"
+    faces: int = STEP_FACES
+    tolerance: float = 0.0
+    megabytes: float = 0.0
+    corners: Floats | None = None
+    curved: Callable[[], Curved] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +128,7 @@ class Part:
         return area(self.V, self.F)
 
 
-def part_of(thing: Solid | Surface, name: str, step_faces: int) -> Part:
+def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
     """The solid or sheet in millimetres.
 
     Raises ExportError for a solid that is open or has no volume, and for a mesh without faces or with numbers that are

@@ -135,5 +135,5 @@ def _keep(job: Job, made: Design, files: dict[str, bytes]) -> None:
             name = made.preset.name
             for suffix in job.formats:
                 path = Path(folder) / f"{name}.{suffix}"
-                write(made.solid, path, **step_options(made.preset.export))
+                write(made.solid, path, step=step_options(made.preset.export))
                 files[f"{name}.{suffix}"] = path.read_bytes()
