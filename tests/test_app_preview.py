@@ -16,7 +16,8 @@ from dsfab.render.edges import edges
 from dsfab.render.lettering import length_label, round_length
 from dsfab.render.palette import PAPER
 from dsfab.render.person import person
-from dsfab.render.picture import picture, write_picture
+from dsfab.render.picture import Look, picture
+from dsfab.render.png import write_png
 from dsfab.render.scene import Body, Scene
 from dsfab.render.view import ANGLE, best_side, framed, up_axis
 from dsfab.surface import LoadCase, Surface
@@ -86,7 +87,7 @@ def _moved(solid: tuple[np.ndarray, np.ndarray], far: float) -> tuple[np.ndarray
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_structure_is_whole_on_the_page_and_fills_it(name: str) -> None:
-    image = picture(*SHAPES[name](), size=SIZE)
+    image = picture(*SHAPES[name](), look=Look(SIZE))
     assert image.shape == (240, 320, 3)
     assert image.dtype == np.uint8
     top, bottom, left, right = box(members(image))
@@ -100,7 +101,7 @@ def test_a_structure_is_whole_on_the_page_and_fills_it(name: str) -> None:
 
 
 def test_a_ball_is_lit_from_the_upper_left() -> None:
-    image = picture(*SHAPES["sphere of 20 mm"](), size=SIZE)
+    image = picture(*SHAPES["sphere of 20 mm"](), look=Look(SIZE))
     top, bottom, left, right = box(members(image))
     across, down = (right - left) // 4, (bottom - top) // 4
     lit = image[top + down : top + 2 * down, left + across : left + 2 * across].mean()
@@ -110,7 +111,9 @@ def test_a_ball_is_lit_from_the_upper_left() -> None:
 
 def test_the_paper_is_light_and_a_shadow_lies_under_a_dome() -> None:
     violet = replace(PAPER, person=(140, 40, 220))  # no grey
-    image = picture(*thick(dome(span=12.0, rise=4.0, oculus=3.0, edge=0.8)), size=SIZE, palette=violet).astype(int)
+    image = picture(*thick(dome(span=12.0, rise=4.0, oculus=3.0, edge=0.8)), look=Look(SIZE, palette=violet)).astype(
+        int
+    )
     corner = image[:20, :20].reshape(-1, 3)
     assert (corner >= np.array(PAPER.paper) - 1).all()
     grey = (np.ptp(image, axis=2) < 25) & (abs(image.mean(axis=2) - 175) < 50)  # darker is a soffit
@@ -121,7 +124,7 @@ def test_loads_and_supports_are_drawn_in_their_colours_only_when_given() -> None
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.8)
     V, F = thick(surface)
     load = weighed(surface, low(surface))
-    without, with_load = picture(V, F, size=SIZE), picture(V, F, surface=surface, load=load, size=SIZE)
+    without, with_load = picture(V, F, look=Look(SIZE)), picture(V, F, surface=surface, load=load, look=Look(SIZE))
     assert near(without, PAPER.load) == 0
     assert near(without, PAPER.support) == 0
     assert near(with_load, PAPER.load) > 30
@@ -184,7 +187,7 @@ def test_a_person_is_1_75_metres_tall() -> None:
 def test_a_person_stands_beside_what_has_the_size_of_a_building(radius: float, drawn: bool) -> None:
     solid = thick(sphere(radius=radius, edge=radius / 5), radius / 20)
     violet = replace(PAPER, person=(140, 40, 220))
-    image = picture(*solid, size=SIZE, palette=violet).astype(int)
+    image = picture(*solid, look=Look(SIZE, palette=violet)).astype(int)
     assert ((image[:, :, 2] - image[:, :, 1] > 80).sum() > 100) == drawn
 
 
@@ -286,10 +289,10 @@ def test_scale_bars_are_labelled_in_metres_or_millimetres() -> None:
 
 def test_a_caption_is_written_and_a_long_one_is_cut_before_the_scale_bar() -> None:
     V, F = SHAPES["slab"]()
-    plain = picture(V, F, size=SIZE)
+    plain = picture(V, F, look=Look(SIZE))
     strip = slice(int(0.9 * 240), 240)
     for words in ("dome - 12.0 m span", "x" * 500):
-        changed = (picture(V, F, caption=words, size=SIZE) != plain).any(axis=2)
+        changed = (picture(V, F, caption=words, look=Look(SIZE)) != plain).any(axis=2)
         assert changed[strip].any()
         assert not changed[: int(0.9 * 240)].any()
         assert np.flatnonzero(changed.any(axis=0)).max() < 280
@@ -298,27 +301,29 @@ def test_a_caption_is_written_and_a_long_one_is_cut_before_the_scale_bar() -> No
 def test_families_have_their_tints() -> None:
     V, F = thick(sphere(radius=1.0, edge=0.3), 0.05)
     everywhere = np.ones(len(F), dtype=int)
-    pictures = [picture(V, F, family=k * everywhere, size=SIZE).astype(int) for k in (-1, 0, 1, 2)]
+    pictures = [picture(V, F, family=k * everywhere, look=Look(SIZE)).astype(int) for k in (-1, 0, 1, 2)]
     plain, major, minor, kept = (image[members(image)].mean(axis=0) for image in pictures)
     np.testing.assert_array_equal(plain, major)  # by default all members look like the first family
     assert minor[1] > major[1] + 15 > kept[1] + 30
-    half = picture(V, F, family=np.where(V[F].mean(axis=1)[:, 2] > 0, 1, 2), size=SIZE).astype(int)
+    half = picture(V, F, family=np.where(V[F].mean(axis=1)[:, 2] > 0, 1, 2), look=Look(SIZE)).astype(int)
     assert np.abs(half[40:70] - pictures[2][40:70]).max() < 3
     assert np.abs(half[150:180] - pictures[3][150:180]).max() < 3
     with pytest.raises(ValueError, match="families"):
-        picture(V, F, family=everywhere + 7, size=SIZE)
+        picture(V, F, family=everywhere + 7, look=Look(SIZE))
 
 
 def test_the_same_structure_gives_the_same_file_and_pillow_reads_the_picture_back(tmp_path: Path) -> None:
     from PIL import Image
 
     V, F = SHAPES["dome"]()
-    one, two = (write_picture(tmp_path / name, V, F, caption="dome", size=SIZE) for name in ("1.png", "2.png"))
+    one, two = (
+        write_png(picture(V, F, caption="dome", look=Look(SIZE)), tmp_path / name) for name in ("1.png", "2.png")
+    )
     assert one == tmp_path / "1.png"
     assert one.read_bytes() == two.read_bytes()
     with Image.open(one) as image:
         assert image.format == "PNG"
-        np.testing.assert_array_equal(np.asarray(image), picture(V, F, caption="dome", size=SIZE))
+        np.testing.assert_array_equal(np.asarray(image), picture(V, F, caption="dome", look=Look(SIZE)))
 
 
 def test_a_failing_write_leaves_nothing_and_keeps_the_old_picture(
@@ -328,7 +333,7 @@ def test_a_failing_write_leaves_nothing_and_keeps_the_old_picture(
 
     V, F = SHAPES["slab"]()
     with pytest.raises(ExportError, match="could not be written"):
-        write_picture(tmp_path / "nowhere" / "preview.png", V, F, size=SIZE)
+        write_png(picture(V, F, look=Look(SIZE)), tmp_path / "nowhere" / "preview.png")
     old = tmp_path / "preview.png"
     old.write_bytes(b"old")
 
@@ -338,7 +343,7 @@ def test_a_failing_write_leaves_nothing_and_keeps_the_old_picture(
 
     monkeypatch.setattr(Image.Image, "save", half)
     with pytest.raises(ExportError, match="full"):
-        write_picture(old, V, F, size=SIZE)
+        write_png(picture(V, F, look=Look(SIZE)), old)
     assert [path.name for path in tmp_path.iterdir()] == ["preview.png"]
     assert old.read_bytes() == b"old"
 
@@ -352,7 +357,7 @@ def test_the_window_is_closed_when_drawing_fails(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(Scene, "pixels", fails)
     with pytest.raises(RuntimeError, match="gave up"):
-        picture(*SHAPES["slab"](), size=SIZE)
+        picture(*SHAPES["slab"](), look=Look(SIZE))
     assert len(opened) == 1
     assert opened[0].closed
 
@@ -376,7 +381,7 @@ def test_a_machine_that_cannot_draw_is_told_what_to_install(asked_anew: pytest.M
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", crash])
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:
-        picture(*SHAPES["slab"](), size=SIZE)
+        picture(*SHAPES["slab"](), look=Look(SIZE))
     assert str(caught.value).count(".") == 0  # one sentence
     assert all(name in str(caught.value) for name in ("Debian, Ubuntu", "Fedora", "macOS", "Windows", "--no-preview"))
     assert "libosmesa6" in str(caught.value)

@@ -14,7 +14,7 @@ from dsfab.render.opengl import require_rendering
 from dsfab.render.palette import PAPER, Palette
 from dsfab.render.png import write_png
 from dsfab.render.scene import Body, Bytes, Scene
-from dsfab.render.stage import legend, staged
+from dsfab.render.stage import Annotations, legend, staged
 from dsfab.render.view import framed, named_side, up_axis
 from dsfab.wording import length
 
@@ -47,7 +47,7 @@ def workshop_picture(
     side = named_side(V, up, view)
     body = Body(V, F, np.array(palette.plain, dtype=np.uint8), casts=True)
     half = design.preset.statics.thickness / 2
-    stage = staged(body, side, up, half, design.surface, design.load, palette, size, layers=())
+    stage = staged(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
     stage = replace(stage, view=framed(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, ROW)))
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:

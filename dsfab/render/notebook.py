@@ -6,7 +6,7 @@ from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.render.caption import caption
 from dsfab.render.light import QUICK
-from dsfab.render.picture import picture
+from dsfab.render.picture import Look, picture
 from dsfab.render.png import png
 from dsfab.render.previewer import Previewer
 
@@ -20,7 +20,7 @@ def inline_picture(made: Design) -> bytes | None:
         if made.has("thickening"):
             solid = made.solid
             words = caption(made)
-            return png(picture(solid.V, solid.F, surface=made.surface, load=made.load, caption=words, size=SIZE))
+            return png(picture(solid.V, solid.F, surface=made.surface, load=made.load, caption=words, look=Look(SIZE)))
         with Previewer(made) as previewer:
             return png(previewer.picture(SIZE, quality=QUICK))
     except DsfabError as error:

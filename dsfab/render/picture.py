@@ -1,6 +1,6 @@
 """The picture of a finished structure: a plaster-like model on white paper, with its loads, supports and scale."""
 
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,11 +11,23 @@ from dsfab.render.drawing import rendered
 from dsfab.render.lettering import lettered
 from dsfab.render.opengl import require_rendering
 from dsfab.render.palette import PAPER, Palette
-from dsfab.render.png import write_png
 from dsfab.render.scene import Body, Bytes, Scene
-from dsfab.render.stage import legend, staged
+from dsfab.render.stage import Annotations, legend, staged
 from dsfab.render.view import best_side, up_axis
 from dsfab.surface import LoadCase, Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """How a picture looks. size : (width, height) in pixels. up : (3,) any length, found out when left out."""
+
+    size: tuple[int, int] = (1600, 1200)
+    up: ArrayLike | None = None
+    palette: Palette = PAPER
+
+
+PLAIN = Look()
+"""On white paper, as large as a build's preview."""
 
 
 def picture(
@@ -26,16 +38,14 @@ def picture(
     load: LoadCase | None = None,
     family: ArrayLike | None = None,
     caption: str = "",
-    size: tuple[int, int] = (1600, 1200),
-    up: ArrayLike | None = None,
-    palette: Palette = PAPER,
+    look: Look = PLAIN,
 ) -> Bytes:
     """A picture of a solid (or a sheet), seen from a side that suits its shape, whole on the page.
 
     V, F    : (n, 3) metres and (m, 3), outward oriented.
     surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
-    family  : (m,) index into `palette.families` for each face, -1 for the one colour of all members.
-    caption : one line below. size : (width, height) in pixels. up : (3,) any length, found out when left out.
+    family  : (m,) index into `look.palette.families` for each face, -1 for the one colour of all members.
+    caption : one line below.
 
     Returns (height, width, 3) bytes, red green blue. Raises DsfabError where nothing can be drawn (see
     `dsfab.render.opengl.require_rendering`) and for a solid without faces. Draw in one thread at a time.
@@ -44,37 +54,17 @@ def picture(
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
     require_rendering()
+    size, up, palette = look.size, look.up, look.palette
     member = _member_colours(faces, family, palette)
     axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)
     side = best_side(vertices, axis / np.linalg.norm(axis))
     half = _half_thickness(vertices, faces)
-    stage = staged(Body(vertices, faces, member, casts=True), side, axis, half, surface, load, palette, size)
+    stage = staged(
+        Body(vertices, faces, member, casts=True), side, axis, half, Annotations(surface, load), palette, size
+    )
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = rendered(scene, stage, palette, size)
     return np.asarray(lettered(image, legend(stage, caption, palette, size), palette))
-
-
-def write_picture(
-    path: str | Path,
-    V: ArrayLike,
-    F: ArrayLike,
-    *,
-    surface: Surface | None = None,
-    load: LoadCase | None = None,
-    family: ArrayLike | None = None,
-    caption: str = "",
-    size: tuple[int, int] = (1600, 1200),
-    up: ArrayLike | None = None,
-    palette: Palette = PAPER,
-) -> Path:
-    """Write `picture(V, F, ...)` as a PNG file, whole or not at all; returns its path.
-
-    Raises what `picture` raises, and ExportError for a file that cannot be written.
-    """
-    pixels = picture(
-        V, F, surface=surface, load=load, family=family, caption=caption, size=size, up=up, palette=palette
-    )
-    return write_png(pixels, Path(path))
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:

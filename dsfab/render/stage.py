@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,21 @@ TOUCHES = 0.05
 
 
 @dataclass(frozen=True, eq=False)
+class Annotations:
+    """What is drawn beside a structure to explain it.
+
+    surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
+    reaction      : (n, 3) N, of the supports on the structure.
+    layers        : which of `EVERY_LAYER` are drawn; a person only beside what has a fitting size.
+    """
+
+    surface: Surface | None = None
+    load: LoadCase | None = None
+    reaction: Floats | None = None
+    layers: Collection[str] = LAYERS
+
+
+@dataclass(frozen=True, eq=False)
 class Stage:
     """Everything that is placed before a picture is taken; `level` is that of the floor along `view.floor`, or None."""
 
@@ -46,33 +62,29 @@ def staged(
     side: Side,
     up: Floats,
     half: float,
-    surface: Surface | None,
-    load: LoadCase | None,
+    beside: Annotations,
     palette: Palette,
     size: tuple[int, int],
-    layers: Collection[str] = LAYERS,
-    reaction: Floats | None = None,
 ) -> Stage:
     """Place the camera, then the marks, then move the camera back until all of it is on the page.
 
-    half   : half the thickness of the structure, metres.
-    layers : which of `EVERY_LAYER` are drawn; a person only beside what has a fitting size.
-    reaction : (n, 3) N, of the supports on the structure.
+    half : half the thickness of the structure, metres.
     """
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
     bodies, level = [body], float((V @ up).min())
-    stands = True
+    stands, surface, load = True, beside.surface, beside.load
     if surface is not None and load is not None:
-        bodies += _marks(surface, load, side, up, reach, half, palette, layers, reaction)
+        drawn = _marks(beside, surface, load, _Frame(side.towards, up, reach, half))
+        bodies += [Body(*mesh, palette.of(name)) for name, mesh in drawn.items() if len(mesh[1])]
         stands = _stands(surface, load, V, up, reach)
-        if stands and "supports" in layers:
+        if stands and "supports" in beside.layers:
             # on the feet of its support cones; arrows that hang lower are drawn through the ground
             level -= marks.CONE * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - BOARD * reach, True
-    elif "person" in layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
+    elif "person" in beside.layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
         bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
     view = on_page(bodies, side, size)
     radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
@@ -95,26 +107,25 @@ def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: floa
     return below and float((surface.V[load.held] @ up).min()) < lowest + TOUCHES * (height + 0.2 * reach)
 
 
-def _marks(
-    surface: Surface,
-    load: LoadCase,
-    side: Side,
-    up: Floats,
-    reach: float,
-    half: float,
-    palette: Palette,
-    layers: Collection[str],
-    reaction: Floats | None,
-) -> list[Body]:
-    """Load arrows, support cones and reactions, those that are asked for and that there are."""
-    drawn = []
-    if "loads" in layers:
-        drawn.append(Body(*marks.load_arrows(surface, load, reach, half, side.towards), palette.of("load")))
-    if "supports" in layers:
-        drawn.append(Body(*marks.support_cones(surface, load, reach, up, half), palette.of("support")))
-    if "reactions" in layers and reaction is not None:
-        drawn.append(Body(*marks.reaction_arrows(surface, load, reaction, reach), palette.of("reaction")))
-    return [body for body in drawn if len(body.F)]
+class _Frame(NamedTuple):
+    """Where a structure is seen from, which way is up, and metres across it and half its thickness."""
+
+    towards: Floats
+    up: Floats
+    reach: float
+    half: float
+
+
+def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) -> dict[MarkName, marks.Mesh]:
+    """Load arrows, support cones and reactions, those that are asked for."""
+    drawn: dict[MarkName, marks.Mesh] = {}
+    if "loads" in beside.layers:
+        drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards)
+    if "supports" in beside.layers:
+        drawn["support"] = marks.support_cones(surface, load, at.reach, at.up, at.half)
+    if "reactions" in beside.layers and beside.reaction is not None:
+        drawn["reaction"] = marks.reaction_arrows(surface, load, beside.reaction, at.reach)
+    return drawn
 
 
 def _person_beside(V: Floats, side: Side, foot: float) -> marks.Mesh:

@@ -19,7 +19,7 @@ from dsfab.pipeline.log import silent
 from dsfab.render.caption import caption
 from dsfab.render.palette import PAPER
 from dsfab.render.panels import panels
-from dsfab.render.picture import picture
+from dsfab.render.picture import Look, picture
 from dsfab.render.view import up_axis
 from tests.browser import opened
 from tests.meshes import mesh_file
@@ -54,7 +54,7 @@ def by_family(design):
     tinted = replace(PAPER, families=PAPER.tints)
     told = f"{design.preset.name} - two families of members: major red, minor blue"
     return picture(
-        solid.V, solid.F, family=colour[family], caption=told, size=PANEL, palette=tinted, up=upwards(design)
+        solid.V, solid.F, family=colour[family], caption=told, look=Look(PANEL, palette=tinted, up=upwards(design))
     )
 
 
@@ -70,11 +70,11 @@ def draw(name: str) -> None:
     solid = design.solid
 
     def built(size, load):
-        return picture(solid.V, solid.F, surface=design.surface, load=load, caption=caption(design), size=size)
+        return picture(solid.V, solid.F, surface=design.surface, load=load, caption=caption(design), look=Look(size))
 
     write(built(WHOLE, design.load), name)
     above = panels(design, ("loads", "directions"), PANEL, silent).pixels
-    bare = picture(solid.V, solid.F, caption=caption(design), size=PANEL, up=upwards(design))
+    bare = picture(solid.V, solid.F, caption=caption(design), look=Look(PANEL, up=upwards(design)))
     write(np.concatenate([above, np.concatenate([by_family(design), bare], axis=1)]), f"{name}_steps")
 
 

@@ -123,11 +123,12 @@ class Pictures:
         family: Ints | None = None,
         scale: Scale | None = None,
     ) -> Figure:
-        from dsfab.render.picture import picture
+        from dsfab.render.picture import Look, picture
 
         if self.missing:
             return Figure(caption, b"", size, missing=self.missing)
-        pixels = picture(V, F, surface=surface, load=load, family=family, size=size, up=self.up, palette=palette)
+        look = Look(size, self.up, palette)
+        pixels = picture(V, F, surface=surface, load=load, family=family, look=look)
         pixels = trimmed(pixels, palette.paper)
         high, wide = pixels.shape[:2]
         return Figure(caption, jpeg(pixels), (wide, high), width, scale)

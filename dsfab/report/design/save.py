@@ -111,7 +111,9 @@ def _mark(design: Design, made: Fabrication, path: Path) -> None:
 def _draw(design: Design, path: Path) -> None:
     """The finished structure, as a picture."""
     from dsfab.render.caption import caption
-    from dsfab.render.picture import write_picture
+    from dsfab.render.picture import picture
+    from dsfab.render.png import write_png
 
     solid = design.solid
-    write_picture(path, solid.V, solid.F, surface=design.surface, load=design.load, caption=caption(design))
+    pixels = picture(solid.V, solid.F, surface=design.surface, load=design.load, caption=caption(design))
+    write_png(pixels, path)
