@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 from dsfab.errors import PatternError
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.cells import Cells
-from dsfab.slicing.clean import clean_split
+from dsfab.slicing.clean import Snapping, clean_split
 from dsfab.slicing.cut import filled
 from dsfab.slicing.triangulate import LARGEST, triangulate
 from dsfab.surface import Surface
@@ -293,12 +293,15 @@ def test_corners_on_one_line_make_no_cell():
     a, c, d = np.array([[0.1, 0.2, 0.3], [0.8, 0.5, 0.1], [0.2, 0.9, 0.4]]) + 1000
     X = np.stack([a, a + 0.3 * (c - a), c, d])
     quad, everywhere = Cells(np.array([0, 4]), np.arange(4)), np.array([True])
-    split = clean_split(quad, X, np.array([0, 0.1, 0, -1]), np.array([0.0]), everywhere, 0.0, 1.0)
+    split = clean_split(quad, X, np.array([0, 0.1, 0, -1]), np.array([0.0]), everywhere, Snapping(0.0, 1.0))
     assert len(split.cells.sizes) == 1
     assert split.strip.tolist() == [0]
     bent = X.copy()
     bent[1] += 1e-3 * (a - d)
-    assert len(clean_split(quad, bent, np.array([0, 0.1, 0, -1]), np.array([0.0]), everywhere, 0.0, 1.0).strip) == 2
+    assert (
+        len(clean_split(quad, bent, np.array([0, 0.1, 0, -1]), np.array([0.0]), everywhere, Snapping(0.0, 1.0)).strip)
+        == 2
+    )
 
 
 def test_constant_field_on_a_level_stays_void_where_an_earlier_field_cuts():

@@ -1,5 +1,7 @@
 """`clean_split`: polygons cut such that none of the new ones is without area."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
@@ -16,22 +18,33 @@ ROUNDS = 12
 """How often vertices of cells that would have no area are moved before it is given up."""
 
 
+class Snapping(NamedTuple):
+    """How values are moved onto levels before a cut.
+
+    fraction : of an edge's range.    size : of the surface, metres.    hold : vertices whose value is never moved.
+    """
+
+    fraction: float
+    size: float
+    hold: Ints | None = None
+
+
 def clean_split(
     cells: Cells,
     X: Floats,
     x: Floats,
     levels: Floats,
     active: Bools,
-    snap: float,
-    size: float,
-    hold: Ints | None = None,
+    snapping: Snapping,
     above: Bools | None = None,
 ) -> Split:
-    """`split_cells` of field x after snapping; no new cell is without area (see `CELL_AREA`, `FLATNESS`).
+    """`split_cells` of field x (n,) on vertices X (n, 3) after snapping; no new cell is without area (see `CELL_AREA`,
+    `FLATNESS`).
 
-    hold : vertices whose value is never moved. Values move onto levels only, never across one, so that the cut stays a
-    cut of convex polygons by chords that do not cross.    above : see `split_cells`.
+    Values move onto levels only, never across one, so that the cut stays a cut of convex polygons by chords that do not
+    cross.    active, above : see `split_cells`.
     """
+    snap, size, hold = snapping
     if not len(levels) or not active.any():
         return Split.none(cells, active)
     free = np.ones(len(x), dtype=bool)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import PatternError, SurfaceError
 from dsfab.slicing.cells import Cells
-from dsfab.slicing.clean import clean_split
+from dsfab.slicing.clean import Snapping, clean_split
 from dsfab.slicing.corner_band import corner_band
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
@@ -129,7 +129,7 @@ def _plain(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float
     which of the resulting ones are material."""
     if x.ndim == 2:
         return _band(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
-    split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
+    split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
     return [split], (split.strip > 0) & (split.strip % 2 == 1)
 
 
@@ -151,10 +151,10 @@ def _band(
     a, b = cells.sides(active)
     reach = np.stack([ranges(len(x), (a, b), np.abs(x[a, i] - x[b, i])) for i in (0, 1)], axis=1)
     x = snapped_together(x, levels, reach, max(snap, SNAP_FLOOR))
-    tip, every = _tip(snap), np.ones(len(levels), dtype=bool)
-    one = clean_split(cells, X, x[:, 0], levels, active, tip, size, above=~every)
+    tip, every = Snapping(_tip(snap), size), np.ones(len(levels), dtype=bool)
+    one = clean_split(cells, X, x[:, 0], levels, active, tip, above=~every)
     X, second = one.extended(X), one.extended(x[:, 1])
-    two = clean_split(one.cells, X, second, levels, active[one.source], tip, size, above=every)
+    two = clean_split(one.cells, X, second, levels, active[one.source], tip, above=every)
     more = one.strip[two.source] > two.strip
     return [one, two], solid[one.source][two.source] | more
 

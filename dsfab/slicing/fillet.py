@@ -12,7 +12,7 @@ from scipy.sparse import csr_array, vstack
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells
-from dsfab.slicing.clean import clean_split
+from dsfab.slicing.clean import Snapping, clean_split
 from dsfab.slicing.cut import filled
 from dsfab.slicing.fillet_chords import SNAP, Fillets, fitting_fillets
 from dsfab.slicing.opening_corners import Corners
@@ -106,7 +106,7 @@ def _filled_corners(
         if not active.any():
             break
         x = _heights(mesh, arc, active, fillets, chord)
-        split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, 0.0, size)
+        split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, size))
         mesh, came = mesh.after(split), split.source
         source, arc, beyond = source[came], arc[came], beyond[came] | (split.strip == 1)
     part = mesh.parts(beyond)

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells
-from dsfab.slicing.clean import clean_split
+from dsfab.slicing.clean import Snapping, clean_split
 from dsfab.slicing.cut import filled
 from dsfab.slicing.polygon_mesh import extended_weights
 from dsfab.slicing.sheet import VOID, Sheet
@@ -152,7 +152,7 @@ def _with_discs(sheet: Sheet, at: Ints, distance: Floats, radius: float, rule: R
     V, F = sheet.surface.V, sheet.surface.F
     touched = np.asarray((distance[F] < radius).any(axis=1))
     level = np.array([radius])
-    split = clean_split(Cells.triangles(F), V, distance, level, touched, DISC_SNAP, sheet.surface.size, hold=at)
+    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(DISC_SNAP, sheet.surface.size, at))
     surface, cell = filled(split.cells, split.extended(V), sheet.parent[split.source])
     before = split.source[cell]
     inside = _at_pinches(surface.F, split.strip[cell] == 0, at)

@@ -62,7 +62,7 @@ def kirsch(cells: int, mesh: Mesh) -> Problem:
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
-    return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, 1.0, "xx")
+    return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, (1.0, "xx"))
 
 
 def kirsch_stress(x: Floats, y: Floats) -> Floats:
@@ -83,7 +83,7 @@ def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
-    return quarter(uv, F[:, ::-1], V, STEEL, 0.1, lambda x, y: 10e6 * np.eye(2), 0.0, "yy")
+    return quarter(uv, F[:, ::-1], V, STEEL, 0.1, lambda x, y: 10e6 * np.eye(2), (0.0, "yy"))
 
 
 def quarter(
@@ -93,14 +93,14 @@ def quarter(
     material: Material,
     thickness: float,
     stress: Callable[[Floats, Floats], Floats],
-    end: float,
-    component: str,
+    asked: tuple[float, str],
 ) -> Problem:
     """A quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
 
     stress : (x, y) -> (..., 2, 2) Pa, whose tractions act on the outer edge v = 1.
-    end, component : the value is this component of the stress at the edge of the hole where u = end.
+    asked  : (end, component): the value is this component of the stress at the edge of the hole where u = end.
     """
+    end, component = asked
     surface = Surface(V, F)
     outer = edges_on(surface, at(uv[:, 1], 1.0))
     here = np.flatnonzero(at(uv[:, 0], end) & at(uv[:, 1], 0.0))[0]
