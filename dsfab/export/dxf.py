@@ -60,6 +60,8 @@ def encode(part: Part) -> Iterator[bytes]:
                 entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
         if not flat:
             _beside(document, part)
+        document.classes.add_required_classes(document.dxfversion)
+        document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
         text = io.StringIO()
         document.write(text)
     yield text.getvalue().encode(document.output_encoding, errors="dxfreplace")
