@@ -57,7 +57,7 @@ class Statics(Section):
 
     @property
     def ask(self) -> Ask:
-        """With strength, frequencies or buckling, `hinge` statics are solved again by the elements of `Ask`."""
+        """With strength, frequencies or buckling, statics by other elements are solved again by those of `Ask`."""
         return Ask(self.strength, self.frequencies, self.buckling)
 
 

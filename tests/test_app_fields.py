@@ -37,7 +37,7 @@ def test_the_most_stressed_faces_are_darkest(dome, show):
     assert shown.bar.names[1] == "and more"
     assert np.percentile(value, 98) <= shown.bar.limit * (1 + 1e-9) < 1.26 * np.percentile(value, 98)
     assert shown.V is None
-    assert "constant+midedge" in shown.words
+    assert "hybrid+hhj" in shown.words
 
 
 def test_utilisation_is_a_percentage_and_faces_beyond_the_strength_stand_out(dome):
@@ -54,7 +54,7 @@ def test_utilisation_is_a_percentage_and_faces_beyond_the_strength_stand_out(dom
 def test_shapes_are_exaggerated_to_a_share_of_the_size(dome):
     V, size = dome.surface.V, dome.surface.size
     moved = answered(dome, "displacement")
-    u = dome.statics.equilibrium.u
+    u = dome.statics.answers.equilibrium.u
     factor = np.linalg.norm(moved.V - V, axis=1).max() / np.linalg.norm(u, axis=1).max()
     assert np.allclose(moved.V - V, factor * u)
     assert 0.4 * MOVES < np.linalg.norm(moved.V - V, axis=1).max() / size <= MOVES

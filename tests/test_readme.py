@@ -10,6 +10,9 @@ import trimesh
 
 import dsfab
 from dsfab.app.cli import main
+from dsfab.statics import USES
+from dsfab.study.verdict.rules import QUICK
+from dsfab.study.verification import TESTS
 from tests.zoo import ZOO
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -98,6 +101,15 @@ def test_the_preset_of_the_readme_builds(tmp_path):
     assert len(guided.preset.pattern.guide) == 2
     assert any("guides break the rest" in note.text for note in guided.notes)
     assert len(guided.slicing.pieces) == 1
+
+
+def test_its_table_of_elements_is_that_of_the_code():
+    rows = re.findall(r"^\| ([^|`]+) \| `(\w+)` \+ `(\w+)` \| (\S+) % \|$", README, flags=re.MULTILINE)
+    told = [(about, f"{membrane}+{bending}", float(percent) / 100) for about, membrane, bending, percent in rows]
+    assert told == [(use.about, str(use.pair), use.tolerance) for use in USES.values() if use.tolerance is not None]
+    assert f"solves {len(TESTS)} structures" in README
+    typical, most = QUICK
+    assert f"typically within {100 * typical:g} % of the compliance, nine in ten within {100 * most:g} %" in README
 
 
 def test_pictures_and_files_that_it_names_exist():

@@ -12,11 +12,11 @@ from dsfab.errors import PresetError
 from dsfab.pipeline import draft
 from dsfab.statics import (
     PAPER,
-    VERDICT,
     Ask,
     Elements,
     KeptFactor,
     buckling,
+    elements_of,
     factor,
     factored,
     frequencies,
@@ -29,6 +29,8 @@ from dsfab.units import GRAVITY
 from tests.presets import DOME_MODES
 from tests.test_statics_modes import STEEL, hold, rim
 from tests.zoo import grid
+
+BEST = elements_of("displacement")
 
 SMALL = {"surface.edge": 0.9, "diffusion.modes": 5, "pattern.minor.mode": 2}
 ALL = {"statics.strength": 235e6, "statics.frequencies": 2, "statics.buckling": 3}
@@ -52,8 +54,8 @@ def small(**changes):
     return draft(load_preset(DOME_MODES, {**SMALL, **{f"statics.{key}": value for key, value in changes.items()}}))
 
 
-def test_midedge_answers_everything_from_the_one_factor_of_the_statics(factorisations):
-    made = small(bending="midedge", frequencies=2, buckling=3)
+def test_verified_elements_answer_everything_from_the_one_factor_of_the_statics(factorisations):
+    made = small(membrane="quadratic", bending="hhj", frequencies=2, buckling=3)
     assert len(factorisations) == 1
     answers, sheet, s = made.statics.answers, made.preset.statics, made.surface
     assert answers.elements == sheet.elements
@@ -71,7 +73,7 @@ def test_hinges_leave_the_answers_to_the_most_accurate_elements_and_say_so(facto
     assert len(factorisations) == 2
     assert factorisations[0] < factorisations[1]
     answers, sheet = made.statics.answers, made.preset.statics
-    assert answers.elements == VERDICT
+    assert answers.elements == BEST
     weight = sheet.density * sheet.thickness * GRAVITY
     spread = spread_load(made.surface, made.preset.surface.load, weight)
     rich = solve_statics(
@@ -82,6 +84,13 @@ def test_hinges_leave_the_answers_to_the_most_accurate_elements_and_say_so(facto
     assert made.statics.equilibrium.compliance != pytest.approx(rich.compliance, rel=0.02)
     assert any("are those of hybrid+hhj elements" in note.text for note in made.notes)
     assert any("flat faces bend by themselves" in note.text for note in made.notes)
+
+
+def test_elements_that_are_not_verified_are_not_reported_from():
+    made = small(bending="midedge", strength=235e6)
+    assert made.statics.answers.elements == BEST
+    told = [note.text for note in made.notes]
+    assert any("those of hybrid+hhj elements" in text and "constant+midedge is not accurate" in text for text in told)
 
 
 def test_what_is_not_asked_costs_no_solve(factorisations):
@@ -100,10 +109,13 @@ def test_what_is_not_asked_costs_no_solve(factorisations):
     ("ask", "given", "wanted"),
     [
         (Ask(), PAPER, PAPER),
-        (Ask(1e6), PAPER, VERDICT),
-        (Ask(0.0, 1), PAPER, VERDICT),
-        (Ask(0.0, 0, 1), Elements("quadratic", "hinge"), VERDICT),
-        (Ask(1e6, 3, 3), Elements("constant", "midedge"), Elements("constant", "midedge")),
+        (Ask(1e6), PAPER, BEST),
+        (Ask(0.0, 1), PAPER, BEST),
+        (Ask(0.0, 0, 1), Elements("quadratic", "hinge"), BEST),
+        (Ask(1e6, 3, 3), Elements("constant", "midedge"), BEST),
+        (Ask(1e6, 3, 3), Elements("quadratic", "midedge"), BEST),
+        (Ask(1e6, 3, 3), Elements("quadratic", "hhj"), Elements("quadratic", "hhj")),
+        (Ask(), Elements("quadratic", "midedge"), Elements("quadratic", "midedge")),
     ],
 )
 def test_which_elements_answer(ask, given, wanted):
@@ -134,7 +146,7 @@ def test_modes_that_cannot_be_found_are_notes_and_the_design_is_made():
     """Held along a line, a sheet that was solved in its plane flaps about it; without density nothing vibrates."""
     made = draft(load_preset("cantilever", {"surface.edge": 0.1, "statics.frequencies": 1, "statics.buckling": 1}))
     answers = made.statics.answers
-    assert answers.elements == VERDICT.in_plane
+    assert answers.elements == BEST.in_plane
     assert answers.vibration is None
     assert answers.buckling is None
     assert [text.partition(":")[0] for text in answers.refusals] == ["no natural frequencies", "no buckling factors"]
@@ -151,7 +163,7 @@ def test_a_sheet_in_its_plane_buckles_out_of_it(factorisations):
     asked = {"surface.edge": 0.1, "surface.support": [strip], "statics.buckling": 2, "statics.frequencies": 1}
     made = draft(load_preset("cantilever", asked))
     answers = made.statics.answers
-    assert answers.elements == VERDICT.in_plane
+    assert answers.elements == BEST.in_plane
     assert (
         len(factorisations) == 3
     )  # by the paper's elements, by those that answer, and out of the plane for both modes

@@ -13,7 +13,7 @@ from dsfab.statics import Material
 from dsfab.study.verdict import Setting, Sheeting, check, whole_sheet
 from dsfab.study.verdict.calibration import read_table, shipped_table, summary, table_text
 from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
-from dsfab.study.verdict.levels import HHJ, level
+from dsfab.study.verdict.levels import MAIN, level
 from dsfab.study.verdict.loaded_surface import attached
 from dsfab.study.verdict.rules import QUICK, estimate
 from dsfab.study.verdict.smooth import SmoothSurface
@@ -115,7 +115,7 @@ def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
         sheet, dropped, loads = attached(setting, material)
         assert dropped == ()
         given = on_mesh(surface, sheet, setting.loads, shares(sheet, loads))
-        found.append(level(sheet.surface, setting.made, *given, (HHJ,)))
+        found.append(level(sheet.surface, setting.made, *given, (MAIN,)))
     for way in ways:
         assert found[1].compliance[way] == pytest.approx(found[0].compliance[way], rel=0.007)
     assert found[1].residual < 1e-8

@@ -61,11 +61,13 @@ def answers_step(
 def _note(told: Sequence[tuple[str, Answers]], sheet: Statics, surface: Surface, log: Log) -> None:
     """What the answers mean for somebody who wants to build this."""
     elements = told[0][1].elements
-    if sheet.ask and sheet.bending == "hinge":
+    if sheet.ask and sheet.ask.elements(sheet.elements) != sheet.elements:
+        why = "hinge bending is fit for directions only"
+        if sheet.bending != "hinge":
+            why = f"{sheet.elements} is not accurate enough to be reported from"
         log.note(
             "statics",
-            f"stress, energy, frequencies and buckling are those of {elements} elements on the same mesh: "
-            "hinge bending is fit for directions only",
+            f"stress, energy, frequencies and buckling are those of {elements} elements on the same mesh: {why}",
         )
     facets = facet_number(surface, sheet.thickness)
     if sheet.ask and elements.bending == "hhj" and facets > FACETED:

@@ -27,7 +27,7 @@ from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.results import Candidate, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.statics import FaceStiffness, Membrane, solve_cases
+from dsfab.statics import Aid, FaceStiffness, Quantity, elements_of, solve_cases
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 
@@ -121,8 +121,8 @@ class Trial:
         self.factors[modes] = factor
         return families, layers
 
-    def compliance(self, surface: Surface, loads: dict[str, LoadCase], membrane: Membrane = "constant") -> float:
+    def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
         """Joules, the weighted sum over what the pattern follows."""
-        ask = self.preset.statics
-        answers = solve_cases(surface, ask.material, loads, ask.thickness, ask.law, membrane, "midedge")
+        ask, pair = self.preset.statics, elements_of(use)
+        answers = solve_cases(surface, ask.material, loads, ask.thickness, ask.law, pair.membrane, pair.bending)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())

@@ -10,8 +10,11 @@ from pathlib import Path
 from dsfab import __version__
 from dsfab.export.folder import whole_or_nothing
 from dsfab.report.verification_plots import COLOURS, curves, drawing
-from dsfab.statics import VERDICT
+from dsfab.statics import REPORTED, USES, elements_of
 from dsfab.study.verification import Row, Standing, Test, pattern_spread, shortfalls, standings
+
+PAIR = str(elements_of("displacement"))
+"""The pair that targets and published values are about."""
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #262626; --paper: #fdfcf9; --faint: #9a9a9a; --line: #d9d6cf; --good: #1d7a48;
@@ -52,6 +55,7 @@ def page(tests: Sequence[Test], rows: Sequence[Row]) -> str:
         '<meta name="viewport" content="width=device-width">',
         f"<style>{STYLE}</style></head><body>",
         _head(tests, rows),
+        _uses(),
         _summary(tests, rows),
         _field(against),
         *(_section(test, rows, against, short) for test in tests),
@@ -69,7 +73,7 @@ def _head(tests: Sequence[Test], rows: Sequence[Row]) -> str:
         if not row.met
     )
     met = sum(bool(row.met) for row in aimed)
-    spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (str(VERDICT), 16)}
+    spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (PAIR, 16)}
     widest = max(spread, key=lambda key: spread[key], default=None)
     versions = f"dsfab {__version__}, Python {platform.python_version()}, " + ", ".join(
         f"{name} {version(name)}" for name in ("numpy", "scipy")
@@ -79,17 +83,32 @@ def _head(tests: Sequence[Test], rows: Sequence[Row]) -> str:
             "<h1>Can the statics be trusted?</h1>",
             "<p>Structures with known answers, each on at least three meshes. <b>Ratio</b> is the value found over ",
             "the reference; where thin sheets converge to something else, the share of that limit follows, which the ",
-            f"targets are about. The pair <b>{VERDICT}</b> judges structures; the others stand beside it. Verdicts: ",
-            "<span class=ok>ok</span> within the tolerance of the test, <span class=coarse>coarse</span> not yet but ",
-            "on a finer mesh, <span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
+            f"targets are about. Numbers are reported from <b>{' and '.join(map(str, REPORTED))}</b>, which must be ",
+            "ok on every finest mesh (else the command fails); the others stand beside them. Verdicts: ",
+            "<span class=ok>ok</span> within the tolerance of what the test is about, ",
+            "<span class=coarse>coarse</span> not yet but on a finer mesh, ",
+            "<span class=off>off</span> not on the finest either, <span class=quiet>not run</span> ",
             "where hinges cannot hold what the test holds. In the plots lines are the mesh patterns in the order of ",
             "the table (solid, dashed, dotted), grey marks are published values, the grey line is the tolerance.</p>",
-            f"<p>Targets of {VERDICT}: {met} of {len(aimed)} met{'; missed:' if missed else '.'}</p><ul>{missed}</ul>",
+            f"<p>Targets of {PAIR}: {met} of {len(aimed)} met{'; missed:' if missed else '.'}</p><ul>{missed}</ul>",
             f"<p>Widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]}).</p>"
             if widest
             else "",
             f"<p class=quiet>Made by <code>dsfab verify --page</code> with {escape(versions)}.</p>",
         ]
+    )
+
+
+def _uses() -> str:
+    """Which pair answers what, and how far off it may be."""
+    lines = "".join(
+        f"<tr><td class=left>{escape(use.about)}</td><td>{use.pair}</td>"
+        f"<td>{'not tested' if use.tolerance is None else f'{100 * use.tolerance:g} %'}</td></tr>"
+        for use in USES.values()
+    )
+    return (
+        "<h2>What is reported by which elements</h2><table><tr><th class=left>what</th><th>elements</th>"
+        f"<th>tolerance</th></tr>{lines}</table>"
     )
 
 
@@ -126,7 +145,7 @@ def _summary(tests: Sequence[Test], rows: Sequence[Row]) -> str:
 
 
 def _field(against: Sequence[Standing]) -> str:
-    """How often the pair for verdicts is better and worse, element by element."""
+    """How often the pair for displacements is better and worse, element by element."""
     if not against:
         return ""
     counts: dict[str, Counter[str]] = {}
@@ -139,7 +158,7 @@ def _field(against: Sequence[Standing]) -> str:
         for name, count in counts.items()
     )
     return (
-        f"<h2>Against the field</h2><p>{VERDICT} beside published values: its error at as many unknowns, or on the "
+        f"<h2>Against the field</h2><p>{PAIR} beside published values: its error at as many unknowns, or on the "
         "same cells where even its coarsest mesh has more; a value that passes through the reference by chance counts "
         "as on the finer meshes that follow. Errors closer than half a percent are alike; not comparable "
         "where the source does not tell its mesh. Each value stands in the table of its test.</p>"
@@ -217,5 +236,5 @@ def _beside(against: Sequence[Standing]) -> str:
         )
     return (
         "<div class=wide><table><tr><th>published</th><th>mesh</th><th>unknowns</th><th>ratio</th>"
-        f"<th>error of {VERDICT}</th><th></th><th class=left>source</th></tr>{lines}</table></div>"
+        f"<th>error of {PAIR}</th><th></th><th class=left>source</th></tr>{lines}</table></div>"
     )

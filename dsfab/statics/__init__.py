@@ -10,7 +10,7 @@ from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.blocks import added
 from dsfab.statics.corners import membrane_strains, membrane_stresses
 from dsfab.statics.curvature import FACETED, facet_number
-from dsfab.statics.elements import PAPER, SIX_NODES, VERDICT, Bending, Elements, Membrane
+from dsfab.statics.elements import PAPER, Bending, Elements, Membrane
 from dsfab.statics.faces import FaceStiffness
 from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
@@ -22,6 +22,7 @@ from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
 from dsfab.statics.supports import with_springs
+from dsfab.statics.uses import REPORTED, USES, Aid, Quantity, Use, elements_of, tolerance_of
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -29,8 +30,9 @@ __all__ = [
     "FACETED",
     "LAYERS",
     "PAPER",
-    "SIX_NODES",
-    "VERDICT",
+    "REPORTED",
+    "USES",
+    "Aid",
     "Answers",
     "Ask",
     "Bending",
@@ -47,13 +49,16 @@ __all__ = [
     "Membrane",
     "Peak",
     "Principal",
+    "Quantity",
     "Resultant",
     "SheetStress",
     "SpreadLoad",
+    "Use",
     "Vibration",
     "added",
     "bending_stiffness",
     "buckling",
+    "elements_of",
     "equilibria",
     "equilibrium",
     "facet_number",
@@ -75,6 +80,7 @@ __all__ = [
     "spread_load",
     "stress",
     "support_reactions",
+    "tolerance_of",
     "von_mises",
     "with_springs",
 ]
@@ -87,7 +93,7 @@ def solve_statics(
     thickness: float,
     law: Law = "plane_stress",
     membrane: Membrane = "constant",
-    bending: Bending = "hinge",
+    bending: Bending | None = "hinge",
     clamped: Bools | None = None,
     spread: SpreadLoad | None = None,
 ) -> Equilibrium:
@@ -110,7 +116,7 @@ def solve_cases(
     thickness: float,
     law: Law = "plane_stress",
     membrane: Membrane = "constant",
-    bending: Bending = "hinge",
+    bending: Bending | None = "hinge",
     clamped: Bools | None = None,
     spreads: Mapping[str, SpreadLoad] | None = None,
     combinations: Mapping[str, Mapping[str, float]] | None = None,

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from scipy.sparse import csr_array
 
 from dsfab.errors import StaticsError
-from dsfab.statics.elements import VERDICT, Elements
+from dsfab.statics.elements import Elements
 from dsfab.statics.factor import FactorOf, KeptFactor, factored
 from dsfab.statics.layers import SheetStress, sheet_stress
 from dsfab.statics.material import Law, Material
@@ -16,6 +16,7 @@ from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
 from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad
 from dsfab.statics.supports import all_clamped
+from dsfab.statics.uses import REPORTED, elements_of
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -43,11 +44,11 @@ class Ask:
         return self.frequencies + self.buckling
 
     def elements(self, given: Elements) -> Elements:
-        """Those that answer: the given ones, but the most accurate pair in place of `hinge`, which does not converge.
+        """Those that answer: the given ones where they are verified (`REPORTED`), else the pair for stress and modes.
 
         Where nothing is asked, stress and energy are those of the given elements.
         """
-        return VERDICT if self and given.bending == "hinge" else given
+        return elements_of("stress") if self and given not in REPORTED else given
 
     def factor_of(self, given: Elements) -> FactorOf:
         """What makes the factor of the statics by these elements: it is kept where the modes need it again."""

@@ -38,12 +38,12 @@ class Elements:
     """A choice of elements.
 
     membrane : `constant` strain (3 unknowns a vertex), `quadratic` (two bubbles an edge more), or `hybrid` (the same
-               unknowns, stresses in equilibrium inside): the last two are for verdicts, since constant strain is 5 to
-               15 % too stiff in bending within the plane of slender parts. `hybrid` has a third to a half of the errors
-               of `quadratic`; `quadratic` is the common six-node triangle of other programs.
+               unknowns, stresses in equilibrium inside): the last two are for what is reported, since constant strain
+               is 5 to 15 % too stiff in bending within the plane of slender parts. `hybrid` has a third to a half of
+               the errors of `quadratic`; `quadratic` is the common six-node triangle of other programs.
     bending  : `hinge` (the paper's; good for directions, does not converge to the plate on general meshes), `midedge`
                (one rotation an edge; converges, from the soft side), `hhj` (two rotations and a bubble an edge; one
-               order more accurate, the one for verdicts), or None for a sheet that is solved in its plane.
+               order more accurate, the one for what is reported), or None for a sheet that is solved in its plane.
     """
 
     membrane: Membrane = "constant"
@@ -86,13 +86,7 @@ class Elements:
 
 
 PAPER = Elements("constant", "hinge")
-"""The elements of the paper."""
-
-VERDICT = Elements("hybrid", "hhj")
-"""The most accurate pair, for judging a structure."""
-
-SIX_NODES = Elements("quadratic", "hhj")
-"""The pair whose displacements are those of six-node triangles, as other programs have them."""
+"""The elements of the paper. Which pair answers what is in `dsfab.statics.uses`."""
 
 
 def half_edge_signs(surface: Surface) -> Floats:

@@ -17,6 +17,7 @@ from dsfab.statics.membrane import corner_strains
 from dsfab.statics.midedge import curvatures
 from dsfab.statics.solve import flat_axis
 from dsfab.statics.supports import all_clamped, held_on_edges
+from dsfab.statics.uses import elements_of
 from dsfab.surface import LoadCase, Surface
 
 
@@ -45,7 +46,8 @@ class FaceStiffness:
     def of(cls, surface: Surface, material: Material, thickness: float, loads: Sequence[LoadCase], law: Law) -> Self:
         """Raises StaticsError when the supports leave a motion free or a load acts on nothing."""
         axis = flat_axis(surface, *loads)
-        elements = Elements("constant", None if axis is not None else "midedge")
+        elements = elements_of("ranking")
+        elements = elements if axis is None else elements.in_plane
         held = _held(surface, loads, elements, axis)
         blocks, columns = face_blocks(surface, material, thickness, law, elements)
         free = ~held

@@ -10,7 +10,7 @@ from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.blocks import added
-from dsfab.statics.elements import BUBBLES, VERDICT, Elements, assembled, edge_frames
+from dsfab.statics.elements import BUBBLES, Elements, assembled, edge_frames
 from dsfab.statics.factor import FactorOf, factored
 from dsfab.statics.material import Law, Material
 from dsfab.statics.mechanisms import require_held
@@ -18,9 +18,13 @@ from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.solve import Equilibrium
 from dsfab.statics.stress import stress
 from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
+from dsfab.statics.uses import elements_of
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
+
+FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
+"""Elements unless others are named."""
 
 HATS = (np.eye(3) + 1) / 12
 """Integrals of products of two hats over a triangle of area 1."""
@@ -85,7 +89,7 @@ def frequencies(
     thickness: float,
     count: int = 3,
     law: Law = "plane_stress",
-    elements: Elements = VERDICT,
+    elements: Elements = FOR_FREQUENCIES,
     clamped: Bools | None = None,
     K: csr_array | None = None,
     factor_of: FactorOf = factored,
@@ -120,7 +124,7 @@ def buckling(
     thickness: float,
     count: int = 3,
     law: Law = "plane_stress",
-    elements: Elements = VERDICT,
+    elements: Elements = FOR_BUCKLING,
     clamped: Bools | None = None,
     K: csr_array | None = None,
     factor_of: FactorOf = factored,

@@ -13,7 +13,7 @@ from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.structure import check_scale, surface_step
 from dsfab.preset import Preset
-from dsfab.statics import SIX_NODES, Equilibrium, SpreadLoad, flat_axis, solve_cases
+from dsfab.statics import Equilibrium, SpreadLoad, elements_of, flat_axis, solve_cases
 from dsfab.statics.supports import all_clamped
 from dsfab.study.finite_elements import axes_of_file, nodal_forces, sheet_model
 from dsfab.surface import LoadCase, Surface
@@ -78,7 +78,7 @@ def _checked(
     element: Element = "S6" if axis is None else "CPS6"
     warnings = (UNRELIABLE,) if kind == "cut" and element == "S6" and not surface.is_flat else ()
     if progress:
-        progress("check", f"solving {surface.m:,} triangles with {SIX_NODES}")
+        progress("check", f"solving {surface.m:,} triangles with {elements_of('six_nodes')}")
     answers = _answers(preset, surface, acting, cases)
     steps = {loading.name: nodal_forces(surface, loading.load.force, loading.spread) for loading in acting}
     across = 2 if axis is None else axis
@@ -112,14 +112,14 @@ def _answers(
     """Ours, with the elements whose displacements are those of six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
-    sheet = preset.statics
+    sheet, pair = preset.statics, elements_of("six_nodes")
     return solve_cases(
         surface,
         sheet.material,
         cases,
         sheet.thickness,
-        membrane=SIX_NODES.membrane,
-        bending="hhj",
+        membrane=pair.membrane,
+        bending=pair.bending,
         spreads=spreads,
         combinations=sums,
     )
@@ -138,7 +138,8 @@ def _on_supports(preset: Preset, model: Model) -> Iterator[str]:
 def _expected(name: str, model: Model, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
     """What CalculiX should find in one step, from our displacements and reactions (n, 3) in the file's axes."""
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
-    yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {SIX_NODES} elements on the same triangles dsfab finds"
+    pair = elements_of("six_nodes")
+    yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {pair} elements on the same triangles dsfab finds"
     yield f"  largest displacement {np.linalg.norm(u[node]):.6g} m of a corner, node {node + 1}, {_vector(u[node])} m"
     yield f"  internal energy {energy:.6g} J of the sheet, half of the compliance without that of springs"
     for support, held in model.supports.items():

@@ -1,7 +1,7 @@
 """A sheet with its supports and loads as a model of six-node triangles, for a solver that is not ours.
 
 The triangles are the same flat facets with a node in the middle of each edge; their quadratic displacements are those
-of `quadratic` + `hhj` (`dsfab.statics.elements`), so the two must agree.
+of `quadratic` + `hhj` (`six_nodes` in `dsfab.statics.uses`), so the two must agree.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import StaticsError
 from dsfab.export.calculix import Element, Model
-from dsfab.statics import SIX_NODES, Material, SpreadLoad
+from dsfab.statics import Material, SpreadLoad, elements_of
 from dsfab.statics.elements import edge_frames
 from dsfab.statics.supports import held_faces, held_middles
 from dsfab.surface import Surface
@@ -44,7 +44,7 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     """
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
-        on_bubbles = spread.bubble_forces(surface, SIX_NODES)[:, -3:]
+        on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
         middle = np.einsum("ed,edx->ex", on_bubbles, edge_frames(surface))
     corner = force.copy()
     np.add.at(corner, surface.edges.ends.ravel(), -np.repeat(middle, 2, axis=0) / 2)

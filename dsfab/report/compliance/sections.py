@@ -8,6 +8,7 @@ from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.pictures import Pictures
 from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_volumes
 from dsfab.report.compliance.words import digits_of, length, percent, quantity
+from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, rules
 
 PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
@@ -141,7 +142,7 @@ def answers(found: Findings, drawn: Pictures, number: Numbers) -> Section:
         ),
     )
     words = Paragraph(
-        "Both are those of one solve on the mesh as it is cut, by quadratic membrane and mid-edge bending.", "quiet"
+        f"Both are those of one solve on the mesh as it is cut, by {elements_of('displacement')} elements.", "quiet"
     )
     return Section(
         "Displacements and stress", [words, moved, stressed, tables.stress_table(found, number)], own_page=True

@@ -10,7 +10,7 @@ from dsfab.report.compliance.document import Numbers, Table, escaped
 from dsfab.report.compliance.findings import LABELS, Checked, Findings
 from dsfab.report.compliance.words import digits_of, length, percent, point, quantity, share_of, unit_for, within
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality
-from dsfab.statics import resultant
+from dsfab.statics import elements_of, resultant
 from dsfab.study.competitors import Competitor
 from dsfab.surface import Surface
 from dsfab.wording import mass
@@ -219,8 +219,8 @@ def levels_table(found: Findings, number: Numbers) -> Table | None:
         "Level",
         "Triangles",
         "Unknowns",
-        f"quadratic + hhj, {unit}",
-        f"quadratic + midedge, {unit}",
+        f"{elements_of('compliance')}, {unit}",
+        f"{elements_of('spread')}, {unit}",
         "Spread",
         "ZZ memb.",
         "ZZ bend.",

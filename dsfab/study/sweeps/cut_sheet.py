@@ -2,7 +2,7 @@
 
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_loads
-from dsfab.statics import Bending, Equilibrium, Membrane, solve_cases
+from dsfab.statics import Aid, Equilibrium, Quantity, elements_of, solve_cases
 from dsfab.study.verdict import Setting, Sheeting, Verdict, check
 from dsfab.surface import LoadCase
 
@@ -13,17 +13,22 @@ def loads_on(design: Design) -> dict[str, LoadCase]:
     return sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, loads)
 
 
-def carried(design: Design, membrane: Membrane = "quadratic", bending: Bending = "midedge") -> dict[str, Equilibrium]:
-    """By name, equilibria of a design's cut sheet under the loads that its pattern follows; worked out once.
+def carried(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
+    """By name, equilibria of a design's cut sheet under the loads that its pattern follows; worked out once for
+    all uses of the same elements.
 
     Raises StaticsError when it does not carry them.
     """
 
+    pair = elements_of(use)
+
     def solved() -> dict[str, Equilibrium]:
         made, sheet = design.preset.statics, design.sheet.surface
-        return solve_cases(sheet, made.material, loads_on(design), made.thickness, made.law, membrane, bending)
+        return solve_cases(
+            sheet, made.material, loads_on(design), made.thickness, made.law, pair.membrane, pair.bending
+        )
 
-    return design.once("slicing", f"carried by {membrane} and {bending}", solved)
+    return design.once("slicing", f"carried by {pair}", solved)
 
 
 def verdict(design: Design) -> Verdict:

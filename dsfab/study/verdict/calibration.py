@@ -21,8 +21,8 @@ class Row:
 
     width, share : its width rule, and the share of the surface that is material.
     vertices, triangles : of the uncut mesh, and of the cut one.     per_member, facets : see `Verdict`.
-    quick        : J, by quadratic + midedge on the mesh as it is cut.
-    midedge      : J, by the same on the first mesh of the verdict.
+    quick        : J, by hybrid + hhj on the mesh as it is cut.
+    midedge      : J, by quadratic + midedge on the first mesh of the verdict.
     compliance   : J, by quadratic + hhj, mesh after mesh.           recovery : ZZ of the same, both parts together.
     """
 

@@ -31,9 +31,8 @@ def check(
 
     subject : a design, or the `Setting` that competitors share.
     sheet   : the material, loose pieces included; that of the design when left out. It lies in the subject's surface.
-    depth   : quick, one solve by quadratic + midedge on the mesh as it is cut; or full, quadratic + hhj on the cut mesh
-              and on its refinement with all points on the smooth surface, extrapolated, and on one more where the
-              bound is not under 2 % then.
+    depth   : quick, one solve on the mesh as it is cut; or full, on the cut mesh and on its refinement with all
+              points on the smooth surface, extrapolated, and on one more where the bound is not under 2 % then.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
 
     Nothing is raised for a sheet that does not carry its loads: that is a verdict. Raises ValueError when `sheet` is

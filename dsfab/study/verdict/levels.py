@@ -8,12 +8,24 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.sparse import peak_memory
-from dsfab.statics import Elements, Equilibrium, SpreadLoad, equilibria, flat_axis, sheet_stiffness, sheet_stress
+from dsfab.statics import (
+    Elements,
+    Equilibrium,
+    SpreadLoad,
+    elements_of,
+    equilibria,
+    flat_axis,
+    sheet_stiffness,
+    sheet_stress,
+)
 from dsfab.study.verdict.loaded_surface import Sheeting
 from dsfab.surface import LoadCase, Surface
 
-HHJ, MIDEDGE = Elements("quadratic", "hhj"), Elements("quadratic", "midedge")
+MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
 """The pair that a verdict is made with, and the one that it is compared to: they err to opposite sides mostly."""
+
+ONCE = elements_of("compliance_once")
+"""The pair of the quick level, which has no other mesh to tell it what is left."""
 
 BYTES = {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0}
 """Memory of a solve for each unknown, by bending: measured at 0.3 to 1.3 million with the multifrontal solver."""
@@ -23,10 +35,11 @@ BYTES = {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0}
 class Level:
     """One mesh of a verdict.
 
-    triangles  : of the mesh.              unknowns : of quadratic + hhj (without bending in the plane).
-    compliance : J, by quadratic + hhj, for each case.       midedge : J, by quadratic + midedge; empty where not run.
+    triangles  : of the mesh.              unknowns : of the main pair (without bending in the plane).
+    compliance : J, by the main pair, for each case: `MAIN`, or `ONCE` of the quick level.
+    midedge    : J, by `BESIDE`; empty where not run.
     zz_membrane, zz_bending : for each case the squared error that the recovered stress shows, as a share of the
-                 compliance [Zienkiewicz and Zhu 1987], of quadratic + hhj.
+                 compliance [Zienkiewicz and Zhu 1987], of the main pair.
     residual   : the largest of all cases and pairs, relative, in the norm of the energy (see `Equilibrium`).
     seconds    : of both pairs.
     memory     : bytes, the most that the process has held up to then.
@@ -48,7 +61,7 @@ def level(
     made: Sheeting,
     loads: Mapping[str, LoadCase],
     spreads: Mapping[str, SpreadLoad],
-    pairs: tuple[Elements, ...] = (HHJ, MIDEDGE),
+    pairs: tuple[Elements, ...] = (MAIN, BESIDE),
 ) -> Level:
     """The sheet on one mesh, under loads on the same supports. Raises StaticsError as `equilibria` does."""
     start = time.perf_counter()
@@ -69,7 +82,7 @@ def level(
         surface.m,
         elements.unknowns(surface),
         energies[main],
-        energies.get(MIDEDGE, {}) if main != MIDEDGE else {},
+        energies.get(BESIDE, {}),
         {name: error[0] for name, error in errors.items()},
         {name: error[1] for name, error in errors.items()},
         max(answer.residual for of in found.values() for answer in of.values()),

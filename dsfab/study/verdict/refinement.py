@@ -12,7 +12,7 @@ from dsfab.sparse import NotPositiveDefinite
 from dsfab.statics import Elements, flat_axis
 from dsfab.study.verdict import rules
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
-from dsfab.study.verdict.levels import HHJ, MIDEDGE, Level, level, memory_needed
+from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level, memory_needed
 from dsfab.study.verdict.loaded_surface import Setting
 from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Status
@@ -67,7 +67,7 @@ class Climb:
 
     @property
     def _pair(self) -> Elements:
-        pair = MIDEDGE if self.depth == "quick" else HHJ
+        pair = ONCE if self.depth == "quick" else MAIN
         return pair.in_plane if self.plane else pair
 
     def _too_large(self, mesh: Surface) -> str:
@@ -85,7 +85,7 @@ class Climb:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         # finer meshes are there for the steps between them: how far the two pairs are apart is told by the first
-        pairs = (MIDEDGE,) if self.depth == "quick" else (HHJ,) if self.levels else (HHJ, MIDEDGE)
+        pairs = (ONCE,) if self.depth == "quick" else (MAIN,) if self.levels else (MAIN, BESIDE)
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs))
 
     def _case(self, name: str) -> CaseVerdict:

@@ -28,8 +28,8 @@ ONE_MESH = 1.7
 """Where one mesh alone was solved, the bound is at least this multiple of its recovery error. It is told (19 of 20
 designs keep it), but a compliance is never called converged by one mesh."""
 
-QUICK = (0.03, 0.11)
-"""Error of the quick level (quadratic + midedge, as cut): the median, and what nine in ten designs keep."""
+QUICK = (0.02, 0.05)
+"""Error of the quick level (hybrid + hhj, as cut): the median, and what nine in ten designs keep."""
 
 MEMBER = 4.0
 """Fewer edges of the uncut mesh across a member are told."""

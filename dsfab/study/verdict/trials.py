@@ -16,7 +16,7 @@ from dsfab.statics import Elements
 from dsfab.study.verdict.calibration import Row
 from dsfab.study.verdict.check import facets_of, members
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
-from dsfab.study.verdict.levels import HHJ, MIDEDGE, Level, level
+from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level
 from dsfab.study.verdict.loaded_surface import Setting, attached
 from dsfab.study.verdict.smooth import SmoothSurface
 
@@ -93,9 +93,9 @@ def measured(kind: str, seed: int, count: int = 4) -> Row:
     setting = Setting.of(design)
     sheet, _, loads = attached(setting, design.slicing.cells.kept())
     forces, smooth = shares(sheet, loads), SmoothSurface.through(design.surface)
-    quick = _solved(setting, sheet, forces, MIDEDGE)
+    quick = _solved(setting, sheet, forces, ONCE)
     finer = meshes(sheet, smooth)
-    levels = [_solved(setting, next(finer), forces, *pairs) for pairs in ((HHJ, MIDEDGE), (HHJ,), (HHJ,))[:count]]
+    levels = [_solved(setting, next(finer), forces, *pairs) for pairs in ((MAIN, BESIDE), (MAIN,), (MAIN,))[:count]]
     case = next(iter(setting.loads))
     row = Row(
         kind,
@@ -112,7 +112,7 @@ def measured(kind: str, seed: int, count: int = 4) -> Row:
         tuple(one.zz_membrane[case] + one.zz_bending[case] for one in levels),
     )
     if count > 3 and (64 * row.triangles <= LARGEST or not row.tested):
-        last = _solved(setting, next(finer), forces, HHJ)
+        last = _solved(setting, next(finer), forces, MAIN)
         recovery = last.zz_membrane[case] + last.zz_bending[case]
         return replace(row, compliance=(*row.compliance, last.compliance[case]), recovery=(*row.recovery, recovery))
     return row

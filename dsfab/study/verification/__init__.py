@@ -6,12 +6,12 @@ One file per family of tests; a test is a mesh, a load and one number with its r
 from collections.abc import Callable, Iterator, Sequence
 
 from dsfab.errors import StaticsError
-from dsfab.statics import PAPER, SIX_NODES, VERDICT, Elements
+from dsfab.statics import REPORTED, Elements, elements_of
 from dsfab.study.verification import beams, plane, plates, shells, vessels
 from dsfab.study.verification.benchmark_comparison import Standing, shortfalls, standings
 from dsfab.study.verification.meshes import Mesh
 from dsfab.study.verification.problem import Problem, Test
-from dsfab.study.verification.rows import Row, pattern_spread, series
+from dsfab.study.verification.rows import Row, failures, pattern_spread, series
 
 __all__ = [
     "PAIRS",
@@ -22,6 +22,7 @@ __all__ = [
     "Standing",
     "Test",
     "choose",
+    "failures",
     "pattern_spread",
     "series",
     "shortfalls",
@@ -34,8 +35,8 @@ TESTS: dict[str, Test] = {
 }
 """Every test by its name."""
 
-PAIRS = (PAPER, Elements("quadratic", "midedge"), SIX_NODES, VERDICT)
-"""The pairs that are run unless others are asked for."""
+PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
+"""The pairs that are run unless others are asked for: those that something is reported from, and two beside them."""
 
 
 def choose(names: Sequence[str]) -> list[Test]:

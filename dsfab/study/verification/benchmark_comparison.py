@@ -1,4 +1,4 @@
-"""Against the field: the pair for verdicts beside published values, at equal unknowns where that is possible."""
+"""Against the field: the pair for displacements beside published values, at equal unknowns where that is possible."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.statics import PAPER, VERDICT
+from dsfab.statics import PAPER, elements_of
 from dsfab.study.verification.problem import Test
 from dsfab.study.verification.published import PUBLISHED, Published
 from dsfab.study.verification.rows import Row
@@ -22,10 +22,10 @@ Outcome = Literal["better", "alike", "worse", "unknown"]
 
 @dataclass(frozen=True)
 class Standing:
-    """One published value, and what the pair for verdicts does beside it.
+    """One published value, and what the pair for displacements does beside it.
 
     unknowns : of the published mesh, None where the source does not tell.
-    ours     : relative error of the pair for verdicts, on the worst of its regular patterns (published meshes are
+    ours     : relative error of that pair, on the worst of its regular patterns (published meshes are
                regular too) and, so that luck does not count, not less than on any finer mesh; None: nothing compares.
     basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh where
                that has fewer; `cells`: all meshes here have more unknowns, so it is taken on the same cells.
@@ -40,11 +40,11 @@ class Standing:
 
 
 def standings(rows: Sequence[Row], tests: Mapping[str, Test]) -> list[Standing]:
-    """Every published value of the tests that `rows` has with the pair for verdicts."""
+    """Every published value of the tests that `rows` has with the pair for displacements."""
     found = []
     for published in PUBLISHED:
         here = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
-        ours = [row for row in here if row.elements == str(VERDICT)]
+        ours = [row for row in here if row.elements == str(elements_of("displacement"))]
         if ours:
             found.append(_standing(published, worst_by_cells(ours), tests[published.test]))
     return found

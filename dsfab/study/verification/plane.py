@@ -154,6 +154,7 @@ TESTS = [
         "round hole in a sheet under tension: stress at its edge over the tension",
         kirsch,
         meshes=MESHES,
+        quantity="stress",
     ),
     Test(
         "elliptic_membrane",
@@ -163,6 +164,7 @@ TESTS = [
         elliptic_membrane,
         meshes=MESHES,
         targets={16: 0.02},
+        quantity="stress",
     ),
     *(
         Test(

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from dsfab.errors import StaticsError
-from dsfab.statics import VERDICT, Elements
+from dsfab.statics import REPORTED, Elements, elements_of
 from dsfab.study.verification.meshes import Mesh
 from dsfab.study.verification.problem import Problem, Test
 
@@ -22,7 +22,7 @@ class Row:
     verdict  : `ok` within the test's tolerance; `coarse` not, but a finer mesh of the series is; `off` not, and the
                finest is not either; `not run`: the test clamps edges and hinges have no rotations; `refused`: the
                solver did not trust its own answer (a sheet too thin for sixteen digits).
-    target   : relative error that the pair for verdicts is meant to stay below on this mesh, if there is one.
+    target   : relative error that the pair for displacements is meant to stay below on this mesh, if there is one.
     met      : whether it does.
     limit    : what the target is about where it is not the reference, see `Test.limit`.
     of_limit : value over limit.
@@ -58,7 +58,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[Row]:
     rows = []
     for k, cells in enumerate(test.cells):
         verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
-        target = test.targets.get(cells) if elements == VERDICT else None
+        target = test.targets.get(cells) if elements == elements_of("displacement") else None
         value = values[k]
         rows.append(
             Row(
@@ -80,6 +80,12 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[Row]:
             )
         )
     return rows
+
+
+def failures(rows: Iterable[Row]) -> list[Row]:
+    """Those of the pairs that something is reported from which are off on the finest mesh, or refused."""
+    gated = {str(pair) for pair in REPORTED}
+    return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
