@@ -82,12 +82,23 @@ def test_ci_finds_the_commands_it_runs():
 
 
 def test_the_python_example_runs(desk):
-    (code,) = blocks("python")
+    code, _ = blocks("python")
     names: dict[str, object] = {}
     exec(code, names)
     assert names["finer"].surface is names["design"].surface
     assert (desk / "dome.step").stat().st_size > 1000
     assert names["roof"].m == len(names["mesh"].faces)
+
+
+@pytest.mark.slow
+def test_a_mesh_in_memory_becomes_a_file_as_the_readme_says(desk):
+    _, code = blocks("python")
+    names: dict[str, object] = {}
+    exec(code, names)
+    assert names["design"].surface.n == names["mesh"].n_points
+    assert names["design"].sheet.surface.area / names["design"].surface.area == pytest.approx(0.45, abs=0.005)
+    assert "MANIFOLD_SOLID_BREP" in (desk / "roof.step").read_text(encoding="ascii")
+    assert names["others"].gain("isotropic") > 3
 
 
 def test_the_preset_of_the_readme_builds(tmp_path):
