@@ -9,7 +9,14 @@
     dsfab.sweep(preset, ...)          many designs, and what is measured of each
     dsfab.compare(design)             beside others of the same mass
     dsfab.edit(preset)                in a notebook, changed by hand
-    dsfab.Surface(V, F)               a mesh of your own;  dsfab.read_surface("roof.obj", "m")
+
+    roof = dsfab.Preset(
+        surface=mesh,                                # yours, metres: trimesh, pyvista, compas, (V, F), or a path
+        supports=[dsfab.Support(dsfab.Boundary())],  # or Side, Box, Ball, Nearest, Facing, Vertices, All
+        loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Force, Line, Pressure, Wind; newtons, pascals
+        statics={"thickness": 0.05},                 # and pattern=, diffusion=, ..., each key as in TOML
+    )
+    dsfab.Surface.of(mesh, "mm")      where its numbers are not metres;  dsfab.read_surface("roof.obj", "mm")
 
 Heavy libraries are imported where they are used: `import dsfab` is quick, and so is `dsfab --help`.
 """
@@ -23,14 +30,37 @@ from dsfab import ways_out
 __version__ = "0.1.0"
 
 _HOME = {
+    "All": "dsfab.surface",
+    "Ball": "dsfab.surface",
+    "Boundary": "dsfab.surface",
+    "Box": "dsfab.surface",
+    "Combination": "dsfab.surface",
     "Design": "dsfab.pipeline",
+    "Diffusion": "dsfab.preset",
     "DsfabError": "dsfab.errors",
+    "Export": "dsfab.preset",
+    "Fabrication": "dsfab.preset",
+    "Facing": "dsfab.surface",
+    "Force": "dsfab.surface",
+    "Line": "dsfab.surface",
     "LoadCase": "dsfab.surface",
-    "Previewer": "dsfab.render.previewer",
+    "Nearest": "dsfab.surface",
+    "Pattern": "dsfab.preset",
     "Preset": "dsfab.preset",
+    "Pressure": "dsfab.surface",
+    "Previewer": "dsfab.render.previewer",
+    "SelfWeight": "dsfab.surface",
     "Sheet": "dsfab.slicing",
+    "Side": "dsfab.surface",
+    "Slicing": "dsfab.preset",
+    "Snow": "dsfab.surface",
     "Solid": "dsfab.thickening",
+    "Statics": "dsfab.preset",
+    "Support": "dsfab.surface",
     "Surface": "dsfab.surface",
+    "Thickening": "dsfab.preset",
+    "Vertices": "dsfab.surface",
+    "Wind": "dsfab.surface",
     "compare": "dsfab.study",
     "edit": "dsfab.app.editor.notebook",
     "inline_picture": "dsfab.render.notebook",
@@ -55,7 +85,14 @@ if TYPE_CHECKING:
     from dsfab.pipeline import Design as Design
     from dsfab.pipeline import revise as revise
     from dsfab.pipeline import run as run
+    from dsfab.preset import Diffusion as Diffusion
+    from dsfab.preset import Export as Export
+    from dsfab.preset import Fabrication as Fabrication
+    from dsfab.preset import Pattern as Pattern
     from dsfab.preset import Preset as Preset
+    from dsfab.preset import Slicing as Slicing
+    from dsfab.preset import Statics as Statics
+    from dsfab.preset import Thickening as Thickening
     from dsfab.preset_file import load_preset as load_preset
     from dsfab.render.notebook import inline_picture as inline_picture
     from dsfab.render.previewer import Previewer as Previewer
@@ -63,8 +100,24 @@ if TYPE_CHECKING:
     from dsfab.slicing import Sheet as Sheet
     from dsfab.study import compare as compare
     from dsfab.study import sweep as sweep
+    from dsfab.surface import All as All
+    from dsfab.surface import Ball as Ball
+    from dsfab.surface import Boundary as Boundary
+    from dsfab.surface import Box as Box
+    from dsfab.surface import Combination as Combination
+    from dsfab.surface import Facing as Facing
+    from dsfab.surface import Force as Force
+    from dsfab.surface import Line as Line
     from dsfab.surface import LoadCase as LoadCase
+    from dsfab.surface import Nearest as Nearest
+    from dsfab.surface import Pressure as Pressure
+    from dsfab.surface import SelfWeight as SelfWeight
+    from dsfab.surface import Side as Side
+    from dsfab.surface import Snow as Snow
+    from dsfab.surface import Support as Support
     from dsfab.surface import Surface as Surface
+    from dsfab.surface import Vertices as Vertices
+    from dsfab.surface import Wind as Wind
     from dsfab.surface import read_surface as read_surface
     from dsfab.thickening import Solid as Solid
 

@@ -4,6 +4,7 @@ The models below are the one place where keys, units, defaults and allowed range
 from TOML, overridden and written back is in `dsfab.preset_file`.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, followed
-from dsfab.preset_surface import AnySurface, Section
+from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import Combination, Load
 from dsfab.thickening import Extra, Side
@@ -354,9 +355,18 @@ class Export(Section):
 
 
 class Preset(Section):
-    """A whole preset. Units: metres, newtons, pascals, kilograms."""
+    """A whole preset. Units: metres, newtons, pascals, kilograms.
 
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+    roof = dsfab.Preset(
+        surface=mesh,                       # of trimesh, pyvista, compas; (V, F); a path; or as in TOML
+        supports=[dsfab.Support(dsfab.Boundary())],
+        loads=[dsfab.SelfWeight(), dsfab.Snow(800.0)],
+        statics=dsfab.Statics(thickness=0.05),
+        pattern={"method": "stripes"},      # each section as an object or as its keys
+    )
+    """
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")] = "design"
     """Names the output folder."""
     description: str = ""
     surface: AnySurface
@@ -367,6 +377,36 @@ class Preset(Section):
     thickening: Thickening = Thickening()
     fabrication: Fabrication = Fabrication()
     export: Export = Export()
+
+    def __init__(
+        self,
+        /,
+        *,
+        surface: Any = None,
+        supports: Sequence[Any] | None = None,
+        loads: Sequence[Any] | None = None,
+        combinations: Sequence[Any] | None = None,
+        **sections: Any,
+    ) -> None:
+        """A preset of what Python holds: everything is checked, and refused in the same words, as in a file.
+
+        surface : a mesh of trimesh, pyvista, compas, in metres (else `Surface.of(mesh, "mm")`); a `Surface`; (V, F):
+                  vertices (n, 3), metres, and faces; the path of a mesh file; the section of another preset; or its
+                  keys as in TOML, and `mesh` for one of these: {"mesh": mesh, "refine": 0.2}.
+        supports, loads, combinations : of the surface, in place of its own: `dsfab.Support(...)`, `dsfab.Snow(...)`,
+                  or their keys as in TOML.
+        sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
+
+        Raises PresetError that lists every mistake with its key in TOML; SurfaceError for a mesh that is none.
+        """
+        given = {"support": supports, "load": loads, "combination": combinations}
+        values = {key: plain(value) for key, value in sections.items()}
+        if surface is not None:
+            listed = {key: value for key, value in given.items() if value is not None}
+            values["surface"] = surface_table(surface, listed)
+        super().__init__(**values)
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @model_validator(mode="after")
     def _names_cases(self) -> "Preset":

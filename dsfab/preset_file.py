@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
-from dsfab.preset_surface import Given
+from dsfab.preset_surface import Given, MeshSurface
 
 
 def shipped() -> dict[str, Path]:
@@ -76,7 +76,7 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
     try:
         return Preset.model_validate(dict(values))
     except ValidationError as error:
-        raise PresetError(f"{source}: {mistakes(error)}") from None
+        raise PresetError(f"{source}: {mistakes(error, Preset)}") from None
 
 
 def parse_override(text: str) -> tuple[str, Any]:
@@ -93,9 +93,14 @@ def parse_override(text: str) -> tuple[str, Any]:
         return key.strip(), value.strip()
 
 
-def preset_toml(preset: Preset) -> str:
-    """The complete preset, defaults included, as TOML that builds the same design again."""
+def preset_toml(preset: Preset, brief: bool = False) -> str:
+    """The complete preset, defaults included, as TOML that builds the same design again.
+
+    brief : for people to read: a mesh that Python holds is told by its size, not by its numbers.
+    """
     values = preset.model_dump(mode="json", exclude_none=True)
+    if brief and isinstance(given := preset.surface, MeshSurface):
+        values["surface"]["mesh"] = f"given in Python: {given.mesh.n} vertices, {given.mesh.m} triangles"
     surface = values["surface"]
     # the shape first, then what holds it and what presses on it
     values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}

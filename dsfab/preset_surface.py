@@ -1,19 +1,45 @@
-"""The [surface] section of a preset: a mesh file or a procedural shape, what holds it and what presses on it."""
+"""The [surface] section of a preset: a mesh or a procedural shape, what holds it and what presses on it."""
 
+import base64
 import inspect
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
+import numpy as np
 from annotated_types import Ge
-from pydantic import BaseModel, ConfigDict, Discriminator, Tag, create_model
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    Tag,
+    ValidationError,
+    create_model,
+)
 
-from dsfab.surface import SHAPES, Combination, Load, Support, Surface, read_surface, refined
+from dsfab.errors import PresetError
+from dsfab.preset_errors import mistakes
+from dsfab.surface import SHAPES, Combination, Load, Support, Surface, normalized, read_surface, refined
 
 
 class Section(BaseModel):
-    """A section of a preset: frozen, and no key that dsfab does not know."""
+    """A section of a preset: frozen, and no key that dsfab does not know. Made in Python it raises PresetError."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+
+    def __init__(self, /, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
+
+    # pydantic: to be called from Python alone; what is read from a file lists the mistakes of all sections together
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class Given(Section):
@@ -41,12 +67,55 @@ class FileSurface(Given):
     """A surface read from a mesh file."""
 
     file: Path
-    """OBJ, PLY, STL, OFF, GLB or 3MF; relative paths start at the preset's folder."""
+    """OBJ, PLY, STL, OFF, GLB or 3MF; relative paths start at the preset's folder, in Python at the current one."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
 
     def given(self) -> Surface:
         return read_surface(self.file, self.unit)
+
+
+def _mesh_from(value: Any) -> Surface:
+    """A mesh of any library, (V, F), or what `_mesh_text` made of one."""
+    if not isinstance(value, str):
+        V_F = isinstance(value, tuple | list) and len(value) == 2
+        return normalized(Surface.from_mesh(*value) if V_F else Surface.of(value))
+    try:
+        data = zlib.decompress(base64.b64decode(value, validate=True))
+        n, m = np.frombuffer(data, "<i8", 2)
+        V, F = np.frombuffer(data, "<f8", 3 * n, 16), np.frombuffer(data, "<i8", 3 * m, 16 + 24 * n)
+    except (ValueError, zlib.error):
+        raise ValueError("this is no mesh that dsfab wrote; give surface.file instead") from None
+    return normalized(Surface(V.reshape(-1, 3), F.reshape(-1, 3)))
+
+
+def _mesh_text(surface: Surface) -> str:
+    """Both sizes, V and F, little endian, packed: every bit comes back."""
+    sizes = np.array([surface.n, surface.m], dtype="<i8")
+    data = sizes.tobytes() + surface.V.astype("<f8").tobytes() + surface.F.astype("<i8").tobytes()
+    return base64.b64encode(zlib.compress(data, 1)).decode("ascii")
+
+
+Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text, return_type=str, when_used="json")]
+
+
+class MeshSurface(Given):
+    """A surface that is given as a mesh in Python; `dsfab.save` writes it beside the preset, which then names the file.
+
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces.
+    """
+
+    mesh: Annotated[Mesh, Field(repr=False)]
+
+    def given(self) -> Surface:
+        return self.mesh
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MeshSurface):
+            return False
+        a, b = self.mesh, other.mesh
+        same = a is b or (np.array_equal(a.V, b.V) and np.array_equal(a.F, b.F))
+        return same and all(getattr(self, key) == getattr(other, key) for key in Given.model_fields)
 
 
 class ShapeSurface(Given):
@@ -69,15 +138,59 @@ def _shape_model(name: str) -> type[ShapeSurface]:
 
 def _kind_of_surface(value: Any) -> str | None:
     values: dict[str, Any] = value if isinstance(value, dict) else getattr(value, "__dict__", {})
-    return "file" if values.get("file") is not None else values.get("shape")
+    return next((key for key in ("file", "mesh") if values.get(key) is not None), values.get("shape"))
 
 
 SHAPE_SECTIONS = {name: _shape_model(name) for name in SHAPES}
 if TYPE_CHECKING:
     AnySurface = Given
 else:
-    _choices = {"file": FileSurface, **SHAPE_SECTIONS}
+    _choices = {"file": FileSurface, "mesh": MeshSurface, **SHAPE_SECTIONS}
     AnySurface = Annotated[
         Union[tuple(Annotated[model, Tag(tag)] for tag, model in _choices.items())],  # noqa: UP007
         Discriminator(_kind_of_surface),
     ]
+
+
+def plain(value: Any) -> Any:
+    """Supports, loads, pickers and the like as tables, so that they are checked as those of a file are."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: plain(part) for key, part in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [plain(part) for part in value] if isinstance(value, list | tuple) else value
+
+
+def surface_table(surface: Any, given: Mapping[str, Any]) -> Any:
+    """What is meant by `surface` in Python as a table, with what is given beside it in place of its own.
+
+    surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
+    Raises SurfaceError for a mesh that is none.
+    """
+    if isinstance(surface, str | Path):
+        surface = {"file": Path(surface).absolute()}
+    elif isinstance(surface, Given | Mapping):
+        surface = {key: part if key == "mesh" else plain(part) for key, part in dict(surface).items()}
+        if isinstance(file := surface.get("file"), str | Path):
+            surface["file"] = Path(file).absolute()
+    else:
+        surface = {"mesh": _mesh_from(surface)}
+    return surface | {key: plain(part) for key, part in given.items()}
+
+
+EXAMPLE = (
+    "dsfab.run(dsfab.Preset(surface=mesh, supports=[dsfab.Support(dsfab.Boundary())], loads=[dsfab.SelfWeight()], "
+    "statics={'thickness': 0.05}))"
+)
+"""The shortest preset of a mesh."""
+
+
+def missing_preset(thing: Any) -> str:
+    """What to give instead of a thing that is no preset, a sentence."""
+    if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
+        return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
+    known: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}
+    name = known.get(type(thing), f"a mesh of type {type(thing).__name__}")
+    return f"{name} alone is no preset: supports, loads and a thickness are missing; write for instance {EXAMPLE}"

@@ -6,7 +6,7 @@
    ┌─────────┬────┴────┬─────────┬──────────┐
 statics  diffusion  pattern   slicing   thickening ──► export
    └─────────┴────┬────┴─────────┴──────────┘            │
-               preset ─► preset_errors ─► preset_file     │
+    preset_errors ─► preset ─► preset_file                │
                   ▼                                       │
                pipeline ──► delivery ──► study ──► render ──► report ──► app
 
@@ -58,13 +58,13 @@ ALLOWED: dict[str, set[str]] = {
     **{stage: GROUND | {"surface"} for stage in STAGES},
     "export": GROUND | {"surface", "thickening"},
     "preset_cases": GROUND | {"surface"},
-    "preset_surface": GROUND | {"surface"},
+    "preset_errors": GROUND | {"pattern", "surface", "thickening"},
+    "preset_surface": GROUND | {"preset_errors", "surface"},
     "preset": GROUND | {"surface", "preset_cases", "preset_surface"} | STAGES,
-    "preset_errors": GROUND | {"pattern", "preset", "preset_surface", "surface", "thickening"},
     "preset_file": GROUND | {"preset", "preset_errors", "preset_surface"},
     "results": GROUND | {"surface", "preset"} | STAGES,
-    "pipeline": GROUND | {"surface", "preset", "results"} | STAGES,
-    "delivery": GROUND | {"surface", "preset", "results", "export", "pipeline"} | STAGES,
+    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results"} | STAGES,
+    "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "export", "pipeline"} | STAGES,
     "study": GROUND
     | {"surface", "preset", "preset_surface", "preset_file", "results", "pipeline"}
     | {"export", "delivery"}

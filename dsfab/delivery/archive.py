@@ -24,9 +24,10 @@ from dsfab.delivery.archive_even import division_of, even_arrays, even_of, field
 from dsfab.delivery.fields import design_fields
 from dsfab.pipeline.design import Design
 from dsfab.preset import STAGES, Preset
+from dsfab.preset_surface import FileSurface, Given, MeshSurface
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet
-from dsfab.surface import Surface
+from dsfab.surface import Surface, ply_chunks
 from dsfab.thickening import Repairs, Solid
 
 NAME = "design.npz"
@@ -36,16 +37,36 @@ LAYOUT = 1
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")
 """Sections of a preset that a design is made by; the last one says how it is written only."""
 
+MESH = "surface.ply"
+"""The mesh of a design whose preset has none in a file: metres, every bit of it."""
+
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
-def keep(design: Design, folder: Path) -> Path:
-    """Write the archive of a design into a folder; returns its path."""
+def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
+    """The preset as a folder holds it: a mesh that lies in it, or that Python held, is named without a path.
+
+    folder : where the mesh is written if no file holds it.  home : the same folder, by the name that it will have.
+    """
+    given = preset.surface
+    if isinstance(given, MeshSurface):
+        (folder / MESH).write_bytes(b"".join(ply_chunks(given.mesh.V, given.mesh.F, "metre")))
+        values = {key: getattr(given, key) for key in Given.model_fields}
+        there = FileSurface.model_construct(**values, file=Path(MESH), unit="m")
+    elif isinstance(given, FileSurface) and given.file.parent.absolute() == home.absolute():
+        there = given.model_copy(update={"file": Path(given.file.name)})
+    else:
+        return preset
+    return preset.model_copy(update={"surface": there})
+
+
+def keep(design: Design, folder: Path, preset: Preset | None = None) -> Path:
+    """Write the archive of a design into a folder, as made by `preset` (its own where left out); returns its path."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,
         "dsfab": __version__,
-        "preset": sections(design.settled),
+        "preset": sections(preset or design.settled),
         "names": pattern.names,
         "factor": pattern.factor,
         "frequency": pattern.frequency,
@@ -76,7 +97,7 @@ def kept(folder: Path, preset: Preset) -> Design | None:
     try:
         with open(folder / NAME, "rb") as file, np.load(file) as archive:
             about = json.loads(str(archive["about"]))
-            if about["layout"] != LAYOUT or about["preset"] != sections(preset):
+            if about["layout"] != LAYOUT or about["preset"] != sections(with_mesh(preset, folder, folder)):
                 return None
             return _read(archive, about, preset)
     except _BROKEN:

@@ -13,7 +13,7 @@ TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slic
 def run(preset: Preset, progress: Progress | None = None) -> Design:
     """Make the design of a preset, all of its stages.
 
-    Raises DsfabError, of the stage that refuses, when it cannot be built.
+    Raises DsfabError, of the stage that refuses, when it cannot be built; PresetError for a mesh alone.
     """
     return Design.of(preset, None, progress).until("thickening")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from dsfab import ways_out
 from dsfab.arrays import Floats
+from dsfab.errors import PresetError
 from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.log import Log, Progress
@@ -16,6 +17,7 @@ from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.pattern_stage import Before, pattern_stage
 from dsfab.pipeline.structure import statics_step, surface_step
 from dsfab.preset import STAGES, Preset
+from dsfab.preset_surface import missing_preset
 from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
 from dsfab.slicing.pattern_quality import PatternQuality
@@ -60,7 +62,12 @@ class Design:
 
     @classmethod
     def of(cls, preset: Preset, old: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """A design whose stages are still to be made, but for those of `old` before the first section that differs."""
+        """A design whose stages are still to be made, but for those of `old` before the first section that differs.
+
+        Raises PresetError for what is no preset, a mesh for instance: it says what is missing.
+        """
+        if not isinstance(preset, Preset):
+            raise PresetError(missing_preset(preset))
         if old is None:
             return cls(preset, Log(progress))
         stage = preset.first_difference(old.preset) or "export"

@@ -79,7 +79,7 @@ def _ranked(found: list[Way], given: StressedSurface) -> list[Way]:
 
 
 def _judged(way: Way, given: StressedSurface) -> float:
-    """Joules times share of material, by the elements of what is reported; equal to three digits as in `Attempt.rank`."""
+    """Joules times share of material, by the elements of what is reported; to three digits as in `Attempt.rank`."""
     assert way.sheet is not None
     trial = Trial(way.preset, given, way.even)
     compliance = trial.compliance(way.sheet.surface, trial.loads_on(way.sheet), "compliance_once")

@@ -5,7 +5,8 @@ from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
-from dsfab.surface.reader import MeshFacts, describe, read_surface
+from dsfab.surface.ply import ply_chunks
+from dsfab.surface.reader import MeshFacts, describe, normalized, read_surface
 from dsfab.surface.refine import refined
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
@@ -36,6 +37,8 @@ __all__ = [
     "Wind",
     "describe",
     "load_cases",
+    "normalized",
+    "ply_chunks",
     "read_surface",
     "refined",
     "together",

@@ -4,12 +4,14 @@ Not read with trimesh, which refuses binary files that mix triangles and quads a
 corner.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.polygons import Polygons
 
@@ -19,6 +21,9 @@ _NUMBERS = (
 )
 _TYPES = dict(pair.split("=") for pair in _NUMBERS.split())
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+_FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,27 @@ def read_ply(path: Path) -> Polygons:
     lists = face.get("vertex_indices", face.get("vertex_index", (np.empty(0), np.empty(0))))
     V = np.stack([np.asarray(vertex[axis], dtype=np.float64) for axis in "xyz"], axis=1)
     return Polygons(V, lists[0].astype(np.int64), lists[1].astype(np.int64))
+
+
+def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
+    """A binary file, little endian, of V (n, 3), doubles in `unit`, which a comment names, and of F (m, 3)."""
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment written by dsfab {__version__}",
+        f"comment unit: {unit}",
+        f"element vertex {len(V)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(F)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    faces = np.empty(len(F), dtype=_FACE)
+    faces["count"] = 3
+    faces["vertices"] = F
+    yield ("\n".join(lines) + "\n").encode("ascii")
+    yield V.astype("<f8").tobytes()
+    yield faces.tobytes()
 
 
 def _header(text: str) -> tuple[str, list[_Element]]:

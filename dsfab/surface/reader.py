@@ -58,6 +58,18 @@ def orientable(V: Floats, F: Ints) -> Surface:
     return surface if turned is F else Surface(V, turned)
 
 
+def normalized(surface: Surface) -> Surface:
+    """The surface as a file would give it back: faces turned the same way, no vertex (n, 3) without a face (m, 3).
+
+    Raises SurfaceError as `read_surface` does.
+    """
+    used, F = np.unique(surface.F, return_inverse=True)
+    if len(used) < surface.n:
+        return orientable(surface.V[used], F.reshape(-1, 3))
+    turned = orientable(surface.V, surface.F)
+    return surface if np.array_equal(turned.F, surface.F) else turned
+
+
 def _check_manifold(F: Ints, edges: EdgeTable) -> None:
     twice = duplicate_faces(F)
     if len(twice):

@@ -32,5 +32,6 @@ def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640)
     if isinstance(target, Design):
         made = draft(target.preset, None, target)
         return Editor(Opened(made.preset), made, height=height)
-    first = Opened(target) if isinstance(target, Preset) else opened(str(target))
-    return Editor(first, height=height)
+    if isinstance(target, str | Path):
+        return Editor(opened(str(target)), height=height)
+    return Editor(Opened(Design.of(target).preset), height=height)

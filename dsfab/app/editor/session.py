@@ -78,7 +78,7 @@ class Session:
         with self._lock:
             now, number = self._opened, self._opening
         return {
-            "preset": now.preset.model_dump(mode="json", exclude={"surface": {"file"}}),
+            "preset": now.preset.model_dump(mode="json", exclude={"surface": {"file", "mesh"}}),
             "title": now.preset.name,
             "opening": number,
             "presets": list(shipped()),

@@ -30,7 +30,7 @@ def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Picture
 
     preset, known = found.brief.preset, versions()
     make = _parts if found.carries else failed.parts
-    parts = make(found, pictures, Numbers(), charts(found, rows), known, preset_toml(preset))
+    parts = make(found, pictures, Numbers(), charts(found, rows), known, preset_toml(preset, brief=True))
     facts = [
         ("Design", preset.name),
         ("Date", datetime.now(UTC).strftime("%d %B %Y")),

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dsfab.delivery.archive import keep
+from dsfab.delivery.archive import keep, with_mesh
 from dsfab.delivery.files import delivered
 from dsfab.errors import ExportError
 from dsfab.export import write
@@ -62,12 +62,13 @@ def save(
         start = time.perf_counter()
         files = _written(design, partial, progress)
         write(design.sheet.surface, partial / "sheet.ply")
-        keep(design, partial)
+        preset = with_mesh(design.settled, partial, Path(folder))
+        keep(design, partial, preset)
         seconds = {**design.seconds, "export": time.perf_counter() - start}
         if picture:
             progress("preview", "drawing preview.png")
             _draw(design, partial / "preview.png")
-        (partial / "preset.toml").write_text(preset_toml(design.settled), encoding="utf-8")
+        (partial / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
         told = facts(design, seconds, files.names, files.refused, files.notes) | measured
         (partial / "design.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     return Saved(measured, (*files.reports, *files.notes), "; ".join(files.refused))
