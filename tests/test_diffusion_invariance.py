@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors, reference_axes
 from dsfab.pipeline.directions import load_axes
-from dsfab.statics import Material, solve_statics, stress
+from dsfab.statics import Material, SheetModel, solve_statics, stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.hats import voronoi_mass
 from tests.zoo import grid, jittered, lifted, sphere
@@ -40,7 +40,7 @@ def symmetric_vault() -> tuple[Surface, LoadCase]:
 def modes_of(surface: Surface, load: LoadCase, thickness: float = 0.02, k: int = 5):
     """Both families, each (n, k), and their eigenvalues, from statics on."""
     steel = Material(210e9, 0.3)
-    answer = solve_statics(surface, steel, load, thickness)
+    answer = solve_statics(SheetModel(surface, steel, thickness), load)
     sigma = stress(surface, steel, answer.u)
     tensors = diffusion_tensors(surface, sigma)
     axes = load_axes(surface, load)

@@ -7,8 +7,8 @@ import pytest
 
 from dsfab.errors import ExportError
 from dsfab.export.calculix import Model, cards, write_calculix
-from dsfab.statics import Material, SpreadLoad
-from dsfab.study.finite_elements import axes_of_file, in_plane, nodal_forces, sheet_model, six_node_triangles
+from dsfab.statics import Material, SheetModel, SpreadLoad
+from dsfab.study.finite_elements import axes_of_file, in_plane, nodal_forces, six_node_model, six_node_triangles
 from dsfab.surface import Surface
 from tests.calculix import ccx, needs_ccx
 from tests.zoo import ZOO, grid, zoo
@@ -35,7 +35,7 @@ def strip(element: str = "CPS6", axis: int = 2, **changes) -> Model:
         "steps": {"pull": force[:, turn]},
         **changes,
     }
-    return sheet_model(surface, MATERIAL, THICKNESS, element=element, axis=axis, **given)
+    return six_node_model(SheetModel(surface, MATERIAL, THICKNESS), element=element, axis=axis, **given)
 
 
 def text(model: Model) -> list[str]:
@@ -92,7 +92,7 @@ def test_shells_with_clamped_edges_do_not_turn_there(tmp_path):
     load = SpreadLoad.on(surface, face=(0, 0, -q))
     force = nodal_forces(surface, load.vertex_forces(surface), load)
     supports = {"SUPPORT_1": np.repeat(root[:, None], 3, axis=1)}
-    model = sheet_model(surface, Material(young, 0.0), h, supports, {"q": force}, clamped=clamped)
+    model = six_node_model(SheetModel(surface, Material(young, 0.0), h, clamped=clamped), supports, {"q": force})
     (found,) = ccx(model, tmp_path)
     tip = -found.u[: surface.n][surface.V[:, 0] == 2, 2].mean()
     assert tip == pytest.approx(q * 2.0**4 / (8 * young * h**3 / 12), rel=0.01)

@@ -15,7 +15,7 @@ from dsfab.pipeline.patterns import kept_regions, pattern_step
 from dsfab.preset_file import overridden
 from dsfab.results import CaseResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import cut
-from dsfab.statics import Material, solve_statics, stress
+from dsfab.statics import Material, SheetModel, solve_statics, stress
 from dsfab.surface import LoadCase, Surface, read_surface
 from tests.meshes import mesh_file
 from tests.presets import DOME_MODES
@@ -50,7 +50,7 @@ class Case:
     @cached_property
     def statics(self) -> StaticsResult:
         material = Material(210e9, 0.3)
-        answer = solve_statics(self.surface, material, self.load, 0.01 * np.sqrt(self.surface.area))
+        answer = solve_statics(SheetModel(self.surface, material, 0.01 * np.sqrt(self.surface.area)), self.load)
         sigma = stress(self.surface, material, answer.u)
         cases = {name: CaseResult(self.load, answer, sigma, None) for name in self.preset.followed}
         return StaticsResult(self.load, answer, sigma, None, cases)

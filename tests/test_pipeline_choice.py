@@ -17,7 +17,7 @@ from dsfab.report.design.choice import choice_facts, choice_lines
 from dsfab.report.design.facts import facts
 from dsfab.results import Candidate
 from dsfab.slicing import material_area
-from dsfab.statics import solve_statics
+from dsfab.statics import Elements, SheetModel, solve_statics
 from tests.zoo import ZOO, zoo
 
 COARSE = {"surface.edge": 0.1, "pattern.width.min_width": 0, "pattern.width.min_gap": 0}
@@ -72,7 +72,11 @@ def test_the_best_of_the_candidates_is_drawn_and_its_compliance_is_that_of_its_c
     assert max(soft) > 1.5 * soft[0]  # phases matter
     statics = chosen.preset.statics
     load = sheet_load(chosen.surface, chosen.sheet, chosen.load)
-    own = solve_statics(chosen.sheet.surface, statics.material, load, statics.thickness, bending="midedge")
+    own = solve_statics(
+        SheetModel(chosen.sheet.surface, statics.material, statics.thickness),
+        load,
+        elements=Elements("constant", "midedge"),
+    )
     assert best.compliance == pytest.approx(own.compliance, rel=0.02)
     assert best.kept == pytest.approx(0.5, abs=0.01)
     assert best.over_uncut == pytest.approx(best.compliance / chosen.statics.equilibrium.compliance, rel=1e-6)

@@ -8,6 +8,7 @@ from dsfab.errors import StaticsError
 from dsfab.statics import (
     Equilibrium,
     Material,
+    SheetModel,
     bending_stiffness,
     equilibrium,
     flat_axis,
@@ -79,7 +80,7 @@ def test_uniaxial_bar_lengthens_by_the_closed_form(law):
     share = np.where(right, 1.0, 0.0)
     share[right & ((surface.V[:, 1] < 1e-9) | (surface.V[:, 1] > width - 1e-9))] = 0.5
     f = np.outer(share / share.sum(), [force, 0, 0])
-    answer = solve_statics(surface, STEEL, LoadCase(load.fixed, f, right), H, law)
+    answer = solve_statics(SheetModel(surface, STEEL, H, law), LoadCase(load.fixed, f, right))
     modulus = STEEL.young if law == "plane_stress" else STEEL.young / (1 - STEEL.poisson**2)
     expected = force * length / (modulus * width * H)
     assert answer.u[right, 0] == pytest.approx(expected, rel=1e-9)
@@ -125,7 +126,7 @@ def test_flat_sheets_loaded_in_their_plane_are_solved_in_the_plane():
     across = case(surface, [(left, "xyz")], [(right, (0, 0, -1e3))])
     assert flat_axis(surface, in_plane) == 2
     assert flat_axis(surface, across) is None
-    assert np.all(solve_statics(surface, STEEL, in_plane, H).u[:, 2] == 0)
+    assert np.all(solve_statics(SheetModel(surface, STEEL, H), in_plane).u[:, 2] == 0)
 
 
 @pytest.mark.parametrize("solver", ["PARDISO", "SuperLU"])
@@ -136,7 +137,7 @@ def test_reactions_balance_loads_with_either_solver(solver, monkeypatch):
     surface = ZOO["dome"]()
     base = surface.V[:, 2] < 1e-9
     top = surface.V[:, 2] > 0.9 * surface.V[:, 2].max()
-    answer = solve_statics(surface, STEEL, case(surface, [(base, "xyz")], [(top, (300, -200, -1e4))]), H)
+    answer = solve_statics(SheetModel(surface, STEEL, H), case(surface, [(base, "xyz")], [(top, (300, -200, -1e4))]))
     assert answer.imbalance < 1e-9
     assert answer.reaction.sum(axis=0) == pytest.approx([-300, 200, 1e4], rel=1e-8)
     assert np.all(answer.reaction[~base] == 0)
@@ -151,8 +152,8 @@ def test_both_solvers_agree_and_each_repeats_itself_bit_for_bit(monkeypatch):
     u = {}
     for solver in ("PARDISO", "SuperLU"):
         monkeypatch.setattr(sparse, "solver_name", lambda name=solver: name)
-        u[solver] = solve_statics(surface, STEEL, load, H).u
-        assert np.array_equal(u[solver], solve_statics(surface, STEEL, load, H).u)
+        u[solver] = solve_statics(SheetModel(surface, STEEL, H), load).u
+        assert np.array_equal(u[solver], solve_statics(SheetModel(surface, STEEL, H), load).u)
     assert np.abs(u["PARDISO"] - u["SuperLU"]).max() <= 1e-9 * np.abs(u["PARDISO"]).max()
 
 
@@ -160,9 +161,9 @@ def test_statics_are_linear_and_scale_with_the_sheet():
     """Doubling the load doubles u; a membrane problem at twice the thickness moves half as much."""
     surface = jittered(grid(10, 5, 2.0, 1.0))
     left, right = surface.V[:, 0] < 1e-9, surface.V[:, 0] > 2 - 1e-9
-    once = solve_statics(surface, STEEL, case(surface, [(left, "xy")], [(right, (1, 2, 0))]), H)
-    twice = solve_statics(surface, STEEL, case(surface, [(left, "xy")], [(right, (2, 4, 0))]), H)
-    thick = solve_statics(surface, STEEL, case(surface, [(left, "xy")], [(right, (1, 2, 0))]), 2 * H)
+    once = solve_statics(SheetModel(surface, STEEL, H), case(surface, [(left, "xy")], [(right, (1, 2, 0))]))
+    twice = solve_statics(SheetModel(surface, STEEL, H), case(surface, [(left, "xy")], [(right, (2, 4, 0))]))
+    thick = solve_statics(SheetModel(surface, STEEL, 2 * H), case(surface, [(left, "xy")], [(right, (1, 2, 0))]))
     assert np.allclose(twice.u, 2 * once.u, rtol=1e-9)
     assert np.allclose(thick.u, once.u / 2, rtol=1e-9, atol=1e-9 * np.abs(once.u).max())
 
@@ -187,7 +188,7 @@ def test_mechanisms_are_refused_by_name(fixed, says):
     }
     load = case(surface, [(spots[where], axes) for where, axes in fixed], [(~low, (0, 0, -1.0))])
     with pytest.raises(StaticsError, match=says):
-        solve_statics(surface, STEEL, load, H)
+        solve_statics(SheetModel(surface, STEEL, H), load)
 
 
 def test_a_piece_without_support_is_refused_with_its_place():
@@ -195,7 +196,7 @@ def test_a_piece_without_support_is_refused_with_its_place():
     two = Surface(np.concatenate([one.V, one.V + [5, 0, 0]]), np.concatenate([one.F, one.F + one.n]))
     load = case(two, [(two.V[:, 0] < 1e-9, "xyz")], [(two.V[:, 0] > 5.9, (0, 0, -1.0))])
     with pytest.raises(StaticsError, match=r"1 of 2 pieces of the surface touch no support.*5\.5"):
-        solve_statics(two, STEEL, load, H)
+        solve_statics(SheetModel(two, STEEL, H), load)
 
 
 def test_a_load_on_a_vertex_without_faces_is_refused():
@@ -204,7 +205,7 @@ def test_a_load_on_a_vertex_without_faces_is_refused():
     lonely = np.arange(surface.n) == surface.n - 1
     load = case(surface, [(surface.V[:, 0] < 0.4, "xyz")], [(lonely, (0, 0, -1.0))])
     with pytest.raises(StaticsError, match="1 loaded vertices belong to no face"):
-        solve_statics(surface, STEEL, load, H)
+        solve_statics(SheetModel(surface, STEEL, H), load)
 
 
 def test_two_strips_that_meet_in_one_point_are_a_mechanism_and_not_a_large_number():
@@ -214,7 +215,7 @@ def test_two_strips_that_meet_in_one_point_are_a_mechanism_and_not_a_large_numbe
     surface = Surface(np.concatenate([one.V, one.V + [1, 1, 0]]), moved := np.concatenate([one.F, moved]))
     load = case(surface, [(surface.V[:, 0] < 1e-9, "xyz")], [(surface.V[:, 0] > 1.9, (0, 0, -1.0))])
     with pytest.raises(StaticsError, match="pieces of the surface touch no support"):
-        solve_statics(surface, STEEL, load, H)
+        solve_statics(SheetModel(surface, STEEL, H), load)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from dsfab.statics import (
     Ask,
     Elements,
     KeptFactor,
+    SheetModel,
     buckling,
     elements_of,
     factor,
@@ -60,8 +61,10 @@ def test_verified_elements_answer_everything_from_the_one_factor_of_the_statics(
     answers, sheet, s = made.statics.answers, made.preset.statics, made.surface
     assert answers.elements == sheet.elements
     assert answers.equilibrium is made.statics.equilibrium
-    again = frequencies(s, sheet.material, made.load.fixed, sheet.thickness, 2, elements=sheet.elements)
-    factors = buckling(s, sheet.material, made.load, answers.equilibrium, sheet.thickness, 3, elements=sheet.elements)
+    again = frequencies(SheetModel(s, sheet.material, sheet.thickness), made.load.fixed, 2, elements=sheet.elements)
+    factors = buckling(
+        SheetModel(s, sheet.material, sheet.thickness), made.load, answers.equilibrium, 3, elements=sheet.elements
+    )
     assert_allclose(answers.vibration.hertz, again.hertz, rtol=1e-7)
     assert_allclose(answers.buckling.factor, factors.factor, rtol=1e-7)
     assert answers.vibration.shapes.shape == (2, s.n, 3)
@@ -77,7 +80,10 @@ def test_hinges_leave_the_answers_to_the_most_accurate_elements_and_say_so(facto
     weight = sheet.density * sheet.thickness * GRAVITY
     spread = spread_load(made.surface, made.preset.surface.load, weight)
     rich = solve_statics(
-        made.surface, sheet.material, made.load, sheet.thickness, sheet.law, "hybrid", "hhj", spread=spread
+        SheetModel(made.surface, sheet.material, sheet.thickness, sheet.law),
+        made.load,
+        elements=Elements("hybrid", "hhj"),
+        spread=spread,
     )
     assert answers.equilibrium.compliance == pytest.approx(rich.compliance, rel=1e-9)
     assert 2 * answers.stress.energy @ made.surface.areas == pytest.approx(rich.compliance, rel=1e-9)
@@ -125,7 +131,7 @@ def test_which_elements_answer(ask, given, wanted):
 
 def test_a_kept_factor_is_made_again_for_another_stiffness_or_other_supports(factorisations):
     s = grid(4, 4, 1.0, 1.0)
-    K, other = (sheet_stiffness(s, STEEL, h, "plane_stress", PAPER) for h in (0.01, 0.02))
+    K, other = (sheet_stiffness(SheetModel(s, STEEL, h), PAPER) for h in (0.01, 0.02))
     held = hold(s, (rim(s), "xyz")).ravel()
     less = held.copy()
     less[0] = False

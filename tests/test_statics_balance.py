@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from dsfab import load_preset, run
 from dsfab.report.design.balance import case_lines
 from dsfab.report.design.facts import facts
-from dsfab.statics import Elements, Material, resultant, solve_statics, spread_load, support_reactions
+from dsfab.statics import Elements, Material, SheetModel, resultant, solve_statics, spread_load, support_reactions
 from dsfab.surface import Box, Line, LoadCase, Side, Snow, Support, Vertices
 from tests.presets import BARREL_VAULT_MODES
 from tests.zoo import ZOO, grid, zoo
@@ -22,9 +22,7 @@ pairs = pytest.mark.parametrize("elements", PAIRS, ids=str)
 def solved(surface, supports, loads, elements):
     load = LoadCase.build(surface, supports, loads)
     spread = spread_load(surface, loads)
-    return load, solve_statics(
-        surface, STEEL, load, 0.01, membrane=elements.membrane, bending=elements.bending, spread=spread
-    )
+    return load, solve_statics(SheetModel(surface, STEEL, 0.01), load, elements, spread)
 
 
 @pairs

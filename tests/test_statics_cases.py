@@ -11,7 +11,7 @@ from dsfab.pattern import relative_stresses
 from dsfab.preset_file import overridden, preset_toml
 from dsfab.report.design.balance import case_lines
 from dsfab.report.design.facts import facts
-from dsfab.statics import Elements, Material, factor, solve, solve_cases, solve_statics, spread_load, stress
+from dsfab.statics import Elements, Material, SheetModel, factor, solve, solve_cases, solve_statics, spread_load, stress
 from dsfab.study.comparison import comparison
 from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, load_cases, together
 from tests.presets import DOME_MODES
@@ -39,8 +39,7 @@ def given(surface, loads=LOADS):
 
 def solved(surface, elements, loads=LOADS, sums=SUMS):
     cases, spreads = given(surface, loads)
-    pair = elements.membrane, elements.bending
-    return cases, spreads, solve_cases(surface, STEEL, cases, H, "plane_stress", *pair, None, spreads, sums)
+    return cases, spreads, solve_cases(SheetModel(surface, STEEL, H), cases, elements, spreads, sums)
 
 
 @pairs
@@ -52,16 +51,15 @@ def test_cases_and_their_combinations_are_what_each_gives_alone(elements, solver
     surface = ZOO["dome"]()
     cases, spreads, answers = solved(surface, elements)
     assert list(answers) == ["snow", "wind", "crane", "uls", "lift"]
-    pair = elements.membrane, elements.bending
     for name, case in cases.items():
-        alone = solve_statics(surface, STEEL, case, H, "plane_stress", *pair, None, spreads[name])
+        alone = solve_statics(SheetModel(surface, STEEL, H), case, elements, spreads[name])
         same(answers[name], alone, 1e-12)
     for name, factors in SUMS.items():
         parts = [(factor, answers[case]) for case, factor in factors.items()]
         assert_allclose(answers[name].u, sum(a * part.u for a, part in parts), rtol=1e-12, atol=1e-20)
         face = sum(a * spreads[case].face for case, a in factors.items())
         spread = type(spreads["snow"]).on(surface, face)
-        whole = solve_statics(surface, STEEL, together(cases, factors), H, "plane_stress", *pair, None, spread)
+        whole = solve_statics(SheetModel(surface, STEEL, H), together(cases, factors), elements, spread)
         same(answers[name], whole, 1e-11)
 
 
@@ -99,7 +97,9 @@ def test_the_residual_of_a_combination_bounds_the_true_one(monkeypatch):
     monkeypatch.setattr(solve, "RESIDUAL", 1.0)
     loads = [Force(Side("x", "max"), (0.0, 0.0, -f), case=name) for name, f in (("a", 1.0), ("b", 3.0))]
     cases = load_cases(surface, [Support(Side("x", "min", 0.3))], loads)
-    answers = solve_cases(surface, STEEL, cases, H, combinations={"sum": {"a": 1.0, "b": 2.0}, "less": {"b": -1.0}})
+    answers = solve_cases(
+        SheetModel(surface, STEEL, H), cases, combinations={"sum": {"a": 1.0, "b": 2.0}, "less": {"b": -1.0}}
+    )
     for name in answers:
         assert answers[name].residual == pytest.approx(1e-4, rel=0.01)
 
@@ -122,10 +122,10 @@ def test_a_flat_sheet_is_solved_in_its_plane_only_if_all_cases_lie_in_it():
     surface, root = grid(6, 2, 1.0, 0.3), Support(Side("x", "min", 0.2))
     pull, press = Force(Side("x", "max"), (9.0, 0, 0), case="pull"), Force(Side("x", "max"), (0, 0, -9.0), case="press")
     cases = load_cases(surface, [root], [pull, press])
-    answers = solve_cases(surface, STEEL, cases, H)
+    answers = solve_cases(SheetModel(surface, STEEL, H), cases)
     assert np.abs(answers["press"].u[:, 2]).max() > 0
     assert np.abs(answers["pull"].u[:, 2]).max() == 0
-    alone = solve_statics(surface, STEEL, cases["pull"], H)
+    alone = solve_statics(SheetModel(surface, STEEL, H), cases["pull"])
     assert_allclose(answers["pull"].u, alone.u, rtol=0, atol=1e-12 * np.abs(alone.u).max())
 
 
@@ -134,9 +134,9 @@ def test_impossible_cases_are_refused():
     cases, _ = given(surface)
     moved = LoadCase.build(surface, [Support(Side("x", "min"))], LOADS[:1])
     with pytest.raises(StaticsError, match="need the same supports"):
-        solve_cases(surface, STEEL, {**cases, "other": moved}, H)
+        solve_cases(SheetModel(surface, STEEL, H), {**cases, "other": moved})
     with pytest.raises(StaticsError, match="combination uls has a factor for 'sno'; the cases are snow, wind, crane"):
-        solve_cases(surface, STEEL, cases, H, combinations={"uls": {"sno": 1.5}})
+        solve_cases(SheetModel(surface, STEEL, H), cases, combinations={"uls": {"sno": 1.5}})
     with pytest.raises(SurfaceError, match="case crane: every load is on held vertices"):
         given(surface, (*LOADS[:2], Force(Boundary(), (0, 0, -1.0), case="crane")))
 

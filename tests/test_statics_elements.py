@@ -15,6 +15,7 @@ from dsfab.statics import (
     PAPER,
     Elements,
     Material,
+    SheetModel,
     SpreadLoad,
     bending_stiffness,
     elements_of,
@@ -136,9 +137,7 @@ def test_turning_faces_over_changes_nothing(name, elements):
     surface, other = SHEETS[name](), flipped(SHEETS[name]())
     held, loaded = surface.V[:, 1] < np.quantile(surface.V[:, 1], 0.3), surface.V[:, 1].argmax()
     load = case(surface, [(held, "xyz")], [(np.arange(surface.n) == loaded, (1e3, 2e3, -3e3))])
-    one, two = (
-        solve_statics(s, STEEL, load, H, membrane=elements.membrane, bending=elements.bending) for s in (surface, other)
-    )
+    one, two = (solve_statics(SheetModel(s, STEEL, H), load, elements) for s in (surface, other))
     assert np.abs(one.u - two.u).max() <= 1e-9 * np.abs(one.u).max()
     assert one.compliance == pytest.approx(two.compliance, rel=1e-9)
     a, b = (stress(s, STEEL, e.u, bubbles=e.bubbles) for s, e in ((surface, one), (other, two)))
@@ -211,7 +210,7 @@ def test_both_laws_stretch_a_bar_alike_with_all_elements(law, elements):
     # six directions at three corners: statically determinate, so the supports carry nothing
     fixed = case(surface, [(left & low, "xyz"), (right & low, "yz"), (left & (flat.V[:, 1] > 0.5 - 1e-9), "z")]).fixed
     load = LoadCase(fixed, both.vertex_forces(surface), left)
-    answer = solve_statics(surface, STEEL, load, H, law, elements.membrane, elements.bending, spread=both)
+    answer = solve_statics(SheetModel(surface, STEEL, H, law), load, elements, both)
     modulus = STEEL.young if law == "plane_stress" else STEEL.young / (1 - STEEL.poisson**2)
     ends_apart = (answer.u[right] @ axis).mean() - (answer.u[left] @ axis).mean()
     assert ends_apart == pytest.approx(1e4 * 3.0 / (modulus * H), rel=1e-6)
@@ -326,8 +325,8 @@ def test_a_sheet_held_along_one_line_needs_a_clamp_and_then_bends_like_a_beam(be
     surface, load, clamped, spread = cantilever()
     wood = Material(1e10, 0.0)
     with pytest.raises(StaticsError, match="turn about y"):
-        solve_statics(surface, wood, load, H, membrane="quadratic", bending=bending, spread=spread)
-    answer = solve_statics(surface, wood, load, H, "plane_stress", "quadratic", bending, clamped, spread)
+        solve_statics(SheetModel(surface, wood, H), load, Elements("quadratic", bending), spread)
+    answer = solve_statics(SheetModel(surface, wood, H, clamped=clamped), load, Elements("quadratic", bending), spread)
     tip = surface.V[:, 0] > 1 - 1e-9
     beam = 10.0 / (3 * 1e10 * 0.1 * H**3 / 12)
     assert -answer.u[tip, 2].mean() == pytest.approx(beam, rel=1e-4 if bending == "hhj" else 2e-3)
@@ -341,9 +340,9 @@ def test_a_sheet_held_along_one_line_needs_a_clamp_and_then_bends_like_a_beam(be
 def test_hinges_cannot_be_clamped_and_say_so():
     surface, load, clamped, _ = cantilever(2)
     with pytest.raises(StaticsError, match=r"2 edges are clamped, but `hinge`"):
-        solve_statics(surface, STEEL, load, H, clamped=clamped)
+        solve_statics(SheetModel(surface, STEEL, H, clamped=clamped), load)
     with pytest.raises(StaticsError, match="yes or no for each"):
-        solve_statics(surface, STEEL, load, H, bending="hhj", clamped=clamped[:-1])
+        solve_statics(SheetModel(surface, STEEL, H, clamped=clamped[:-1]), load, Elements("constant", "hhj"))
 
 
 @pairs
@@ -377,9 +376,9 @@ def test_a_poor_solution_is_refined_or_refused(share, says, monkeypatch):
     monkeypatch.setattr(solve, "BALANCE", 1.0)
     if says:
         with pytest.raises(StaticsError, match=says):
-            solve_statics(surface, STEEL, load, H)
+            solve_statics(SheetModel(surface, STEEL, H), load)
     else:
-        assert solve_statics(surface, STEEL, load, H).residual <= factor.ACCURATE
+        assert solve_statics(SheetModel(surface, STEEL, H), load).residual <= factor.ACCURATE
 
 
 def test_long_beams_of_many_cells_are_not_taken_for_mechanisms():
@@ -414,8 +413,7 @@ def test_turning_and_enlarging_a_structure_turns_and_enlarges_its_answer(element
     for sheet, thickness, push in ((surface, 0.02, [1e4, 0, -1e5]), (other, 0.02 * size, R @ [1e4, 0, -1e5])):
         spread = SpreadLoad.on(sheet, face=push)
         load = LoadCase(held, spread.vertex_forces(sheet), rim)
-        pair = elements.membrane, elements.bending
-        answers.append(solve_statics(sheet, STEEL, load, thickness, "plane_stress", *pair, spread=spread))
+        answers.append(solve_statics(SheetModel(sheet, STEEL, thickness), load, elements, spread))
     here, there = answers
     assert np.abs(there.u / size - here.u @ R.T).max() <= 1e-8 * here.largest_displacement
     assert there.compliance == pytest.approx(here.compliance * size**3, rel=1e-8)
@@ -446,7 +444,10 @@ def test_presets_name_their_elements(preset):
     weight = asked.density * asked.thickness * GRAVITY
     spread = spread_load(surface, designs[1].preset.surface.load, weight)
     again = solve_statics(
-        surface, asked.material, rich.load, asked.thickness, asked.law, "quadratic", "hhj", spread=spread
+        SheetModel(surface, asked.material, asked.thickness, asked.law),
+        rich.load,
+        elements=Elements("quadratic", "hhj"),
+        spread=spread,
     )
     assert answer.compliance == pytest.approx(again.compliance, rel=1e-12)
     assert np.allclose(rich.sigma, stress(surface, asked.material, again.u, asked.law, again.bubbles), rtol=1e-9)

@@ -6,6 +6,7 @@ import pytest
 from dsfab.statics import (
     Elements,
     Material,
+    SheetModel,
     SpreadLoad,
     elements_of,
     hybrid,
@@ -107,9 +108,9 @@ def test_stress_and_energy_are_those_of_the_solution():
     spread = SpreadLoad.on(surface, edge=pulled)
     load = case(surface, [(left, "xyz")], [(right, (0, 0, 0))])
     load = type(load)(load.fixed, spread.vertex_forces(surface), right)
-    answer = solve_statics(surface, STEEL, load, H, membrane="hybrid", bending="hhj", spread=spread)
+    answer = solve_statics(SheetModel(surface, STEEL, H), load, Elements("hybrid", "hhj"), spread)
     assert answer.elements == HYBRID
-    found = sheet_stress(surface, STEEL, H, "plane_stress", HYBRID, answer)
+    found = sheet_stress(SheetModel(surface, STEEL, H), HYBRID, answer)
     assert 2 * (found.energy @ surface.areas) == pytest.approx(answer.compliance, rel=1e-9)
     mean = stress(surface, STEEL, answer.u, bubbles=answer.bubbles)
     assert np.abs(found.tensor("middle") - mean).max() <= 1e-9 * np.abs(mean).max()
@@ -145,5 +146,9 @@ def test_incompressible_sheets_do_not_lock_it():
     for poisson in (0.3, 0.4999):
         material = Material(1e9 * (1 - poisson**2), poisson)  # the same bending stiffness in plane strain
         load = case(surface, [(left, "xyz")], [(right, (0, 1e3, 0))])
-        moves[poisson] = solve_statics(surface, material, load, 0.1, "stvk", "hybrid").u[right, 1].mean()
+        moves[poisson] = (
+            solve_statics(SheetModel(surface, material, 0.1, "stvk"), load, Elements("hybrid", "hinge"))
+            .u[right, 1]
+            .mean()
+        )
     assert moves[0.4999] == pytest.approx(moves[0.3], rel=0.06)

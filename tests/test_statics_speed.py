@@ -12,7 +12,7 @@ from dsfab import sparse
 from dsfab.app import bench
 from dsfab.errors import DsfabError
 from dsfab.sparse.pardiso import Pardiso
-from dsfab.statics import PAPER, Elements, bending_stiffness, factor, membrane_stiffness, sheet_stiffness
+from dsfab.statics import PAPER, Elements, SheetModel, bending_stiffness, factor, membrane_stiffness, sheet_stiffness
 from dsfab.statics.elements import assembled, edge_frames
 from dsfab.statics.factor import factored, refined
 from tests.test_statics import STEEL
@@ -135,7 +135,7 @@ def test_the_factor_takes_its_memory_when_the_scaled_copy_is_gone(monkeypatch):
     monkeypatch.setattr(factor, "_restricted", restricted)
     monkeypatch.setattr(Pardiso, "_call", watched)
     held = np.repeat(surface.V[:, 2] < 1e-9, 3)
-    K = sheet_stiffness(surface, STEEL, 0.01, "plane_stress", PAPER)
+    K = sheet_stiffness(SheetModel(surface, STEEL, 0.01), PAPER)
     found = factored(surface, K, held)
     assert [count for phase, count in alive if phase in (11, 22)] == [0, 0]
     x = np.random.default_rng(0).standard_normal((len(found.free), 2))

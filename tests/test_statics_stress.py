@@ -13,6 +13,7 @@ from dsfab.statics import (
     Elements,
     Equilibrium,
     Material,
+    SheetModel,
     SheetStress,
     SpreadLoad,
     elements_of,
@@ -45,9 +46,9 @@ def solved(surface, fixed, elements, face=(0.0, 0.0, 0.0), edge=0.0, clamped=Non
     """Equilibrium and stress under forces per area on all faces (Pa) and per length on the edges (N/m)."""
     spread = SpreadLoad.on(surface, face, edge)
     load = LoadCase(fixed, spread.vertex_forces(surface), np.zeros(surface.n, dtype=bool))
-    K = sheet_stiffness(surface, material, thickness, "plane_stress", elements)
-    answer = equilibrium(surface, K, load, elements, clamped, spread)
-    return answer, sheet_stress(surface, material, thickness, "plane_stress", elements, answer)
+    sheet = SheetModel(surface, material, thickness, clamped=clamped)
+    answer = equilibrium(surface, sheet_stiffness(sheet, elements), sheet.held(load), elements, spread)
+    return answer, sheet_stress(sheet, elements, answer)
 
 
 def in_space(found: SheetStress, layer: str):
@@ -222,8 +223,8 @@ def shaken(surface, elements, seed=1):
     if (surface.edges.count > 2).any():
         fixed[surface.edges.ends[surface.edges.boundary]] = True
     load = LoadCase(fixed, np.where(fixed, 0, rng.standard_normal((surface.n, 3))), np.zeros(surface.n, dtype=bool))
-    answer = solve_statics(surface, STEEL, load, 0.05, "plane_stress", elements.membrane, elements.bending)
-    return answer, sheet_stress(surface, STEEL, 0.05, "plane_stress", elements, answer)
+    answer = solve_statics(SheetModel(surface, STEEL, 0.05), load, elements)
+    return answer, sheet_stress(SheetModel(surface, STEEL, 0.05), elements, answer)
 
 
 @pairs
@@ -244,8 +245,8 @@ def test_the_mean_of_the_middle_surface_is_the_membrane_stress(law, elements):
     s = SHEETS["dome"]()
     fixed = hold(s, (rim(s), "xyz"))
     load = LoadCase(fixed, np.random.default_rng(2).standard_normal((s.n, 3)), np.zeros(s.n, dtype=bool))
-    answer = solve_statics(s, STEEL, load, 0.05, law, elements.membrane, elements.bending)
-    found = sheet_stress(s, STEEL, 0.05, law, elements, answer)
+    answer = solve_statics(SheetModel(s, STEEL, 0.05, law), load, elements)
+    found = sheet_stress(SheetModel(s, STEEL, 0.05, law), elements, answer)
     sigma = stress(s, STEEL, answer.u, law, answer.bubbles)
     assert_allclose(found.tensor("middle"), sigma, atol=1e-10 * np.abs(sigma).max())
     assert 2 * found.energy @ s.areas == pytest.approx(answer.compliance, rel=1e-9)
@@ -281,9 +282,9 @@ def test_turning_faces_over_swaps_their_top_and_bottom_and_nothing_else(elements
     force = np.random.default_rng(2).standard_normal((s.n, 3))
     load = LoadCase(fixed, force, np.zeros(s.n, dtype=bool))
     here, there = (
-        sheet_stress(x, STEEL, 0.05, "plane_stress", elements, answer)
+        sheet_stress(SheetModel(x, STEEL, 0.05), elements, answer)
         for x in (s, other)
-        for answer in [solve_statics(x, STEEL, load, 0.05, "plane_stress", elements.membrane, elements.bending)]
+        for answer in [solve_statics(SheetModel(x, STEEL, 0.05), load, elements)]
     )
     turned = np.einsum("mi,mi->m", s.normals, other.normals) < 0
     assert 0.2 < turned.mean() < 0.8
@@ -305,10 +306,10 @@ def test_stress_turns_with_a_moebius_strip(elements):
     fixed = np.zeros((s.n, 3), dtype=bool)
     fixed[s.F[:4]] = True
     here, there = (
-        sheet_stress(x, STEEL, 0.05, "plane_stress", elements, answer)
+        sheet_stress(SheetModel(x, STEEL, 0.05), elements, answer)
         for x, f in ((s, force), (other, force @ R.T))
         for load in [LoadCase(fixed, f, np.zeros(s.n, dtype=bool))]
-        for answer in [solve_statics(x, STEEL, load, 0.05, "plane_stress", elements.membrane, elements.bending)]
+        for answer in [solve_statics(SheetModel(x, STEEL, 0.05), load, elements)]
     )
     for layer in LAYERS:
         sigma = R @ here.tensor(layer) @ R.T

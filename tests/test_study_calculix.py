@@ -12,10 +12,10 @@ import pytest
 
 import dsfab
 from dsfab.slicing import cut
-from dsfab.statics import Elements, Equilibrium, Material, elements_of, solve_statics, spread_load
+from dsfab.statics import Elements, Equilibrium, Material, SheetModel, elements_of, solve_statics, spread_load
 from dsfab.study import finite_elements
 from dsfab.study.check_model import cut_model
-from dsfab.study.finite_elements import nodal_forces, sheet_model
+from dsfab.study.finite_elements import nodal_forces, six_node_model
 from dsfab.study.verification import TESTS
 from dsfab.study.verification.problem import Problem
 from dsfab.surface import Boundary, LoadCase, SelfWeight, Side, Support, Surface, read_surface
@@ -35,15 +35,8 @@ def ccx_value(problem: Problem, folder, element: str) -> float:
     """The problem's value as CalculiX finds it."""
     surface, spread = problem.surface, problem.spread
     force = nodal_forces(surface, problem.force + spread.vertex_forces(surface), spread)
-    model = sheet_model(
-        surface,
-        problem.material,
-        problem.thickness,
-        {"SUPPORT_1": problem.fixed},
-        {"load": force},
-        clamped=problem.clamped,
-        element=element,
-    )
+    sheet = SheetModel(surface, problem.material, problem.thickness, clamped=problem.clamped)
+    model = six_node_model(sheet, {"SUPPORT_1": problem.fixed}, {"load": force}, element=element)
     u = ccx(model, folder)[0].u[: surface.n]
     return problem.value(Equilibrium(u, np.zeros((surface.n, 3)), 0.0, 0.0))
 
@@ -91,10 +84,10 @@ def shells(surface: Surface, thickness: float, support: Support, folder, directi
     """Relative differences of the compliance and of the displacements from those of CalculiX' six-node shells."""
     load, spread = under_self_weight(surface, thickness, support, direction)
     force = nodal_forces(surface, load.force, spread)
-    model = sheet_model(surface, STEEL, thickness, {"SUPPORT_1": load.fixed}, {"weight": force})
+    model = six_node_model(SheetModel(surface, STEEL, thickness), {"SUPPORT_1": load.fixed}, {"weight": force})
     (theirs,) = ccx(model, folder)
     assert (force * theirs.u).sum() == pytest.approx(2 * theirs.energy, rel=1e-3)
-    ours = solve_statics(surface, STEEL, load, thickness, membrane="quadratic", bending="hhj", spread=spread)
+    ours = solve_statics(SheetModel(surface, STEEL, thickness), load, Elements("quadratic", "hhj"), spread)
     return ours.compliance / (2 * theirs.energy) - 1, difference(ours.u, theirs.u[: surface.n])
 
 
@@ -152,9 +145,11 @@ def test_cut_plates_in_their_plane_agree_with_plane_stress_triangles(poisson, wi
     assert 0.5 < surface.area / 2 < 0.9
     material = Material(210e9, poisson, 7850.0)
     load, spread = under_self_weight(surface, 0.01, Support(Side("x", "min")), (0, -1, 0), material)
-    ours = solve_statics(surface, material, load, 0.01, membrane="quadratic", spread=spread)
+    ours = solve_statics(SheetModel(surface, material, 0.01), load, Elements("quadratic", "hinge"), spread)
     force = nodal_forces(surface, load.force, spread)
-    model = sheet_model(surface, material, 0.01, {"SUPPORT_1": load.fixed}, {"weight": force}, element="CPS6")
+    model = six_node_model(
+        SheetModel(surface, material, 0.01), {"SUPPORT_1": load.fixed}, {"weight": force}, element="CPS6"
+    )
     (theirs,) = ccx(model, tmp_path)
     assert ours.compliance == pytest.approx(2 * theirs.energy, rel=within)
     assert difference(ours.u, theirs.u[: surface.n]) < within

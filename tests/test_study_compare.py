@@ -13,7 +13,7 @@ from dsfab.errors import DsfabError, StaticsError
 from dsfab.pipeline import draft
 from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.slicing import cut
-from dsfab.statics import Ask, solve_statics
+from dsfab.statics import Ask, Elements, SheetModel, solve_statics
 from dsfab.study import compare_at
 from dsfab.study.baselines import Brief, Structure
 from dsfab.study.comparison import comparison
@@ -93,7 +93,9 @@ def test_a_complete_sheet_cut_into_cells_is_as_stiff_as_the_uncut_one(cantilever
     cells = cut(surface, cantilever.pattern.fields, cantilever.pattern.levels, 0.05)
     whole = cells.kept(np.ones(cells.surface.m, dtype=bool))
     values = [
-        solve_statics(s, statics.material, load, statics.thickness, membrane="quadratic", bending="midedge").compliance
+        solve_statics(
+            SheetModel(s, statics.material, statics.thickness), load, Elements("quadratic", "midedge")
+        ).compliance
         for s, load in ((surface, cantilever.load), (whole.surface, sheet_load(surface, whole, cantilever.load)))
     ]
     assert values[1] == pytest.approx(values[0], rel=0.01)

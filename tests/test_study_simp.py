@@ -9,7 +9,7 @@ import dsfab
 from dsfab.errors import StaticsError
 from dsfab.pipeline import draft
 from dsfab.pipeline.handover import sheet_load
-from dsfab.statics import FaceStiffness, Material, solve_statics
+from dsfab.statics import Elements, FaceStiffness, Material, SheetModel, solve_statics
 from dsfab.study.baselines import Brief
 from dsfab.study.baselines.optimised import level_line, optimised
 from dsfab.study.simp import Simp, densities, face_filter
@@ -48,7 +48,9 @@ def test_the_mbb_beam_comes_within_5_percent_of_the_published_compliance(mesh):
     one a little stiffer (213.3): no need of quadratic elements.
     """
     surface = crossed(60, 20) if mesh == "crossed" else grid(60, 20, 60.0, 20.0)
-    found = densities(surface, UNIT, 1.0, {"load": beam(surface)}, 600.0, ask=Simp(radius=2.4, iterations=100))
+    found = densities(
+        SheetModel(surface, UNIT, 1.0), {"load": beam(surface)}, 600.0, ask=Simp(radius=2.4, iterations=100)
+    )
     assert found.compliance == pytest.approx(216.81, rel=0.05)
     assert surface.areas @ found.density == pytest.approx(600, rel=1e-5)
     assert len(found.history) < 100  # it has settled
@@ -59,10 +61,10 @@ def test_a_full_sheet_is_as_stiff_as_the_statics_say_in_its_plane_and_out_of_it(
     flat, shell = grid(8, 6, 2.0, 1.5), lifted(lambda x, y: 0.2 * x * y + 0.1 * y**2, 6)
     for surface, direction in ((flat, [0.3, 1.0, 0.0]), (flat, [0.0, 0.2, 1.0]), (shell, [1.0, 0.5, -1.0])):
         load = pulled(surface, direction)
-        K = FaceStiffness.of(surface, UNIT, 0.02, [load], "plane_stress")
+        K = FaceStiffness.of(SheetModel(surface, UNIT, 0.02), [load])
         full = np.ones(surface.m)
         x = K.factor(full)(K.force)
-        expected = solve_statics(surface, UNIT, load, 0.02, membrane="constant", bending="midedge").compliance
+        expected = solve_statics(SheetModel(surface, UNIT, 0.02), load, Elements("constant", "midedge")).compliance
         assert K.energies(x).sum() == pytest.approx(expected, rel=1e-8)
         assert float((K.force * x).sum()) == pytest.approx(expected, rel=1e-8)
 
@@ -79,7 +81,7 @@ def test_springs_of_supports_do_not_thin_out_with_the_sheet():
     surface = grid(6, 4, 1.5, 1.0)
     load = pulled(surface, [1.0, 0.0, 0.0])
     soft = replace(load, fixed=load.fixed & [False, True, True], spring=load.fixed * [1e-6, 0.0, 0.0])
-    K = FaceStiffness.of(surface, UNIT, 1.0, [soft], "plane_stress")
+    K = FaceStiffness.of(SheetModel(surface, UNIT, 1.0), [soft])
     for scale in (1.0, 1e-3):
         x = K.factor(np.full(surface.m, scale))(K.force)
         in_springs = float((K.force * x).sum()) - scale * K.energies(x).sum()
@@ -90,7 +92,7 @@ def test_springs_of_supports_do_not_thin_out_with_the_sheet():
 def test_sensitivities_are_the_derivatives_of_the_compliance():
     surface = lifted(lambda x, y: 0.3 * x * y, 5)
     load, ask = pulled(surface, [0.2, 0.4, 1.0]), Simp()
-    K = FaceStiffness.of(surface, UNIT, 0.05, [load], "plane_stress")
+    K = FaceStiffness.of(SheetModel(surface, UNIT, 0.05), [load])
     x = np.random.default_rng(0).uniform(0.3, 0.9, surface.m)
 
     def compliance(x):
@@ -120,7 +122,7 @@ def test_solid_faces_stay_and_the_area_is_met_on_a_shell():
     loads = {"down": pulled(surface, [0.0, 0.0, -1.0]), "aside": pulled(surface, [0.0, 1.0, 0.0])}
     wanted = 0.5 * surface.area
     weights = {"down": 1.0, "aside": 2.0}
-    found = densities(surface, UNIT, 0.02, loads, wanted, solid, weights, ask=Simp(iterations=15))
+    found = densities(SheetModel(surface, UNIT, 0.02), loads, wanted, solid, weights, ask=Simp(iterations=15))
     assert surface.areas @ found.density == pytest.approx(wanted, rel=1e-4)
     assert (found.density[solid] == 1).all()
     assert found.history[-1] < 0.7 * found.history[0]
@@ -131,12 +133,12 @@ def test_what_makes_no_sense_is_refused():
     surface = grid(6, 4, 1.5, 1.0)
     loads = {"load": pulled(surface, [1.0, 0.0, 0.0])}
     with pytest.raises(StaticsError, match=r"of which 1\.5 m2 are kept"):
-        densities(surface, UNIT, 1.0, loads, 0.7, np.ones(surface.m, dtype=bool))
+        densities(SheetModel(surface, UNIT, 1.0), loads, 0.7, np.ones(surface.m, dtype=bool))
     with pytest.raises(StaticsError, match="SIMP needs"):
         Simp(void=0.0)
     loose = {"load": replace(loads["load"], fixed=np.zeros((surface.n, 3), dtype=bool))}
     with pytest.raises(StaticsError, match="support"):
-        densities(surface, UNIT, 1.0, loose, 0.7)
+        densities(SheetModel(surface, UNIT, 1.0), loose, 0.7)
 
 
 def test_simp_on_the_cantilever_cut_along_its_level_line_is_1_58_times_as_soft_as_the_full_plate():
@@ -168,7 +170,7 @@ def _converged(surface: Surface, load: LoadCase) -> float:
         np.concatenate([load.loaded, nothing[:, 0] > 0]),
     )
     first, second = (
-        solve_statics(s, UNIT, given, 1.0, membrane="quadratic").compliance
+        solve_statics(SheetModel(s, UNIT, 1.0), given, Elements("quadratic", "hinge")).compliance
         for s, given in ((surface, load), (finer, more))
     )
     return second + (second - first) / 1.4

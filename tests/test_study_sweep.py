@@ -105,14 +105,18 @@ def test_compliance_is_that_of_the_comparison(whole):
 
 
 def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
-    from dsfab.statics import solve_cases
+    from dsfab.statics import Elements, SheetModel, solve_cases
 
     full = dsfab.load_preset(
         DOME_MODES, {**COARSE_KEYS, "pattern.width": {"rule": "plain"}, "pattern.major.threshold": -1.0}
     )
     made, statics = Design.of(full), full.statics
     loads = {"": made.load}
-    whole = solve_cases(made.surface, statics.material, loads, statics.thickness, statics.law, "constant", "midedge")
+    whole = solve_cases(
+        SheetModel(made.surface, statics.material, statics.thickness, statics.law),
+        loads,
+        elements=Elements("constant", "midedge"),
+    )
     assert METRICS["ersatz"](made) == pytest.approx(whole[""].compliance, rel=1e-6)
     assert METRICS["ersatz"](Design.of(COARSE)) > 1.2 * whole[""].compliance
 

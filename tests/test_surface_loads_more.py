@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from pydantic import TypeAdapter
 
 from dsfab.errors import SurfaceError
-from dsfab.statics import Elements, Material, elements_of, solve_statics, spread_load
+from dsfab.statics import Elements, Material, SheetModel, elements_of, solve_statics, spread_load
 from dsfab.surface import (
     All,
     Ball,
@@ -161,11 +161,11 @@ def test_a_line_load_pulls_quadratic_elements_into_uniform_strain():
     supports = [Support(Side("x", "min"), "x"), Support(Vertices((0,)), "xy")]
     loads = [Line(Side("x", "max"), (1e5, 0.0, 0.0))]
     case = LoadCase.build(s, supports, loads)
-    answer = solve_statics(s, STEEL, case, h, membrane="quadratic", bending="hhj", spread=spread_load(s, loads))
+    answer = solve_statics(SheetModel(s, STEEL, h), case, Elements("quadratic", "hhj"), spread_load(s, loads))
     strain = 1e5 / h / STEEL.young
     assert_allclose(answer.u[:, 0], strain * s.V[:, 0], atol=1e-9 * strain)
     assert_allclose(answer.bubbles, 0, atol=1e-9 * strain)
-    without = solve_statics(s, STEEL, case, h, membrane="quadratic", bending="hhj")
+    without = solve_statics(SheetModel(s, STEEL, h), case, Elements("quadratic", "hhj"))
     assert np.abs(without.bubbles).max() > 1e-3 * strain
 
 
@@ -177,9 +177,7 @@ def test_a_cantilever_under_a_line_and_under_snow_bends_as_a_beam():
     EI = material.young * h**3 / 12
     for load, exact in ((Line(Side("x", "max"), (0, 0, -30.0)), 30 * 8 / 3 / EI), (Snow(20.0), 20 * 16 / 8 / EI)):
         case = LoadCase.build(s, [Support(Side("x", "min"))], [load])
-        answer = solve_statics(
-            s, material, case, h, "plane_stress", *_pair(BEST), clamped=clamped, spread=spread_load(s, [load])
-        )
+        answer = solve_statics(SheetModel(s, material, h, clamped=clamped), case, BEST, spread_load(s, [load]))
         assert_allclose(-answer.u[tip, 2].mean(), exact, rtol=2e-3)
 
 

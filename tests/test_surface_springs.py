@@ -14,6 +14,7 @@ from dsfab.slicing import cut
 from dsfab.statics import (
     Elements,
     Material,
+    SheetModel,
     buckling,
     frequencies,
     resultant,
@@ -33,8 +34,7 @@ pairs = pytest.mark.parametrize("elements", PAIRS, ids=str)
 
 def solved(surface, supports, loads, elements, thickness=H):
     case = LoadCase.build(surface, supports, loads)
-    spread, pair = spread_load(surface, loads), (elements.membrane, elements.bending)
-    return case, solve_statics(surface, WOOD, case, thickness, "plane_stress", *pair, spread=spread)
+    return case, solve_statics(SheetModel(surface, WOOD, thickness), case, elements, spread_load(surface, loads))
 
 
 @pairs
@@ -203,7 +203,7 @@ def test_a_clamped_sheet_cut_but_kept_whole_is_as_stiff():
     cells = cut(s, [s.V[:, 1] - 0.3 * s.V[:, 0]], [[0.03, 0.11]])
     whole = cells.kept(np.ones(cells.surface.m, dtype=bool))
     stiff = [
-        solve_statics(t, WOOD, load, H, membrane="quadratic", bending="hhj").compliance
+        solve_statics(SheetModel(t, WOOD, H), load, Elements("quadratic", "hhj")).compliance
         for t, load in ((s, case), (whole.surface, sheet_load(s, whole, case)))
     ]
     assert whole.surface.m > s.m
@@ -265,11 +265,14 @@ def test_a_stiff_plate_on_springs_everywhere_swings_as_a_mass_on_a_spring():
     s, k = grid(6, 6, 1.0, 1.0), 5e4
     springs = Support(All(), hold="xy", spring=(0.0, 0.0, k))
     made = frequencies(
-        s, Material(210e12, 0.3, 8000.0), springs.fixed(s), 0.1, elements=PAIRS[1], spring=springs.springs(s)
+        SheetModel(s, Material(210e12, 0.3, 8000.0), 0.1),
+        springs.fixed(s),
+        elements=PAIRS[1],
+        spring=springs.springs(s),
     )
     assert_allclose(made.hertz, np.sqrt(k / 800.0) / (2 * np.pi), rtol=0.03)
     with pytest.raises(StaticsError, match="can move along z"):
-        frequencies(s, Material(210e12, 0.3, 8000.0), springs.fixed(s), 0.1, elements=PAIRS[1])
+        frequencies(SheetModel(s, Material(210e12, 0.3, 8000.0), 0.1), springs.fixed(s), elements=PAIRS[1])
 
 
 def test_a_strip_that_its_support_clamps_buckles_as_eulers_flagpole():
@@ -277,8 +280,8 @@ def test_a_strip_that_its_support_clamps_buckles_as_eulers_flagpole():
     s, b = grid(16, 2, 2.0, 0.25), 0.25
     supports = [Support(Side("x", "min"), clamp=True), Support(All(), hold="y")]
     case = LoadCase.build(s, supports, [Line(Side("x", "max"), (-1.0 / b, 0, 0))])
-    answer = solve_statics(s, WOOD, case, H, membrane="quadratic", bending="hhj")
-    (factor,) = buckling(s, WOOD, case, answer, H, 1).factor
+    answer = solve_statics(SheetModel(s, WOOD, H), case, Elements("quadratic", "hhj"))
+    (factor,) = buckling(SheetModel(s, WOOD, H), case, answer, 1).factor
     assert_allclose(factor, np.pi**2 * E * b * H**3 / 12 / (4 * 2.0**2), rtol=0.01)
 
 

@@ -15,6 +15,8 @@ from dsfab.statics import (
     Equilibrium,
     FactorOf,
     KeptFactor,
+    SheetModel,
+    SolvedCase,
     facet_number,
     sheet_answers,
     sheet_stiffness,
@@ -39,19 +41,20 @@ def answers_step(
 
     def stiffness(elements: Elements) -> csr_array:
         if elements not in made:
-            made[elements] = sheet_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
+            made[elements] = sheet_stiffness(SheetModel(surface, sheet.material, sheet.thickness, sheet.law), elements)
         return made[elements]
 
     ask, again = sheet.ask, KeptFactor(2)
     if ask and log.progress:
         log.progress("statics", f"answering by {ask.elements(sheet.elements)} elements")
-    given = surface, sheet.material, sheet.thickness, sheet.law, sheet.elements
+    model = SheetModel(surface, sheet.material, sheet.thickness, sheet.law)
     found: list[Answers] = []
     with log.row("answers"):
         for loading, answer in solved:
             # loads do not change how the sheet swings
             asked = replace(ask, frequencies=0) if found else ask
-            one = sheet_answers(*given, loading.load, loading.spread, answer, stiffness, asked, factor_of, again, plane)
+            case = SolvedCase(loading.load, loading.spread, answer, sheet.elements, factor_of, plane)
+            one = sheet_answers(model, case, stiffness, asked, again)
             found.append(replace(one, vibration=found[0].vibration) if found else one)
     told = [(loading.name, answers) for (loading, _), answers in zip(solved, found, strict=True)]
     _note([(name, answers) for name, answers in told if name], sheet, surface, log)

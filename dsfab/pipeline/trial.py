@@ -27,7 +27,7 @@ from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.results import Candidate, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.statics import Aid, FaceStiffness, Quantity, elements_of, solve_cases
+from dsfab.statics import Aid, FaceStiffness, Quantity, SheetModel, elements_of, solve_cases
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 
@@ -110,7 +110,7 @@ class Trial:
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
         """Of a sheet's faces."""
         ask = self.preset.statics
-        return FaceStiffness.of(surface, ask.material, ask.thickness, list(loads.values()), ask.law)
+        return FaceStiffness.of(SheetModel(surface, ask.material, ask.thickness, ask.law), list(loads.values()))
 
     def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[Drawable], list[Layer]]:
         radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
@@ -124,5 +124,5 @@ class Trial:
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
         """Joules, the weighted sum over what the pattern follows."""
         ask, pair = self.preset.statics, elements_of(use)
-        answers = solve_cases(surface, ask.material, loads, ask.thickness, ask.law, pair.membrane, pair.bending)
+        answers = solve_cases(SheetModel(surface, ask.material, ask.thickness, ask.law), loads, pair)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())

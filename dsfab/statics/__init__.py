@@ -2,9 +2,8 @@
 
 from collections.abc import Mapping
 
-from dsfab.arrays import Bools
 from dsfab.errors import StaticsError
-from dsfab.statics.answers import Answers, Ask, sheet_answers
+from dsfab.statics.answers import Answers, Ask, SolvedCase, sheet_answers
 from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.blocks import added
@@ -16,6 +15,7 @@ from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
+from dsfab.statics.model import SheetModel
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
 from dsfab.statics.needles import flatness, needles_told
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
@@ -24,7 +24,6 @@ from dsfab.statics.stress import stress, von_mises
 from dsfab.statics.supports import with_springs
 from dsfab.statics.uses import REPORTED, USES, Aid, Quantity, Use, elements_of, tolerance_of
 from dsfab.surface.loads import LoadCase
-from dsfab.surface.mesh import Surface
 
 __all__ = [
     "FACETED",
@@ -51,7 +50,9 @@ __all__ = [
     "Principal",
     "Quantity",
     "Resultant",
+    "SheetModel",
     "SheetStress",
+    "SolvedCase",
     "SpreadLoad",
     "Use",
     "Vibration",
@@ -87,37 +88,22 @@ __all__ = [
 
 
 def solve_statics(
-    surface: Surface,
-    material: Material,
-    load: LoadCase,
-    thickness: float,
-    law: Law = "plane_stress",
-    membrane: Membrane = "constant",
-    bending: Bending | None = "hinge",
-    clamped: Bools | None = None,
-    spread: SpreadLoad | None = None,
+    sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
     """Displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
 
-    thickness         : metres. Flat sheets loaded in their plane are solved in 2D, without bending.
-    membrane, bending : the elements, see `Elements`.
-    clamped, spread   : see `equilibrium`.
+    Flat sheets loaded in their plane are solved in 2D, without bending.    spread : see `equilibrium`.
 
     Raises StaticsError for mechanisms and for loads that act on nothing.
     """
     spreads = None if spread is None else {"load": spread}
-    return solve_cases(surface, material, {"load": load}, thickness, law, membrane, bending, clamped, spreads)["load"]
+    return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
 
 
 def solve_cases(
-    surface: Surface,
-    material: Material,
+    sheet: SheetModel,
     loads: Mapping[str, LoadCase],
-    thickness: float,
-    law: Law = "plane_stress",
-    membrane: Membrane = "constant",
-    bending: Bending | None = "hinge",
-    clamped: Bools | None = None,
+    elements: Elements = PAPER,
     spreads: Mapping[str, SpreadLoad] | None = None,
     combinations: Mapping[str, Mapping[str, float]] | None = None,
 ) -> dict[str, Equilibrium]:
@@ -132,11 +118,11 @@ def solve_cases(
     for name, factors in sums.items():
         if unknown := [case for case in factors if case not in loads]:
             raise StaticsError(f"combination {name} has a factor for {unknown[0]!r}; the cases are {', '.join(loads)}")
-    elements = Elements(membrane, bending)
-    if flat_axis(surface, *loads.values()) is not None:
+    if flat_axis(sheet.surface, *loads.values()) is not None:
         elements = elements.in_plane
-    K = sheet_stiffness(surface, material, thickness, law, elements)
+    K = sheet_stiffness(sheet, elements)
     given = None if spreads is None else [spreads[name] for name in loads]
     table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
-    answers = equilibria(surface, K, list(loads.values()), elements, clamped, given, table)
+    held = [sheet.held(load) for load in loads.values()]
+    answers = equilibria(sheet.surface, K, held, elements, given, table)
     return dict(zip((*loads, *sums), answers, strict=True))

@@ -1,7 +1,7 @@
 """`Answers`: what else a solved sheet tells, as far as it is asked for, from as few factorisations as possible."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -11,14 +11,13 @@ from dsfab.errors import StaticsError
 from dsfab.statics.elements import Elements
 from dsfab.statics.factor import FactorOf, KeptFactor, factored
 from dsfab.statics.layers import SheetStress, sheet_stress
-from dsfab.statics.material import Law, Material
+from dsfab.statics.model import SheetModel
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
 from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad
 from dsfab.statics.supports import all_clamped
 from dsfab.statics.uses import REPORTED, elements_of
 from dsfab.surface.loads import LoadCase
-from dsfab.surface.mesh import Surface
 
 Found = TypeVar("Found")
 
@@ -74,55 +73,62 @@ class Answers:
     refusals: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class SolvedCase:
+    """A load case and its equilibrium.
+
+    equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
+    elements    : the pair that was chosen (with bending, even if the sheet was solved in its plane).
+    factor_of   : what it was made with (`Ask.factor_of`): nothing is factorised twice then.
+    plane       : whether the sheet was solved in its plane; found from `load` when left out.
+    """
+
+    load: LoadCase
+    spread: SpreadLoad
+    equilibrium: Equilibrium
+    elements: Elements
+    factor_of: FactorOf = factored
+    plane: bool | None = None
+
+
 def sheet_answers(
-    surface: Surface,
-    material: Material,
-    thickness: float,
-    law: Law,
-    elements: Elements,
-    load: LoadCase,
-    spread: SpreadLoad,
-    solved: Equilibrium,
+    sheet: SheetModel,
+    case: SolvedCase,
     stiffness: Callable[[Elements], csr_array],
     ask: Ask,
-    factor_of: FactorOf = factored,
     again: FactorOf | None = None,
-    plane: bool | None = None,
 ) -> Answers:
     """Stress and energy of a solved sheet, and what else is asked.
 
-    elements  : the pair that was chosen (with bending, even if the sheet was solved in its plane).
-    solved    : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
     stiffness : K over the unknowns of any elements; called again only where `ask.elements` are others, or where a
                 sheet that was solved in its plane must bend to vibrate or to buckle.
-    factor_of : that `solved` was made with (`ask.factor_of`): nothing is factorised twice then.
     again     : makes all other factors; a `KeptFactor` of two serves several loads on the same supports.
-    plane     : whether the sheet was solved in its plane; found from `load` when left out.
 
     Vibration counts the mass of the sheet alone, not that of its loads. Raises StaticsError when the sheet cannot be
     solved by the elements that answer; modes that cannot be found are refused in the result.
     """
-    plane = flat_axis(surface, load) is not None if plane is None else plane
+    load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
+    plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     again = again or KeptFactor(2)
-    rich = ask.elements(elements)
+    rich = ask.elements(case.elements)
     held = rich.in_plane if plane else rich
-    if rich != elements:
+    if rich != case.elements:
         factor_of = again
-        solved = equilibrium(surface, stiffness(held), load, held, spread=spread, factor_of=factor_of)
-    stress = sheet_stress(surface, material, thickness, law, held, solved)
+        solved = equilibrium(surface, stiffness(held), load, held, spread=case.spread, factor_of=factor_of)
+    stress = sheet_stress(sheet, held, solved)
     if not ask.modes:
         return Answers(held, solved, stress)
     refusals: list[str] = []
-    clamped = all_clamped(load, None)
-    shared: dict[str, Any] = {"law": law, "elements": rich, "clamped": clamped, "K": stiffness(rich)}
+    model = replace(sheet, clamped=all_clamped(load))
+    shared: dict[str, Any] = {"elements": rich, "K": stiffness(rich)}
     shared["factor_of"] = again if plane else factor_of
     vibration = factors = None
     if ask.frequencies:
         more = {**shared, "spring": load.spring}
-        found = partial(frequencies, surface, material, load.fixed, thickness, ask.frequencies, **more)
+        found = partial(frequencies, model, load.fixed, ask.frequencies, **more)
         vibration = _found(found, "no natural frequencies", refusals)
     if ask.buckling:
-        search = partial(buckling, surface, material, load, solved, thickness, ask.buckling, **shared)
+        search = partial(buckling, sheet, load, solved, ask.buckling, **shared)
         factors = _found(search, "no buckling factors", refusals)
     return Answers(held, solved, stress, vibration, factors, tuple(refusals))
 

@@ -15,6 +15,7 @@ from dsfab.statics.material import Law, Material
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
 from dsfab.statics.membrane import corner_strains
 from dsfab.statics.midedge import curvatures
+from dsfab.statics.model import SheetModel
 from dsfab.statics.solve import flat_axis
 from dsfab.statics.supports import all_clamped, held_on_edges
 from dsfab.statics.uses import elements_of
@@ -43,13 +44,14 @@ class FaceStiffness:
     force: Floats
 
     @classmethod
-    def of(cls, surface: Surface, material: Material, thickness: float, loads: Sequence[LoadCase], law: Law) -> Self:
-        """Raises StaticsError when the supports leave a motion free or a load acts on nothing."""
+    def of(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
+        """Of a sheet under loads. Raises StaticsError when supports leave a motion free or a load acts on nothing."""
+        surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
         elements = elements if axis is None else elements.in_plane
         held = _held(surface, loads, elements, axis)
-        blocks, columns = face_blocks(surface, material, thickness, law, elements)
+        blocks, columns = face_blocks(surface, sheet.material, sheet.thickness, sheet.law, elements)
         free = ~held
         touched = np.zeros(len(free), dtype=bool)
         touched[columns] = True
@@ -113,7 +115,7 @@ def _held(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis:
     fixed = loads[0].fixed.copy()
     if axis is not None:
         fixed[:, axis] = True
-    turning = all_clamped(loads[0], None) if elements.bending else None
+    turning = all_clamped(loads[0]) if elements.bending else None
     require_held(surface, loads[0], fixed, turning)
     for load in loads:
         require_loads_on_faces(surface, load)

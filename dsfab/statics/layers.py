@@ -11,11 +11,10 @@ from dsfab.errors import StaticsError
 from dsfab.statics.corners import membrane_strains, membrane_stresses
 from dsfab.statics.curvature import face_moments, hinge_energy
 from dsfab.statics.elements import Elements
-from dsfab.statics.material import Law, Material
+from dsfab.statics.model import SheetModel
 from dsfab.statics.recovery import averaged
 from dsfab.statics.solve import Equilibrium
 from dsfab.surface.hats import tangents
-from dsfab.surface.mesh import Surface
 
 Layer = Literal["top", "middle", "bottom"]
 """`top` is the surface on the side that a face's normal points to, half a thickness away; `bottom` the other one."""
@@ -141,15 +140,14 @@ def plane_von_mises(stress: Floats) -> Floats:
     return np.asarray(np.sqrt(xx * xx - xx * yy + yy * yy + 3 * xy * xy))
 
 
-def sheet_stress(
-    surface: Surface, material: Material, thickness: float, law: Law, elements: Elements, answer: Equilibrium
-) -> SheetStress:
+def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
     """The stress and the energy of a solved sheet.
 
-    answer : made with `elements` and `law`.
+    answer : made with `elements`.
 
     With `stvk` the stress across the sheet, which that law has and a thin sheet has not, is left out of von Mises.
     """
+    surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)
     moments = face_moments(surface, material, thickness, elements, answer)

@@ -12,9 +12,9 @@ from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.blocks import added
 from dsfab.statics.elements import BUBBLES, Elements, assembled, edge_frames
 from dsfab.statics.factor import FactorOf, factored
-from dsfab.statics.material import Law, Material
 from dsfab.statics.mechanisms import require_held
 from dsfab.statics.membrane import membrane_stiffness
+from dsfab.statics.model import SheetModel
 from dsfab.statics.solve import Equilibrium
 from dsfab.statics.stress import stress
 from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
@@ -83,56 +83,48 @@ class Buckling:
 
 
 def frequencies(
-    surface: Surface,
-    material: Material,
+    sheet: SheetModel,
     fixed: Bools,
-    thickness: float,
     count: int = 3,
-    law: Law = "plane_stress",
     elements: Elements = FOR_FREQUENCIES,
-    clamped: Bools | None = None,
     K: csr_array | None = None,
     factor_of: FactorOf = factored,
     spring: Floats | None = None,
 ) -> Vibration:
     """The lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary inertia.
 
-    fixed     : (n, 3) held directions.       thickness : metres; the mass is density x thickness per area.
-    clamped   : (e,) edges that do not turn about themselves.
+    sheet     : its mass is density x thickness per area.            fixed : (n, 3) held directions.
     spring    : (n, 3) stiffness of elastic supports, newtons per metre.
     K         : the stiffness of the sheet (without springs) by the same elements, where it has been made already.
     factor_of : makes its factor: with the `KeptFactor` of an `equilibrium` nothing is factorised again.
 
     Raises StaticsError for a material without density, for mechanisms, and for more modes than there are unknowns.
     """
-    if not material.density > 0:
+    surface, density = sheet.surface, sheet.material.density
+    if not density > 0:
         raise StaticsError("natural frequencies need a material with a density; set density in kg/m3")
-    M = mass(surface, material.density * thickness, elements)
+    M = mass(surface, density * sheet.thickness, elements)
     if K is None:
-        K = sheet_stiffness(surface, material, thickness, law, elements)
+        K = sheet_stiffness(sheet, elements)
     still, loose = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
-    held = LoadCase(fixed, still, loose, still if spring is None else spring)
-    inverse, shapes = _largest(surface, M, K, held, elements, clamped, count, factor_of)
+    held = sheet.held(LoadCase(fixed, still, loose, still if spring is None else spring))
+    inverse, shapes = _largest(surface, M, K, held, elements, count, factor_of)
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
 
 
 def buckling(
-    surface: Surface,
-    material: Material,
+    sheet: SheetModel,
     load: LoadCase,
     answer: Equilibrium,
-    thickness: float,
     count: int = 3,
-    law: Law = "plane_stress",
     elements: Elements = FOR_BUCKLING,
-    clamped: Bools | None = None,
     K: csr_array | None = None,
     factor_of: FactorOf = factored,
 ) -> Buckling:
     """The lowest positive load factors of linear buckling: K x = factor (-K_g) x.
 
     answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet, which stands as
-             `load` says (springs and clamped edges too; `clamped` adds to these). Loads keep their
+             `load` says (springs and clamped edges too). Loads keep their
              direction (a pressure that turns with the sheet is not modelled), and displacements before buckling do not
              count: thin shells buckle well below, at a fifth to a half for cylinders under axial load
              [Koiter 1945; NASA SP-8007].
@@ -140,15 +132,15 @@ def buckling(
 
     Raises StaticsError for mechanisms, and when the modes cannot be found.
     """
-    resultant = thickness * stress(surface, material, answer.u, law, answer.bubbles)
+    surface = sheet.surface
+    resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     smallest = np.linalg.eigvalsh(resultant)[:, 0].min()
     if smallest >= -TENSION * np.abs(resultant).max():  # then no mode exists, and looking for it would not end
         return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
-        K = sheet_stiffness(surface, material, thickness, law, elements)
-    turning = all_clamped(load, clamped)
-    inverse, shapes = _largest(surface, minus_Kg, K, load, elements, turning, count, factor_of)
+        K = sheet_stiffness(sheet, elements)
+    inverse, shapes = _largest(surface, minus_Kg, K, sheet.held(load), elements, count, factor_of)
     return Buckling(1 / inverse, shapes)
 
 
@@ -192,10 +184,12 @@ def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_ar
     return assembled(blocks, elements.columns(surface, *names), elements.unknowns(surface))
 
 
-def sheet_stiffness(surface: Surface, material: Material, thickness: float, law: Law, elements: Elements) -> csr_array:
-    """K, N/m, over the unknowns of `elements`: membrane and, where they have it, bending."""
-    K = membrane_stiffness(surface, material, thickness, law, elements)
-    return added(K, bending_stiffness(surface, material, thickness, elements)) if elements.bending else K
+def sheet_stiffness(sheet: SheetModel, elements: Elements) -> csr_array:
+    """(N, N) K, N/m, over the unknowns of `elements`: membrane and, where they have it, bending."""
+    K = membrane_stiffness(sheet.surface, sheet.material, sheet.thickness, sheet.law, elements)
+    if not elements.bending:
+        return K
+    return added(K, bending_stiffness(sheet.surface, sheet.material, sheet.thickness, elements))
 
 
 def _largest(
@@ -204,7 +198,6 @@ def _largest(
     K: csr_array,
     load: LoadCase,
     elements: Elements,
-    clamped: Bools | None,
     count: int,
     factor_of: FactorOf,
 ) -> tuple[Floats, Floats]:
@@ -213,6 +206,7 @@ def _largest(
     Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive where it is held, whatever A is,
     and its factor is the only one. As in `equilibrium`, unknowns are scaled by the diagonal of K.
     """
+    clamped = all_clamped(load)
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None
     require_held(surface, load, load.fixed, turning)

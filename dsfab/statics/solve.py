@@ -92,7 +92,6 @@ def equilibrium(
     K: csr_array,
     load: LoadCase,
     elements: Elements = PAPER,
-    clamped: Bools | None = None,
     spread: SpreadLoad | None = None,
     factor_of: "FactorOf | None" = None,
 ) -> Equilibrium:
@@ -100,7 +99,6 @@ def equilibrium(
 
     K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then the edges'.
     elements : the pair that K was made with (without bending for a sheet solved in its plane).
-    clamped  : (e,) edges that may not turn about themselves, besides those of `load.clamped`.
     spread   : the part of the load that is spread over faces and edges. Its share on the vertices is in `load` already;
                it is named again because bubbles carry it as well.
     factor_of : makes the factor: `factored`, or a `KeptFactor` for those who need it again.
@@ -108,7 +106,7 @@ def equilibrium(
     Raises StaticsError when the supports leave a motion free, when a load acts on nothing, when edges are clamped that
     have no rotations, or when the solution does not balance the loads.
     """
-    return equilibria(surface, K, [load], elements, clamped, [spread] if spread else None, (), factor_of)[0]
+    return equilibria(surface, K, [load], elements, [spread] if spread else None, (), factor_of)[0]
 
 
 def equilibria(
@@ -116,7 +114,6 @@ def equilibria(
     K: csr_array,
     loads: Sequence[LoadCase],
     elements: Elements = PAPER,
-    clamped: Bools | None = None,
     spreads: Sequence[SpreadLoad] | None = None,
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorOf | None" = None,
@@ -129,7 +126,7 @@ def equilibria(
     Raises StaticsError as `equilibrium` does, and for loads on different supports.
     """
     _require_same_supports(loads)
-    fixed, turning = _supported(surface, loads, elements, clamped)
+    fixed, turning = _supported(surface, loads, elements)
     F = np.stack([load.force.ravel() for load in loads], axis=1)
     held = fixed.ravel()
     if elements.on_edges:
@@ -154,12 +151,10 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
             raise StaticsError("load cases that are solved together need the same supports; solve these one by one")
 
 
-def _supported(
-    surface: Surface, loads: Sequence[LoadCase], elements: Elements, clamped: Bools | None
-) -> tuple[Bools, Bools | None]:
+def _supported(surface: Surface, loads: Sequence[LoadCase], elements: Elements) -> tuple[Bools, Bools | None]:
     """(n, 3) held directions and (e,) edges that do not turn, None without rotations; raises StaticsError."""
     first = loads[0]
-    clamped = all_clamped(first, clamped)
+    clamped = all_clamped(first)
     require_clampable(surface, elements, clamped)
     fixed = first.fixed.copy()
     if (axis := flat_axis(surface, *loads)) is not None:

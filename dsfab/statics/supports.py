@@ -63,11 +63,9 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
         )
 
 
-def all_clamped(load: LoadCase, clamped: Bools | None) -> Bools | None:
-    """(e,) edges that may not turn, by the supports of `load` or by `clamped`; None where neither names any."""
-    if not len(load.clamped):
-        return clamped
-    return load.clamped if clamped is None else clamped | load.clamped
+def all_clamped(load: LoadCase) -> Bools | None:
+    """(e,) edges that may not turn; None where the supports name none."""
+    return load.clamped if len(load.clamped) else None
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:

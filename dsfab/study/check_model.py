@@ -13,9 +13,9 @@ from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.structure import check_scale, surface_step
 from dsfab.preset import Preset
-from dsfab.statics import Equilibrium, SpreadLoad, elements_of, flat_axis, solve_cases
+from dsfab.statics import Equilibrium, SheetModel, SpreadLoad, elements_of, flat_axis, solve_cases
 from dsfab.statics.supports import all_clamped
-from dsfab.study.finite_elements import axes_of_file, nodal_forces, sheet_model
+from dsfab.study.finite_elements import axes_of_file, nodal_forces, six_node_model
 from dsfab.surface import LoadCase, Surface
 
 UNRELIABLE = (
@@ -82,11 +82,10 @@ def _checked(
     answers = _answers(preset, surface, acting, cases)
     steps = {loading.name: nodal_forces(surface, loading.load.force, loading.spread) for loading in acting}
     across = 2 if axis is None else axis
-    sheet, clamped = preset.statics, all_clamped(load, None)
+    sheet = preset.statics
     holding = {name: fixed for name, fixed in held.items() if fixed.any()}
-    model = sheet_model(
-        surface, sheet.material, sheet.thickness, holding, steps, clamped, load.spring, element, axis=across
-    )
+    held_sheet = SheetModel(surface, sheet.material, sheet.thickness, clamped=all_clamped(load))
+    model = six_node_model(held_sheet, holding, steps, load.spring, element, across)
     turn = axes_of_file(across)
     stored = {name: (a.compliance - float(np.sum(load.spring * a.u**2))) / 2 for name, a in answers.items()}
     rigid = {name: np.where(load.fixed, answer.reaction, 0.0)[:, turn] for name, answer in answers.items()}
@@ -114,14 +113,7 @@ def _answers(
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")
     return solve_cases(
-        surface,
-        sheet.material,
-        cases,
-        sheet.thickness,
-        membrane=pair.membrane,
-        bending=pair.bending,
-        spreads=spreads,
-        combinations=sums,
+        SheetModel(surface, sheet.material, sheet.thickness), cases, pair, spreads=spreads, combinations=sums
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import StaticsError
 from dsfab.export.calculix import Element, Model
-from dsfab.statics import Material, SpreadLoad, elements_of
+from dsfab.statics import SheetModel, SpreadLoad, elements_of
 from dsfab.statics.elements import edge_frames
 from dsfab.statics.supports import held_faces, held_middles
 from dsfab.surface import Surface
@@ -72,24 +72,22 @@ def _held_by_any(surface: Surface, supports: Mapping[str, Bools]) -> Bools:
     return np.asarray(np.logical_or.reduce([np.zeros((surface.n, 3), dtype=bool), *supports.values()]))
 
 
-def sheet_model(
-    surface: Surface,
-    material: Material,
-    thickness: float,
+def six_node_model(
+    sheet: SheetModel,
     supports: Mapping[str, Bools],
     steps: Mapping[str, Floats],
-    clamped: Bools | None = None,
     springs: Floats | None = None,
     element: Element = "S6",
     axis: int = 2,
 ) -> Model:
-    """The model of a sheet of `thickness` metres. Faces that are held in all directions do not turn, as in ours.
+    """The model of a sheet. Faces that are held in all directions do not turn, as in ours.
 
     supports : by name, (n, 3) held directions of the vertices.
     steps    : by name, (n + e, 3) newtons, see `nodal_forces`.
-    clamped  : (e,) edges that may not turn about themselves.       springs : (n, 3) newtons per metre on the vertices.
+    springs  : (n, 3) newtons per metre on the vertices.
     element  : CPS6 for a flat sheet that is loaded in its plane, across the coordinate `axis`.
     """
+    surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
     X, T = six_node_triangles(surface)
     still = np.zeros(len(X), dtype=bool)
@@ -101,7 +99,7 @@ def sheet_model(
     if springs is not None:
         soft[: surface.n] = springs
     held = held_nodes(surface, supports)
-    model = Model(X, T, thickness, material.young, material.poisson, steps, held, still, soft, material.density)
+    model = Model(X, T, sheet.thickness, material.young, material.poisson, steps, held, still, soft, material.density)
     return model if element == "S6" else in_plane(model, axis, THIN * surface.mean_edge)
 
 

@@ -1,8 +1,8 @@
 """`Judge`: the one function that looks at a structure and says how it carries its loads."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from dsfab.statics import (
     LAYERS,
     Ask,
     Equilibrium,
+    SheetModel,
     SheetStress,
     buckling,
     elements_of,
@@ -20,6 +21,7 @@ from dsfab.statics import (
     sheet_stress,
     solve_cases,
 )
+from dsfab.statics.supports import all_clamped
 from dsfab.study.baselines import Brief, Structure
 from dsfab.study.verdict import Verdict as Check
 from dsfab.study.verdict import rules
@@ -122,11 +124,10 @@ def answered(brief: Brief, structure: Structure, every: bool = False) -> dict[st
     statics, surface = brief.preset.statics, structure.sheet.surface
     given = brief.all_loads if every else brief.loads
     loads = sheet_loads(brief.surface, structure.drawn, structure.sheet, given)
-    made = statics.material, structure.thickness, statics.law
-    pair = elements_of("displacement")
-    answers = solve_cases(surface, statics.material, loads, *made[1:], pair.membrane, pair.bending)
+    sheet = SheetModel(surface, statics.material, structure.thickness, statics.law)
+    answers = solve_cases(sheet, loads, elements_of("displacement"))
     return {
-        name: Answered(loads[name], answer, sheet_stress(surface, *made, answer.elements, answer))
+        name: Answered(loads[name], answer, sheet_stress(sheet, answer.elements, answer))
         for name, answer in answers.items()
     }
 
@@ -204,18 +205,18 @@ def _modes(
     brief: Brief, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
     """`buckling`, `frequency` and `refusals` of a `Carried`."""
-    statics, surface = brief.preset.statics, structure.sheet.surface
-    clamped = load.clamped if len(load.clamped) else None
-    held: dict[str, Any] = {"law": statics.law, "clamped": clamped, "spring": load.spring}
+    statics = brief.preset.statics
+    sheet = SheetModel(structure.sheet.surface, statics.material, structure.thickness, statics.law)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
     try:
         if ask.buckling:
-            factor = buckling(surface, statics.material, load, answer, structure.thickness, 1, statics.law).factor
+            factor = buckling(sheet, load, answer, 1).factor
     except StaticsError as error:
         refusals.append(f"no buckling factor: {error}")
     try:
         if ask.frequencies:
-            hertz = frequencies(surface, statics.material, load.fixed, structure.thickness, 1, **held).hertz
+            turning = replace(sheet, clamped=all_clamped(load))
+            hertz = frequencies(turning, load.fixed, 1, spring=load.spring).hertz
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
     lowest = [float(found[0]) if len(found) else None for found in (factor, hertz)]

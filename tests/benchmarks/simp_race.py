@@ -21,7 +21,7 @@ from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.handover import sheet_load
 from dsfab.pipeline.log import Log
 from dsfab.preset_file import load_preset
-from dsfab.statics import FaceStiffness, solve_statics
+from dsfab.statics import Elements, FaceStiffness, SheetModel, solve_statics
 from dsfab.study.baselines import Brief
 from dsfab.study.baselines.optimised import level_line, optimised
 from dsfab.study.simp import Simp
@@ -51,7 +51,7 @@ def worth(made, sheet):
     """Compliance of a sheet over that of the whole surface."""
     ask, surface = made.preset.statics, made.surface
     whole, part = (
-        solve_statics(s, ask.material, load, ask.thickness, membrane="quadratic").compliance
+        solve_statics(SheetModel(s, ask.material, ask.thickness), load, Elements("quadratic", "hinge")).compliance
         for s, load in ((surface, made.load), (sheet.surface, sheet_load(surface, sheet, made.load)))
     )
     return part / whole

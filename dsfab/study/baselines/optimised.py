@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.pattern import Layer, solved_factor, vertex_means
+from dsfab.statics import SheetModel
 from dsfab.study.baselines.matching import area_share, matched
 from dsfab.study.baselines.task import Brief, Structure, Variant
 from dsfab.study.simp import Densities, Simp, densities
@@ -21,8 +22,8 @@ def simp(brief: Brief) -> list[Variant]:
 def optimised(brief: Brief, ask: Simp | None = None) -> Densities:
     """The densities of faces for the area, loads and kept regions of a brief."""
     statics, weights = brief.preset.statics, brief.preset.followed
-    given = brief.surface, statics.material, statics.thickness, brief.loads, brief.area, brief.kept_faces
-    return densities(*given, weights, statics.law, ask)
+    sheet = SheetModel(brief.surface, statics.material, statics.thickness, statics.law)
+    return densities(sheet, brief.loads, brief.area, brief.kept_faces, weights, ask)
 
 
 def level_line(brief: Brief, density: Floats) -> Structure:

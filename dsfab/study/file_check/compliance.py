@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, vstack
 from dsfab.arrays import Bools, Floats
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_loads
-from dsfab.statics import elements_of, flat_axis, solve_cases
+from dsfab.statics import SheetModel, elements_of, flat_axis, solve_cases
 from dsfab.statics.supports import held_middles
 from dsfab.study.file_check.elastic import Holding, SolidModel, compliances
 from dsfab.study.file_check.reading import Found
@@ -72,7 +72,7 @@ def carrying(found: Found, design: Design, edge: float | None = None) -> Carryin
     forces = [at.T @ load.force.ravel() for load in loads.values()]
     solid = compliances(model, _holding(points, at, loads, RIGID * statics.young * t), forces)
     pair = elements_of("compliance_once")
-    answers = solve_cases(sheet, statics.material, loads, t, statics.law, pair.membrane, pair.bending)
+    answers = solve_cases(SheetModel(sheet, statics.material, t, statics.law), loads, pair)
     weights = np.array([design.preset.followed[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
     return Carrying(float(shell), float(weights @ solid), len(model.mesh.T), model.K.shape[0], longest, str(pair))

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
-from dsfab.statics import FaceStiffness, Law, Material
+from dsfab.statics import FaceStiffness, SheetModel
 from dsfab.study.simp.filtering import face_filter, filtered_sensitivity
 from dsfab.surface import LoadCase, Surface
 
@@ -93,14 +93,11 @@ class Densities:
 
 
 def densities(
-    surface: Surface,
-    material: Material,
-    thickness: float,
+    sheet: SheetModel,
     loads: Mapping[str, LoadCase],
     area: float,
     solid: Bools | None = None,
     weights: Mapping[str, float] | None = None,
-    law: Law = "plane_stress",
     ask: Simp | None = None,
 ) -> Densities:
     """Densities of the faces with the least compliance for sum (density x face area) = `area`, square metres.
@@ -113,11 +110,11 @@ def densities(
 
     Raises StaticsError when the sheet is not held, or when `area` is less than the solid faces have.
     """
-    ask = ask or Simp()
+    ask, surface = ask or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
     share = _start(surface, area, solid)
     clock, cpu = time.perf_counter(), time.process_time()
-    K = FaceStiffness.of(surface, material, thickness, list(loads.values()), law)
+    K = FaceStiffness.of(sheet, list(loads.values()))
     H = face_filter(surface, ask.filter_radius(surface))
     many = np.array([1.0 if weights is None else weights[name] for name in loads])
     x, factor, history = np.where(solid, 1.0, share), None, []

@@ -2,7 +2,7 @@
 
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_loads
-from dsfab.statics import Aid, Equilibrium, Quantity, elements_of, solve_cases
+from dsfab.statics import Aid, Equilibrium, Quantity, SheetModel, elements_of, solve_cases
 from dsfab.study.verdict import Setting, Sheeting, Verdict, check
 from dsfab.surface import LoadCase
 
@@ -24,9 +24,7 @@ def carried(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
 
     def solved() -> dict[str, Equilibrium]:
         made, sheet = design.preset.statics, design.sheet.surface
-        return solve_cases(
-            sheet, made.material, loads_on(design), made.thickness, made.law, pair.membrane, pair.bending
-        )
+        return solve_cases(SheetModel(sheet, made.material, made.thickness, made.law), loads_on(design), pair)
 
     return design.once("slicing", f"carried by {pair}", solved)
 

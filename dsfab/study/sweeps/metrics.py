@@ -12,7 +12,7 @@ from dsfab.pipeline.design import Design
 from dsfab.pipeline.directions import load_axes
 from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
 from dsfab.slicing.pattern_quality import PatternQuality
-from dsfab.statics import Equilibrium, FaceStiffness, buckling, elements_of
+from dsfab.statics import Equilibrium, FaceStiffness, SheetModel, buckling, elements_of
 from dsfab.study.sweeps.cut_sheet import carried, loads_on, verdict
 from dsfab.surface.hats import hat_gradients
 
@@ -111,7 +111,7 @@ def _buckling(made: Design) -> float:
     statics, sheet = made.preset.statics, made.sheet.surface
     given, loads, lowest = (statics.material, statics.thickness, statics.law), loads_on(made), float("inf")
     for name, answer in _answers(made).items():
-        found = buckling(sheet, given[0], loads[name], answer, given[1], count=1, law=given[2])
+        found = buckling(SheetModel(sheet, given[0], given[1], given[2]), loads[name], answer, 1)
         lowest = min([lowest, *found.factor.tolist()])
     return lowest
 
@@ -125,7 +125,7 @@ def _ersatz(made: Design) -> float:
     statics, surface = made.preset.statics, made.surface
     kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
     loads = [made.statics.cases[name].load for name in made.preset.followed]
-    sheet = FaceStiffness.of(surface, statics.material, statics.thickness, loads, statics.law)
+    sheet = FaceStiffness.of(SheetModel(surface, statics.material, statics.thickness, statics.law), loads)
     u = sheet.factor(ERSATZ + (1 - ERSATZ) * np.clip(kept, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))
 

@@ -86,4 +86,4 @@ def _require_held(surface: Surface, loads: Mapping[str, LoadCase]) -> None:
     fixed = load.fixed.copy()
     if axis is not None:
         fixed[:, axis] = True
-    require_held(surface, load, fixed, all_clamped(load, None))
+    require_held(surface, load, fixed, all_clamped(load))

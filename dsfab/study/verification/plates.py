@@ -9,6 +9,7 @@ from dsfab.statics import (
     Elements,
     Equilibrium,
     Material,
+    SheetModel,
     SpreadLoad,
     buckling,
     frequencies,
@@ -51,7 +52,7 @@ def stressed_plate(cells: int, mesh: Mesh) -> Problem:
     centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()
 
     def value(answer: Equilibrium) -> float:
-        found = sheet_stress(surface, PLATE, THIN, "plane_stress", answer.elements, answer)
+        found = sheet_stress(SheetModel(surface, PLATE, THIN), answer.elements, answer)
         top = found.tensor("top")[(centre == surface.F).any(axis=1)]
         return float(np.abs(np.linalg.eigvalsh(top.mean(axis=0))).max()) * THIN**2
 
@@ -64,7 +65,7 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
     scale = 2 * np.pi * np.sqrt(HEAVY.density * THIN / HEAVY.bending_stiffness(THIN))
 
     def modes(elements: Elements) -> float:
-        found = frequencies(problem.surface, HEAVY, problem.fixed, THIN, 1, elements=elements)
+        found = frequencies(SheetModel(problem.surface, HEAVY, THIN), problem.fixed, 1, elements=elements)
         return float(scale * found.hertz[0])
 
     return replace(problem, modes=modes)
@@ -87,8 +88,10 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
     )
 
     def modes(elements: Elements) -> float:
-        answer = solve_statics(surface, PLATE, problem.load, THIN, membrane=elements.membrane, spread=spread)
-        found = buckling(surface, PLATE, problem.load, answer, THIN, 1, elements=elements)
+        answer = solve_statics(
+            SheetModel(surface, PLATE, THIN), problem.load, Elements(elements.membrane, "hinge"), spread
+        )
+        found = buckling(SheetModel(surface, PLATE, THIN), problem.load, answer, 1, elements=elements)
         return float(found.factor[0]) / PLATE.bending_stiffness(THIN)
 
     return replace(problem, modes=modes)

@@ -11,6 +11,7 @@ from dsfab.statics import (
     Equilibrium,
     Material,
     Quantity,
+    SheetModel,
     SpreadLoad,
     flat_axis,
     solve_statics,
@@ -84,13 +85,11 @@ class Problem:
         if self.modes:
             return self.modes(elements)
         answer = solve_statics(
-            self.surface,
-            self.material,
+            SheetModel(
+                self.surface, self.material, self.thickness, clamped=self.clamped if self.clamped.any() else None
+            ),
             self.load,
-            self.thickness,
-            membrane=elements.membrane,
-            bending=elements.bending,
-            clamped=self.clamped if self.clamped.any() else None,
+            elements=elements,
             spread=self.spread,
         )
         return self.value(answer)
