@@ -1,7 +1,7 @@
 """The architecture as a table: who may import whom, where heavy libraries live, and what the packaging must list.
 
-    errors   units   arrays   sparse          the ground floor
-       └──────┴───┬─────┴───────┘
+    errors   units   limits   arrays   sparse          the ground floor
+       └──────┴──────┬──┴───────┴────────┘
                surface
    ┌─────────┬────┴────┬─────────┬──────────┐
 statics  diffusion  pattern   slicing   thickening ──► export
@@ -31,7 +31,7 @@ import dsfab
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "dsfab"
 
-GROUND = {"errors", "units", "wording", "ways_out", "arrays", "sparse", "__init__"}
+GROUND = {"errors", "units", "limits", "wording", "ways_out", "arrays", "sparse", "__init__"}
 STAGES = {"statics", "diffusion", "pattern", "slicing", "thickening"}
 ALLOWED: dict[str, set[str]] = {
     "__init__": {
@@ -50,6 +50,7 @@ ALLOWED: dict[str, set[str]] = {
     | STAGES,
     "errors": set(),
     "units": {"errors"},
+    "limits": set(),
     "wording": set(),
     "ways_out": set(),
     "arrays": {"errors"},

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from dsfab.errors import StaticsError
+from dsfab.limits import FACETS
 from dsfab.statics import (
     LAYERS,
     Elements,
@@ -25,7 +26,7 @@ from dsfab.statics import (
     stress,
     von_mises,
 )
-from dsfab.statics.curvature import FACETED, face_moments, facet_number
+from dsfab.statics.curvature import face_moments, facet_number
 from dsfab.statics.elements import edge_frames
 from dsfab.statics.hhj import CONDENSED, moment_loads
 from dsfab.statics.midedge import curvatures
@@ -174,7 +175,7 @@ def test_flat_faces_of_a_curved_sheet_bend_by_themselves_as_their_facet_number_s
     share, number = found[:, 3], np.array([facet_number(sphere(level), H) for level in (3, 4, 5)])
     assert_allclose(number[:-1] / number[1:], 4, rtol=0.05)
     assert_allclose(share / number**2, 1.08, rtol=0.05)
-    assert number[2] < FACETED < number[1]
+    assert number[2] / 4 < FACETS < number[2]  # a finer one is needed, the next will do
     assert_allclose(found[:, 4], 1 + 0.85 * number, rtol=0.05)
     assert found[2, 4] < 1.25
     assert blown(3, MIDEDGE)[3] < 1e-3

@@ -1,7 +1,8 @@
 """How near to the optimum shipped presets are: their compliance over that of the full plate, and what was aimed at.
 
-Each is one solve on the mesh as cut, quadratic membrane and mid-edge bending. Finer meshes, edges of 0.02, 0.014 and
-0.01 m: cantilever 1.799, 1.798, 1.801; cantilever_light 3.203, 3.203, 3.186. Topology optimisation (SIMP, 60 steps, its
+Each is one solve on the mesh as cut, by the elements of `compliance_once`. Targets were set, and finer meshes measured,
+with quadratic + midedge, by which slender cut parts are stiffer by 1 %: edges of 0.02, 0.014 and 0.01 m: cantilever
+1.799, 1.798, 1.801; cantilever_light 3.203, 3.203, 3.186. Topology optimisation (SIMP, 60 steps, its
 level line cut at the same area and solved alike) reaches 1.58 and 2.53 on these two.
 """
 
@@ -22,8 +23,8 @@ def over_full(design) -> float:
     [
         ("cantilever", 0.5, 1.85, 1.80),
         pytest.param("cantilever_light", 0.3, 3.4, 3.20, marks=pytest.mark.slow),
-        pytest.param(SPHERE_GRADED_MODES, 0.5, 2.8, 1.69, marks=pytest.mark.slow, id="sphere_graded_modes"),
-        pytest.param("sphere_graded", 0.5, 1.5, 1.377, marks=pytest.mark.slow),
+        pytest.param(SPHERE_GRADED_MODES, 0.5, 2.8, 1.713, marks=pytest.mark.slow, id="sphere_graded_modes"),
+        pytest.param("sphere_graded", 0.5, 1.5, 1.376, marks=pytest.mark.slow),
     ],
 )
 def test_presets_reach_their_targets(name, share, target, recorded):
@@ -36,9 +37,12 @@ def test_presets_reach_their_targets(name, share, target, recorded):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "target", "recorded"), [(0.5, 1.7, 1.692), (0.3, 3.2, 3.127)])
+@pytest.mark.parametrize(("share", "target", "recorded"), [(0.5, 1.71, 1.707), (0.3, 3.2, 3.127)])
 def test_method_auto_keeps_the_targets_without_phases_by_hand(share, target, recorded):
-    """The phases that were found by hand, and the 120 runs of cantilever_light, with evened widths: 1.68 and 3.20."""
+    """The phases that were found by hand, and the 120 runs of cantilever_light, with evened widths: 1.68 and 3.20.
+
+    By quadratic + midedge, for which the target of 1.7 was set, the first is 1.692.
+    """
     keys = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
     widths = {"pattern.width.rule": "stressed", "pattern.width.solid_fraction": share}
     design = dsfab.run(dsfab.load_preset("cantilever", {**keys, **widths, "pattern.method": "auto"}))

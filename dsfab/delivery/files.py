@@ -12,6 +12,7 @@ from dsfab.delivery.lines import design_lines
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, format_of, suffix_of
+from dsfab.limits import OUTLINE
 from dsfab.pipeline.design import Design
 from dsfab.preset import Export
 from dsfab.slicing import Sheet
@@ -22,9 +23,6 @@ from dsfab.thickening import Solid
 
 if TYPE_CHECKING:
     import build123d
-
-SHARE_OF_THICKNESS = 1 / 40
-"""Tolerance of lines unless export.step_tolerance says otherwise, as a share of the thickness."""
 
 
 def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
@@ -71,7 +69,7 @@ def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, A
         details = Details(measures=_measures(design))
         step = replace(step_options(ask), corners=corners, curved=partial(curved_design, design))
         return design.solid, {"step": step, "details": details}
-    tolerance = ask.step_tolerance or SHARE_OF_THICKNESS * design.preset.statics.thickness
+    tolerance = ask.step_tolerance or OUTLINE * design.preset.statics.thickness
     exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
     details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}

@@ -14,7 +14,8 @@ from dsfab.arrays import Bools, Floats
 from dsfab.errors import ExportError
 from dsfab.export.curves import SHARP, Curve, fitted
 from dsfab.export.part import Part
-from dsfab.export.readback import TOLERANCE, Found, differs
+from dsfab.export.readback import Found, differs
+from dsfab.limits import READ_BACK
 from dsfab.surface.lines import polyline_length
 
 CLOSEST = 1e-3
@@ -107,7 +108,7 @@ def check_length(part: Part, found: float) -> float:
     """The share that `found` is off; raises ExportError unless it is the length of all lines, mm, to the tolerance at
     their bends."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
-    if not abs(found - expected) <= 5 * TOLERANCE * expected:
+    if not abs(found - expected) <= 5 * READ_BACK * expected:
         raise ExportError(
             f"the lines of {part.name!r} read back {found:.6g} mm long instead of {expected:.6g} mm; "
             "write another format"

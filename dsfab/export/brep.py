@@ -11,9 +11,10 @@ from pathlib import Path
 from dsfab.errors import ExportError
 from dsfab.export import ladder, step
 from dsfab.export.part import Part
-from dsfab.export.readback import TOLERANCE, Found, check_measure, differs
+from dsfab.export.readback import Found, check_measure, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.build import made
+from dsfab.limits import READ_BACK
 
 
 def told(part: Part, refused: Sequence[ExportError]) -> str:
@@ -46,6 +47,6 @@ def check(part: Part, path: Path) -> Found:
     if part.step != "smooth":
         return Found(found["faces"], "faces", check_measure(part, found["volume"]))
     smooth = made(part)  # its pieces were measured one by one; the mesh is smaller, since it cuts its curves short
-    if smooth.smooth == smooth.pieces and not abs(found["volume"] - smooth.volume) <= TOLERANCE * smooth.volume:
+    if smooth.smooth == smooth.pieces and not abs(found["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
         raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return Found(found["faces"], "faces", found["volume"] / part.volume - 1)

@@ -20,12 +20,10 @@ from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.simplify import simplified, usual_tolerance
 from dsfab.export.smooth.build import made
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
+from dsfab.limits import OUTLINE
 from dsfab.surface.topology import edge_table, half_edges
 
 ROUTES = ("auto", "planar", "smooth", "faceted", "tessellated")
-
-SHARE_OF_THICKNESS = 1 / 40
-"""Tolerance of planar outlines unless asked otherwise, as a share of the thickness."""
 
 TIGHTER = 1 / 4
 """A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
@@ -116,7 +114,7 @@ def simpler(part: Part, tolerance: float) -> Part:
 def default_tolerance(part: Part) -> float:
     """Millimetres; 0 for a solid that is not flat, which will be told why when it is encoded."""
     try:
-        return SHARE_OF_THICKNESS * outlines_of(part).thickness
+        return OUTLINE * outlines_of(part).thickness
     except ExportError:
         return 0.0
 

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from dsfab.arrays import Floats, Ints, first, lock
 from dsfab.errors import ExportError
 from dsfab.export.smooth.source import Curved
+from dsfab.limits import READ_BACK
 from dsfab.surface.lines import Line
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
@@ -167,7 +168,7 @@ def settled(part: Part, V: Floats, holding: str) -> Part:
     merged = np.empty((int(of.max()) + 1, 3))
     merged[of] = V
     small = replace(part, V=merged, F=F)
-    if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > 1e-3 * part.volume)):
+    if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > READ_BACK * part.volume)):
         close = np.unique([a[lost], b[lost]])
         raise ExportError(
             f"{len(close)} vertices of {part.name!r} are too close together for {holding} "

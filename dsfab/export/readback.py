@@ -9,10 +9,8 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part, area, box, open_edges, volume
+from dsfab.limits import READ_BACK
 from dsfab.surface.lines import polyline_length
-
-TOLERANCE = 1e-3
-"""Largest accepted change of volume, area or, as a share of the size, of the bounding box."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> Found:
         raise differs(part, "vertices", kept, used)
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     moved = float(np.abs(box(V, F) - part.box).max())
-    if not moved <= TOLERANCE * size:
+    if not moved <= READ_BACK * size:
         raise ExportError(
             f"{part.name!r} reads back with its bounding box moved by {moved:.3g} mm; write another format"
         )
@@ -70,7 +68,7 @@ def check_measure(part: Part, found: float) -> float:
     """The share that `found` is off; raises ExportError unless it is the volume (mm3) of a solid or the area (mm2) of a
     sheet, to 0.1 %."""
     what, unit, expected = ("volume", "mm3", part.volume) if part.is_solid else ("area", "mm2", part.area)
-    if not abs(found - expected) <= TOLERANCE * abs(expected):
+    if not abs(found - expected) <= READ_BACK * abs(expected):
         raise ExportError(
             f"{part.name!r} reads back with {what} {found:.6g} {unit} instead of {expected:.6g} {unit}; "
             "write another format"
@@ -84,7 +82,7 @@ def check_lines(part: Part, found: Sequence[Floats]) -> Found:
     if len(found) != len(lines):
         raise differs(part, "lines", len(lines), len(found))
     expected, there = (sum(map(polyline_length, points)) for points in ([line.points for line in lines], found))
-    if not abs(there - expected) <= TOLERANCE * expected:
+    if not abs(there - expected) <= READ_BACK * expected:
         raise ExportError(
             f"the lines of {part.name!r} read back {there:.6g} mm long instead of {expected:.6g} mm; "
             "write another format"

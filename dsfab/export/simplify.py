@@ -15,16 +15,13 @@ from dsfab.export.budget import within
 from dsfab.export.part import Part, open_edges
 from dsfab.export.planar import polyhedron
 from dsfab.export.step_text import faceted_bytes
+from dsfab.limits import CHANGED_VOLUME, OFF_SURFACE
 from dsfab.thickening.coarsen import coarsened
 from dsfab.thickening.intersect import intersecting_pairs
 
 TRIES = 6
 STRIDE = 1.6
 """manifold3d's tolerance is changed by this factor from try to try."""
-VOLUME = 5e-3
-"""Largest accepted change of the volume."""
-SHARE = 1 / 20
-"""Tolerance unless asked otherwise, as a share of the thickness: twice the volume over the area."""
 HOPELESS = 1.2
 """Times the faces that a part may have: with so many left beyond the tolerance, no try within it is made."""
 WORTH = 0.9
@@ -33,7 +30,7 @@ WORTH = 0.9
 
 def usual_tolerance(part: Part) -> float:
     """Millimetres that a solid may be simplified by when nothing else is said."""
-    return SHARE * 2 * part.volume / part.area
+    return OFF_SURFACE * 2 * part.volume / part.area
 
 
 def simplified(part: Part, tolerance: float) -> Part:
@@ -83,7 +80,7 @@ def _tried(part: Part, step: float) -> tuple[Part, float]:
 
 def _sound(part: Part, simple: Part, crossing: int) -> bool:
     """Whether it is closed, as large as before to 0.5 %, and has no more pairs of triangles that cross."""
-    same = abs(simple.volume / part.volume - 1) <= VOLUME and not open_edges(simple.F)
+    same = abs(simple.volume / part.volume - 1) <= CHANGED_VOLUME and not open_edges(simple.F)
     return same and len(intersecting_pairs(simple.V, simple.F)) <= crossing
 
 

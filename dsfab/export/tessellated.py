@@ -11,11 +11,12 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import TOLERANCE, Found, differs
+from dsfab.export.readback import Found, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name, product
 from dsfab.export.step_text import FACETED_DIGITS, FIRST, header
 from dsfab.export.text import listed_rows
+from dsfab.limits import READ_BACK
 
 WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and gmsh do not"
 
@@ -76,6 +77,6 @@ def check(part: Part, found: dict[str, float]) -> Found:
     """What was found; raises ExportError unless OCCT found the part's triangles and, to 0.1 %, its volume."""
     if found["triangles"] != len(part.F):
         raise differs(part, "triangles", len(part.F), int(found["triangles"]))
-    if not abs(found["volume"] - part.volume) <= TOLERANCE * part.volume:
+    if not abs(found["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"the triangles of {part.name!r} read back with another volume; write step = 'faceted'")
     return Found(int(found["triangles"]), "triangles", found["volume"] / part.volume - 1)

@@ -6,14 +6,13 @@ from typing import Self
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.limits import SLIT
 from dsfab.pattern.corners import CornerPhase
 from dsfab.pattern.layers import Layer
 from dsfab.pattern.stripes import Stripes
 from dsfab.pattern.width import SOLID, Widths
 from dsfab.surface.corner_field import CornerField
 
-OPEN = 0.25
-"""Half-width, in periods, at which an opening is as wide as the members beside it: a narrower one is a slit."""
 CLOSER = 1.25
 """Where members leave no such openings anyway, the half-width is at most so many times the median one."""
 CLOSING = (1.45, 1.55)
@@ -56,7 +55,7 @@ class EvenFamily:
         if widths.rule == "plain":
             return widths.half_widths(plain, self.density, self.stress, factor)
         d = replace(widths, min_gap=0.0).half_widths(plain, self.density, self.stress, factor)
-        most = max(OPEN, CLOSER * float(np.median(d)))
+        most = max(SLIT, CLOSER * float(np.median(d)))
         d = np.interp(d, np.array([0, 1, *(FOLLOWING if widths.follow else CLOSING)]) * most, [0, most, most, SOLID])
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 

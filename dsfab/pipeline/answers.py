@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from scipy.sparse import csr_array
 
+from dsfab.limits import FACETS
 from dsfab.pipeline.loadings import Loading
 from dsfab.pipeline.log import Log
 from dsfab.preset import Statics
 from dsfab.statics import (
-    FACETED,
     Answers,
     Elements,
     Equilibrium,
@@ -73,11 +73,11 @@ def _note(told: Sequence[tuple[str, Answers]], sheet: Statics, surface: Surface,
             f"stress, energy, frequencies and buckling are those of {elements} elements on the same mesh: {why}",
         )
     facets = facet_number(surface, sheet.thickness)
-    if sheet.ask and elements.bending == "hhj" and facets > FACETED:
+    if sheet.ask and elements.bending == "hhj" and facets > FACETS:
         log.note(
             "statics",
             f"flat faces bend by themselves under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
-            f"under {FACETED}): the largest stress is too high by up to that share; make the mesh finer (surface.edge, "
+            f"under {FACETS}): the largest stress is too high by up to that share; make the mesh finer (surface.edge, "
             "or surface.refine with smooth)",
         )
     for name, answers in told:

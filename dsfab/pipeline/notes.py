@@ -2,13 +2,11 @@
 
 from collections.abc import Mapping
 
+from dsfab.limits import PRECISE
 from dsfab.pipeline.log import Log
 from dsfab.results import CaseResult
 from dsfab.statics import needles_told
 from dsfab.surface import Surface
-
-PRECISE = 1e-8
-"""The user is told of a relative residual above this; far above it the answer is refused."""
 
 FAR = 0.1
 """The user is told when the sheet would move by more than this share of its size."""

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from dsfab.limits import SEVERITY
 from dsfab.report.compliance.document import Block, Document, Paragraph, Section, Table, escaped
 from dsfab.report.compliance.findings import LABELS
 from dsfab.report.compliance.words import digits_of, listed, share_of, within
 from dsfab.report.design.facts import versions
 from dsfab.wording import mass
-
-VERDICTS = ("pass", "unknown", "fail")
 
 
 def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
@@ -33,7 +32,7 @@ def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], fold
 
 def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
     """'3 designs pass, 1 is unknown and 1 was refused.'"""
-    told = [f"{count} {verdict}" for verdict in VERDICTS if (count := sum(row["verdict"] == verdict for row in rows))]
+    told = [f"{count} {verdict}" for verdict in SEVERITY if (count := sum(row["verdict"] == verdict for row in rows))]
     if refused := sum(bool(row["error"]) for row in rows):
         told.append(f"{refused} refused")
     return f"Of {len(rows)} designs: {listed(told)}."

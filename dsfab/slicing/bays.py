@@ -7,13 +7,11 @@ import igl
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.limits import SLIT
 from dsfab.slicing.drawn import ON
 from dsfab.slicing.middles import Middles
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import connected
-
-HALF = 0.25
-"""Half-width, in periods, at which the opening between two members is as wide as they are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +46,7 @@ class Bays:
         drawn = self.middles.drawn
         corner = drawn.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", drawn.d[corner, self.middles.k], self.at)
-        return np.asarray((d > HALF + ON) & (d < 0.5 - ON))
+        return np.asarray((d > SLIT + ON) & (d < 0.5 - ON))
 
     def on(self, sheet: Surface) -> "Bays":
         """The same, with openings that are narrow only where a built sheet has the member, and the opening beside it:

@@ -8,7 +8,7 @@ from dsfab.statics.balance import Resultant, resultant, support_reactions
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.blocks import added
 from dsfab.statics.corners import membrane_strains, membrane_stresses
-from dsfab.statics.curvature import FACETED, facet_number
+from dsfab.statics.curvature import facet_number
 from dsfab.statics.elements import PAPER, Bending, Elements, Membrane
 from dsfab.statics.faces import FaceStiffness
 from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
@@ -26,7 +26,6 @@ from dsfab.statics.uses import REPORTED, USES, Aid, Quantity, Use, elements_of, 
 from dsfab.surface.loads import LoadCase
 
 __all__ = [
-    "FACETED",
     "LAYERS",
     "PAPER",
     "REPORTED",

@@ -16,9 +16,6 @@ from dsfab.statics.solve import Equilibrium
 from dsfab.surface.hats import hat_gradients, tangents
 from dsfab.surface.mesh import Surface
 
-FACETED = 0.25
-"""Above this `facet_number` the largest stress of a curved sheet under pressure or weight is 20 % too high (`hhj`)."""
-
 
 def facet_number(surface: Surface, thickness: float) -> float:
     """L^2 / (R h) of a typical face: length of an edge times the angle of its fold over the thickness, the median.

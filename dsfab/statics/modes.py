@@ -44,7 +44,7 @@ NOTHING = 1e-10
 RESTARTS = 500
 """Lanczos gives up after so many restarts; sheets that are clearly compressed take a few."""
 
-RESIDUAL = 1e-6
+ACCURATE = 1e-6
 """Largest accepted relative residual of a mode, in the norm of the stiffness."""
 
 
@@ -226,7 +226,7 @@ def _largest(
     off = inner @ x - mu * (factor.inner @ x)
     residual = np.sqrt(np.einsum("nk,nk->k", off, np.stack([factor.solve(c) for c in off.T], axis=1)).clip(0))
     good = mu > NOTHING * np.abs(mu).max()
-    if not (residual[good] <= RESIDUAL * mu[good]).all():
+    if not (residual[good] <= ACCURATE * mu[good]).all():
         raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
     order = np.argsort(-mu[good])
     full = np.zeros((good.sum(), K.shape[0]))

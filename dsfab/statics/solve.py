@@ -10,6 +10,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, lock, locked
 from dsfab.errors import StaticsError
+from dsfab.limits import BALANCE, RESIDUAL
 from dsfab.statics.elements import PAPER, Elements, edge_frames
 from dsfab.statics.factor import FactorOf, factored, refined
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
@@ -18,14 +19,6 @@ from dsfab.statics.spread import SpreadLoad
 from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
-
-BALANCE = 1e-5
-"""Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes. Rounding alone makes 1e-6
-of it where a sheet is long, thin and finely meshed: a beam of 30 widths with 8 `hhj` cells across."""
-
-RESIDUAL = 1e-8 if np.finfo(np.longdouble).eps < 1e-17 else 1e-6
-"""Largest accepted relative residual of the linear system, in the norm of its energy. The same beam has 1e-6 after a
-solution in double precision and 1e-10 once refined with longer numbers (see `refined`), where the machine has them."""
 
 IN_PLANE = 1e-12
 """A load with a smaller share across the plane of a flat sheet counts as lying in the plane."""

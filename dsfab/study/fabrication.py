@@ -2,18 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.limits import Status
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
 from dsfab.surface.topology import pieces
 from dsfab.thickening.wall import Wall, thinnest_wall
-
-Verdict = Literal["pass", "fail", "unknown"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +26,7 @@ class Check:
     value: tuple[float, ...]
     place: tuple[float, ...]
     what: str
-    verdict: Verdict
+    verdict: Status
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,7 @@ def fabrication(design: Design) -> Fabrication:
 def _checked(name: str, limit: float, found: Feature | None) -> Check:
     if found is None:
         return Check(name, (limit,), (), (), "", "pass")
-    verdict: Verdict = "fail" if found.size < limit else "pass"
+    verdict: Status = "fail" if found.size < limit else "pass"
     if verdict == "pass" and found.size < found.mesh:
         verdict = "unknown"
     return Check(name, (limit,), (found.size,), tuple(found.place.tolist()), found.what, verdict)

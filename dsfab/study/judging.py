@@ -8,6 +8,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import StaticsError
+from dsfab.limits import Status
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.statics import (
     LAYERS,
@@ -23,8 +24,7 @@ from dsfab.statics import (
 )
 from dsfab.statics.supports import all_clamped
 from dsfab.study.baselines import Brief, Structure
-from dsfab.study.verdict import Verdict as Check
-from dsfab.study.verdict import rules
+from dsfab.study.verdict import Verdict, rules
 from dsfab.surface import LoadCase, Surface
 
 QUANTILE = 0.999
@@ -33,8 +33,6 @@ QUANTILE = 0.999
 UNCUT = 0.5
 """Bound of the quick level for whole sheets, whose meshes are coarse beside those of cut ones: half as much again as
 the 32 % that the dome's thinner sheet is off by. No table of random designs stands behind it."""
-
-Verdict = Literal["pass", "fail", "unknown"]
 
 
 @dataclass(frozen=True)
@@ -87,9 +85,9 @@ class Judgement:
     compliance: float
     cases: Mapping[str, Carried]
     bound: float | None = None
-    verdict: Verdict = "unknown"
+    verdict: Status = "unknown"
     reason: str = ""
-    check: Check | None = None
+    check: Verdict | None = None
 
     @property
     def level(self) -> Literal["quick", "full"]:

@@ -22,13 +22,11 @@ from dsfab.export.smooth.occt_check import Finding
 from dsfab.export.smooth.outline import Sheet
 from dsfab.export.smooth.solid import Piece
 from dsfab.export.smooth.touching import crossings
+from dsfab.limits import CHANGED_VOLUME
 from dsfab.surface.neighbours import corners_of
 
 GAP = 1 / 20
 """Widest gap between a skin and the edges on it, as a share of the thickness."""
-
-VOLUME = 5e-3
-"""Largest change of a volume, beside what the smooth surface has more than the triangles between its points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +132,7 @@ class Gate:
             (gap <= GAP * limits.thickness, f"a gap of {gap:.3g} mm is wider than {GAP * limits.thickness:.3g} mm"),
             (near, f"it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
             (
-                abs(found.volume - wanted) <= (VOLUME + self.rounder[k]) * wanted,
+                abs(found.volume - wanted) <= (CHANGED_VOLUME + self.rounder[k]) * wanted,
                 f"its volume is off by {found.volume / wanted - 1:.1%}",
             ),
         )

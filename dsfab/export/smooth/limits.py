@@ -10,11 +10,9 @@ from dsfab.arrays import Floats, Ints
 from dsfab.export.part import Part
 from dsfab.export.smooth.dense import chord_errors, dense, excess
 from dsfab.export.smooth.source import Curved
+from dsfab.limits import OFF_SURFACE
 from dsfab.surface.mesh import Surface
 from dsfab.units import MM_PER_M
-
-DISTANCE = 1 / 20
-"""Largest distance from the mesh unless asked otherwise, as a share of the thickness, beside its chord error."""
 
 MOST_CHORD = 1 / 4
 """No more of the mesh's own chord error counts, as a share of the thickness: at creases it is no such thing."""
@@ -67,4 +65,4 @@ def limits_of(part: Part, surface: Surface, curved: Curved) -> Limits:
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)
     V = np.concatenate([mesh.middle + mesh.across, mesh.middle - mesh.across])
     F = np.concatenate([surface.F, surface.F + surface.n])
-    return Limits(t, part.tolerance or DISTANCE * t, V, F, np.tile(chord, 2), np.tile(excess(mesh, curved), 2))
+    return Limits(t, part.tolerance or OFF_SURFACE * t, V, F, np.tile(chord, 2), np.tile(excess(mesh, curved), 2))

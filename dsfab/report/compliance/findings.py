@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
+from dsfab.limits import BALANCE, CONVERGED, FACETS, RESIDUAL, Mark, Status, worst
 from dsfab.report.compliance.words import length, percent, quantity, share_of, times, within
 from dsfab.statics import flat_axis
 from dsfab.study import Comparison
@@ -14,12 +14,6 @@ from dsfab.study.competitors import Competitor
 from dsfab.study.judging import Answered, Carried, Judgement, answered
 from dsfab.study.verdict import rules
 from dsfab.wording import mass
-
-Status = Literal["pass", "fail", "unknown", "note"]
-"""As for verdicts; a note does not count."""
-
-RESIDUAL, IMBALANCE = 1e-8, 1e-6
-"""What equations and forces may be off by."""
 
 KNOCKED_DOWN = 5.0
 """Real shells buckle at a fifth to a half of the linear load factor: a factor above this needs no second look."""
@@ -42,7 +36,7 @@ class Checked:
     """One line of the list of checks."""
 
     name: str
-    status: Status
+    status: Mark
     found: str
     limit: str
 
@@ -131,8 +125,7 @@ class Findings:
     @property
     def status(self) -> Status:
         """Of the whole: the worst of what is asked of the structure itself."""
-        found = [one.status for one in self.checks]
-        return "fail" if "fail" in found else "unknown" if "unknown" in found else "pass"
+        return worst(one.status for one in self.checks if one.status != "note")
 
     @cached_property
     def checks(self) -> list[Checked]:
@@ -160,7 +153,7 @@ class Findings:
         told = within(self.judged.compliance, self.judged.bound, "J")
         known = check is not None and check.status == "pass"
         why = "" if known else f"; {self.judged.reason}"
-        return Checked("Compliance is known", "pass" if known else "unknown", told + why, percent(rules.CONVERGED))
+        return Checked("Compliance is known", "pass" if known else "unknown", told + why, percent(CONVERGED))
 
     def _balanced(self) -> Checked:
         cases = self.judged.cases.values()
@@ -169,9 +162,9 @@ class Findings:
             residual = max(residual, *(level.residual for level in self.judged.check.levels))
         return Checked(
             "Reactions balance the loads",
-            "pass" if off < IMBALANCE and residual < RESIDUAL else "fail",
+            "pass" if off <= BALANCE and residual <= RESIDUAL else "fail",
             f"off by {off:.0e} of the load; residual of the equations {residual:.0e}",
-            f"{IMBALANCE:.0e}; {RESIDUAL:.0e}",
+            f"{BALANCE:.0e}; {RESIDUAL:.0e}",
         )
 
     def _member(self) -> Checked | None:
@@ -189,9 +182,9 @@ class Findings:
             return None
         return Checked(
             "Flat faces for the curved surface",
-            "pass" if check.facets <= rules.FACETS else "note",
+            "pass" if check.facets <= FACETS else "note",
             f"L<sup>2</sup> / (R h) = {check.facets:.2g}",
-            f"{rules.FACETS:g} or less",
+            f"{FACETS:g} or less",
         )
 
     def _strong(self) -> Checked | None:

@@ -4,6 +4,7 @@ import base64
 from collections.abc import Sequence
 from html import escape
 
+from dsfab.limits import MARKS
 from dsfab.report.compliance.document import (
     Across,
     Banner,
@@ -85,7 +86,7 @@ def _table(table: Table) -> str:
 
 
 def _kind(cell: str, left: bool) -> str:
-    names = [name for name, true in (("left", left), (cell, cell in ("pass", "fail", "unknown", "note"))) if true]
+    names = [name for name, true in (("left", left), (cell, cell in MARKS)) if true]
     return f' class="{" ".join(names)}"' if names else ""
 
 

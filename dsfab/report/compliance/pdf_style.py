@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
+from dsfab.limits import MARKS
 from dsfab.report.compliance.document import Colour
 
 MM = 72 / 25.4
@@ -22,9 +23,6 @@ COLOURS: Mapping[str, Colour] = {
     "note": (93, 101, 112),
 }
 """Those of the page on a screen."""
-
-
-VERDICTS = ("pass", "fail", "unknown", "note")
 
 
 def colour(rgb: Colour) -> Any:
@@ -65,7 +63,7 @@ class Styles:
 
     def cell(self, markup: str, kind: str, left: bool) -> Any:
         """Of a table; verdicts are coloured."""
-        if markup in VERDICTS:
+        if markup in MARKS:
             markup = f'<font color="{hexed(COLOURS[markup])}"><b>{markup}</b></font>'
         if not left and kind != "head" and "<" not in markup:
             markup = markup.replace(" ", "\u00a0")  # a number stays beside its unit

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from dsfab.limits import CONVERGED
 from dsfab.report.compliance import tables
 from dsfab.report.compliance.document import Across, Block, Bullets, Code, Figure, Numbers, Paragraph, Section, escaped
 from dsfab.report.compliance.findings import LABELS, Findings
@@ -80,7 +81,7 @@ def convergence(found: Findings, number: Numbers) -> Section:
         Paragraph(
             "Compliance is the work of the loads: the smaller, the stiffer. The structure was solved on the mesh as it "
             "is cut and on finer ones, by two pairs of finite elements that mostly err to opposite sides; the value is "
-            f"extrapolated and counts as known when its bound is {percent(rules.CONVERGED)} or less."
+            f"extrapolated and counts as known when its bound is {percent(CONVERGED)} or less."
         ),
         levels,
         *([Paragraph(PLANE, "quiet")] if found.plane else []),

@@ -6,9 +6,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from dsfab.errors import DsfabError
+from dsfab.limits import OFF_SURFACE, Status
 from dsfab.pipeline.design import Design
 from dsfab.study.file_check.compliance import Carrying, carrying
 from dsfab.study.file_check.distance import Distance, distance
@@ -33,14 +33,10 @@ __all__ = [
     "soundness",
 ]
 
-Verdict = Literal["pass", "fail", "unknown"]
 Progress = Callable[[str, str], None]
 
 TOO_THIN, TOO_THICK = 1e-4, 10.0
 """Metres. No workshop makes thinner walls; no building has thicker ones: the file's numbers are in another unit."""
-
-OFF = 0.05
-"""Largest accepted distance from the design's solid, as a share of the thickness: a STEP file may have curves."""
 
 AGREES, DIFFERS = 0.05, 0.15
 """Solid and shell agree to the first; beyond the second something is wrong; between them nobody knows."""
@@ -54,7 +50,7 @@ class Finding:
     """
 
     name: str
-    verdict: Verdict
+    verdict: Status
     reason: str = ""
 
 
@@ -120,7 +116,7 @@ def check_file(
     if design is not None and apart is not None:
         findings += _limits(near, design)
         t = design.preset.statics.thickness
-        findings.append(Finding("design", "pass" if apart.largest <= OFF * t else "fail"))
+        findings.append(Finding("design", "pass" if apart.largest <= OFF_SURFACE * t else "fail"))
         carries, why = _carrying(found, design, solid, all(f.verdict == "pass" for f in findings[:2]), tell)
         findings.append(_compliance(carries, why))
     density = density or (design.preset.statics.density if design else 0.0)

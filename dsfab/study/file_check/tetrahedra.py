@@ -13,6 +13,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.errors import StaticsError
 from dsfab.export.program import ProgramError, run_program
+from dsfab.limits import CHANGED_VOLUME
 from dsfab.study.file_check import gmsh_program
 from dsfab.study.file_check.reading import Found
 from dsfab.surface import Surface
@@ -24,8 +25,9 @@ NEEDED = ("gmsh", "skfem")
 SECONDS = 300.0
 """How long meshing may take."""
 
-SAME_VOLUME, SAME_STEP = 1e-6, 5e-3
-"""The tetrahedra fill the solid to this share of its volume, or are not of it; on curved faces they have chords."""
+SAME_VOLUME = 1e-6
+"""The tetrahedra fill the solid to this share of its volume, or are not of it; on curved faces they have chords, which
+count as everywhere (`CHANGED_VOLUME`)."""
 
 STEP = (".step", ".stp")
 """Suffixes of files that gmsh reads itself."""
@@ -62,7 +64,7 @@ def tetrahedra(found: Found, edge: float) -> Tetrahedra:
     volume = Surface(found.V, found.F).volume
     if found.path.suffix.lower() in STEP:
         X, T = _filled({"step": str(found.path.resolve()), "edge": edge})
-        return _sound(X, T, volume, SAME_STEP)
+        return _sound(X, T, volume, CHANGED_VOLUME)
     fine = refined(Surface(found.V, found.F), edge)
     middle = found.V.mean(axis=0)
     X, T = _filled({"V": (fine.V - middle) / found.size, "F": fine.F, "edge": edge / found.size})

@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.diffusion import found_symmetry
 from dsfab.errors import StaticsError
+from dsfab.limits import CONVERGED
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.directions import load_axes
 from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
@@ -220,7 +221,9 @@ ABOUT: Mapping[str, About] = {
         "", "more", "slicing", f"lowest factor of linear buckling {_CUT}; shells buckle at a fifth to a half of it"
     ),
     "verdict": About("J", "less", "slicing", "compliance by the full verdict, refined and extrapolated: ten solves"),
-    "verdict_bound": About("", "less", "slicing", "share that `verdict` may be off; over .02 it has not converged"),
+    "verdict_bound": About(
+        "", "less", "slicing", f"share that `verdict` may be off; over {CONVERGED:g} it has not converged"
+    ),
     "ersatz": About(
         "J", "less", "slicing", "a hint: the uncut mesh with thinned faces, blind to gaps under four elements wide"
     ),

@@ -9,7 +9,7 @@ check ─► attached          pieces and loads (setting.py)
 from dsfab.study.verdict.check import BUDGET, check
 from dsfab.study.verdict.levels import Level
 from dsfab.study.verdict.loaded_surface import Dropped, Setting, Sheeting, whole_sheet
-from dsfab.study.verdict.verdict import CaseVerdict, Depth, Status, Verdict
+from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
 
 __all__ = [
     "BUDGET",
@@ -19,7 +19,6 @@ __all__ = [
     "Level",
     "Setting",
     "Sheeting",
-    "Status",
     "Verdict",
     "check",
     "whole_sheet",

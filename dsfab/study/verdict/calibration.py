@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dsfab.limits import CONVERGED
 from dsfab.study.verdict import rules
 
 TABLE = files("dsfab.study.verdict") / "calibration.csv"
@@ -47,7 +48,7 @@ class Row:
     @property
     def levels(self) -> int:
         """How many meshes its verdict takes: two, or three where two are not enough."""
-        return 2 if self._after(2).bound <= rules.CONVERGED else 3
+        return 2 if self._after(2).bound <= CONVERGED else 3
 
     @property
     def estimate(self) -> rules.Estimate:
@@ -111,7 +112,7 @@ def summary(rows: Sequence[Row]) -> Summary:
         float(np.mean([row.inside for row in rows])),
         float(np.median(bounds)),
         max(abs(row.error) for row in rows),
-        sum(bound <= rules.CONVERGED for bound in bounds),
+        sum(bound <= CONVERGED for bound in bounds),
         float(np.median(quick)),
         float(np.quantile(quick, 0.9)),
     )

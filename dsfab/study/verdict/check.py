@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.errors import DsfabError
+from dsfab.limits import FACETS, SEVERITY
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress
 from dsfab.slicing import Sheet
@@ -13,7 +14,7 @@ from dsfab.study.verdict import rules
 from dsfab.study.verdict.loaded_surface import Dropped, Setting, attached
 from dsfab.study.verdict.refinement import Climb
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.verdict import SEVERITY, CaseVerdict, Depth, Verdict
+from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
 from dsfab.surface import Surface
 
 BUDGET = 4e9
@@ -107,9 +108,9 @@ def _warnings(across: float, facets: float) -> list[str]:
             f"members are {across:.2g} edges of the uncut mesh wide in the mean (better {rules.MEMBER:g} or more): "
             "their outline is coarse; make the mesh finer (surface.edge), or the stripes fewer"
         )
-    if facets > rules.FACETS:
+    if facets > FACETS:
         told.append(
             f"flat faces are {facets:.2g} thicknesses off the smooth surface, as L^2 / (R h) (better under "
-            f"{rules.FACETS:g}): what lies between the vertices is a guess; make the mesh finer (surface.edge)"
+            f"{FACETS:g}): what lies between the vertices is a guess; make the mesh finer (surface.edge)"
         )
     return told

@@ -6,6 +6,7 @@ from itertools import islice
 
 from dsfab.arrays import Floats
 from dsfab.errors import DsfabError
+from dsfab.limits import CONVERGED, Status
 from dsfab.pipeline.log import Progress
 from dsfab.slicing import Sheet
 from dsfab.sparse import NotPositiveDefinite
@@ -15,7 +16,7 @@ from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level, memory_needed
 from dsfab.study.verdict.loaded_surface import Setting
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.verdict import CaseVerdict, Depth, Status
+from dsfab.study.verdict.verdict import CaseVerdict, Depth
 from dsfab.surface import LoadCase, Surface
 
 LEVELS = 3
@@ -98,7 +99,7 @@ class Climb:
         first = self.levels[0]
         spread = first.midedge[name] / first.compliance[name] - 1 if first.midedge else 0.0
         found = rules.estimate(values, spread, sum(errors))
-        known = len(values) > 1 and found.bound <= rules.CONVERGED
+        known = len(values) > 1 and found.bound <= CONVERGED
         if len(values) == 1:
             told = f"{percent(found.bound)} by the recovery error of one mesh, which alone shows no convergence"
         elif known:

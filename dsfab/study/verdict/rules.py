@@ -6,9 +6,6 @@ The numbers were fitted on the random designs of `dsfab.study.verdict.calibratio
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-CONVERGED = 0.02
-"""A compliance counts as known within this bound."""
-
 STEP = 2.0
 """Each refinement takes the error to 1 / (1 + STEP) of what it was: the value is c1 + (c1 - c0) / STEP."""
 
@@ -33,9 +30,6 @@ QUICK = (0.02, 0.05)
 
 MEMBER = 4.0
 """Fewer edges of the uncut mesh across a member are told."""
-
-FACETS = 0.2
-"""Larger L^2 / (R h) of the uncut mesh is told: flat facets are off by 1 % there."""
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from dsfab.limits import Status
 from dsfab.study.verdict.levels import Level
 from dsfab.study.verdict.loaded_surface import Dropped
 
-Status = Literal["pass", "fail", "unknown"]
-"""pass: it carries its loads, and the compliance is known within 2 %. fail: it does not carry them. unknown: the
-compliance is not known well enough."""
-
 Depth = Literal["quick", "full"]
-
-SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 
 
 @dataclass(frozen=True)
@@ -23,6 +18,8 @@ class CaseVerdict:
 
     value  : compliance, J; nan where it could not be found.
     bound  : half width of the interval that the true compliance lies in, over the value; inf where nothing is known.
+    status : pass: it carries its loads, and the compliance is known to `CONVERGED`. fail: it does not carry them.
+             unknown: the compliance is not known well enough.
     spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, less 1.
     zz_membrane, zz_bending : on the finest mesh, see `Level`.
     """

@@ -1,0 +1,59 @@
+"""What is accepted: each limit that more than one part of dsfab applies, once; and what is said of keeping one.
+
+A stage that refuses beyond a limit and a report that says whether it was kept take it from here.
+"""
+
+from collections.abc import Iterable
+from typing import Literal
+
+import numpy as np
+
+Status = Literal["pass", "fail", "unknown"]
+"""Whether a limit is kept; unknown: nobody has found out well enough."""
+
+Mark = Status | Literal["note"]
+"""The same on a list of checks; a note does not count."""
+
+SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
+
+MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
+
+BALANCE = 1e-5
+"""Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes. Rounding alone makes 1e-6
+of it where a sheet is long, thin and finely meshed: a beam of 30 widths with 8 `hhj` cells across."""
+
+PRECISE = 1e-8
+"""Relative residual of the linear system, in the norm of its energy, that is told when it is exceeded."""
+
+RESIDUAL = PRECISE if np.finfo(np.longdouble).eps < 1e-17 else 1e-6
+"""Largest accepted residual. The same beam has 1e-6 after a solution in double precision and 1e-10 once refined with
+longer numbers (see `dsfab.statics.factor.refined`), where the machine has them."""
+
+CONVERGED = 0.02
+"""A compliance counts as known within this bound, relative."""
+
+FACETS = 0.2
+"""Larger L^2 / (R h) of a mesh (edge length, radius of curvature, thickness) is told: flat facets of a curved sheet are
+off by 1 % in compliance there, and under pressure or weight by up to this share in the largest stress."""
+
+SLIT = 0.25
+"""Half-width, in periods, at which the opening between two members is as wide as they are: a narrower one is a slit."""
+
+OUTLINE = 1 / 40
+"""Tolerance of lines and planar outlines unless asked otherwise, as a share of the thickness."""
+
+OFF_SURFACE = 1 / 20
+"""Largest distance of a file's solid from the design's unless asked otherwise, as a share of the thickness: what smooth
+and simplified solids are made within, and what the check of a file that may have curves accepts."""
+
+CHANGED_VOLUME = 5e-3
+"""Largest accepted change of a volume, relative, where curves or fewer triangles take the place of triangles."""
+
+READ_BACK = 1e-3
+"""Largest accepted change of a volume, an area, a length or, as a share of the size, of the bounding box by writing a
+file and reading it back."""
+
+
+def worst(found: Iterable[Status]) -> Status:
+    """The one that counts of several; pass of none."""
+    return max(found, key=SEVERITY.index, default="pass")

@@ -1,0 +1,52 @@
+"""Each limit that two parts apply stands once: what a stage accepts, its report passes."""
+
+import ast
+from types import SimpleNamespace
+
+import pytest
+
+from dsfab import limits
+from dsfab.errors import StaticsError
+from dsfab.limits import BALANCE, RESIDUAL, worst
+from dsfab.report.compliance.findings import Findings
+from dsfab.statics.solve import _require_solved
+from tests.test_architecture import modules
+from tests.zoo import grid
+
+
+def accepted(imbalance: float, residual: float) -> bool:
+    try:
+        _require_solved(grid(2, 2, 1.0, 1.0), imbalance, residual)
+    except StaticsError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("off", [0.5, 1.0, 1.5])
+@pytest.mark.parametrize(("imbalance", "residual"), [(BALANCE, 0.0), (0.0, RESIDUAL), (BALANCE, RESIDUAL)])
+def test_the_report_passes_what_the_solver_accepts(imbalance, residual, off):
+    case = SimpleNamespace(imbalance=off * imbalance, residual=off * residual)
+    found = SimpleNamespace(judged=SimpleNamespace(cases={"load": case}, check=None))
+    assert (Findings._balanced(found).status == "pass") == accepted(case.imbalance, case.residual) == (off <= 1)
+
+
+def test_the_worst_of_several_counts():
+    assert worst(["pass", "unknown", "fail"]) == "fail"
+    assert worst(["pass", "unknown"]) == "unknown"
+    assert worst([]) == "pass"
+
+
+def named(tree: ast.Module) -> set[str]:
+    """Constants that a module sets at its top."""
+    targets = (target for node in tree.body if isinstance(node, ast.Assign) for target in node.targets)
+    return {target.id for target in targets if isinstance(target, ast.Name)}
+
+
+def test_no_other_module_has_a_limit_or_a_status_of_its_own():
+    own = {name for name, value in vars(limits).items() if name.isupper() and isinstance(value, float)}
+    for _, file, tree in modules():
+        if file == "limits.py":
+            continue
+        assert not named(tree) & own, file
+        literals = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
+        assert not any(text.startswith("Literal['pass', 'fail'") for text in literals), file
