@@ -24,6 +24,7 @@ from dsfab.app.editor import server as doors
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.figures import figures
 from dsfab.app.editor.jobs import Jobs
+from dsfab.app.editor.page import static_files
 from dsfab.app.editor.payload import colours, creased, model, packed, widths
 from dsfab.app.editor.pickling import carried
 from dsfab.app.editor.server import EditorServer
@@ -31,6 +32,9 @@ from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import Opened, opened, opened_mesh, opened_shipped
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
+from dsfab.limits import SLIT
+from dsfab.pattern.even_family import CLOSER, CLOSING, FOLLOWING
+from dsfab.pattern.width import SOLID
 from dsfab.pipeline import draft, run
 from dsfab.preset_file import load_preset, parse_override, preset_from
 from dsfab.surface import Surface
@@ -591,3 +595,18 @@ def test_news_of_jobs_arrive(server):
     facts, arrays = unpacked(ask(server, "GET", "/api/model?have=0")[2])
     assert facts["triangles"] == len(arrays["F"])
     connection.close()
+
+
+def test_the_page_has_no_width_rules_of_its_own(dome):
+    facts, _ = unpacked(packed(*model(dome)))
+    assert facts["widthRules"] == {
+        "solid": SOLID,
+        "open": SLIT,
+        "closer": CLOSER,
+        "closing": list(CLOSING),
+        "following": list(FOLLOWING),
+    }
+    script = static_files()["pattern.js"].decode()
+    numbers = {"0.25", "1.25", *(str(x) for x in (*CLOSING, *FOLLOWING))}
+    assert not numbers & set(re.findall(r"[\d.]+", script))
+    assert all(f"rule.{name}" in script for name in facts["widthRules"])

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
 
 from dsfab.errors import SurfaceError
-from dsfab.surface import Surface
+from dsfab.surface import Surface, nearest, signed_volume, signed_volumes, total_area
 from dsfab.surface.shapes import dome, plate, sphere, torus
 from dsfab.surface.topology import (
     boundary_loops,
@@ -176,3 +177,30 @@ def test_each_fault_is_told_with_its_count_and_place(F, n, says):
 def test_duplicates_are_found_in_either_orientation():
     F = np.array([[0, 1, 2], [1, 2, 3], [2, 1, 0], [2, 3, 1]])
     assert_array_equal(duplicate_faces(F), [2, 3])
+
+
+def test_volumes_of_shells_are_signed_and_add_up_far_from_the_origin():
+    """A box of 1 x 2 x 3, one of half the size inside as a void, and a vertex far out that no face uses."""
+    whole = trimesh.creation.box((1.0, 2.0, 3.0))
+    outer = Surface(np.array(whole.vertices), np.array(whole.faces))
+    V = np.concatenate([outer.V, 0.5 * outer.V, [[1e9, 0.0, 0.0]]])
+    F = np.concatenate([outer.F, outer.F[:, ::-1] + outer.n])
+    shell = np.repeat([0, 1], outer.m)
+    assert_allclose(signed_volumes(V, F, shell, 2), [6, -0.75], rtol=1e-12)
+    assert signed_volume(V, F) == pytest.approx(5.25, rel=1e-12)
+    assert total_area(V, F) == pytest.approx(22 * 1.25, rel=1e-12)
+    assert signed_volume(V[:-1] + 1e6, F) == pytest.approx(5.25, rel=1e-8)
+    assert signed_volume(V, F[:, ::-1]) == pytest.approx(-5.25, rel=1e-12)
+    assert signed_volume(V, F[:0]) == total_area(V, F[:0]) == 0
+
+
+def test_nearest_places_on_triangles_edges_and_vertices():
+    V, F = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.array([[0, 1, 2]])
+    points = np.array([[0.2, 0.2, 3.0], [2.0, 0.0, 0.0]])
+    found = nearest(points, V, F)
+    assert_allclose(found.distance, [3, 1])
+    assert_allclose(found.place, [[0.2, 0.2, 0.0], [1.0, 0.0, 0.0]])
+    assert found.simplex.tolist() == [0, 0]
+    assert_allclose(nearest(points, V, np.array([[0, 1]])).squared, [9.04, 1])
+    assert nearest(points, V, np.array([[0], [1], [2]])).simplex.tolist() == [0, 1]
+    assert [len(part) for part in nearest(points[:0], V, F)] == [0, 0, 0]

@@ -13,8 +13,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.errors import PatternError
-from dsfab.surface.loads import LoadCase
-from dsfab.surface.mesh import Surface
+from dsfab.surface import LoadCase, Surface, nearest
 
 LARGEST = 240
 """Elements of the largest group that is accepted: twice those of the icosahedron, and some room."""
@@ -231,8 +230,7 @@ def _distance(points: Floats, surface: Surface, marked: Bools) -> float:
     """The largest distance of points (p, 3) from the nearest of the marked vertices."""
     if not marked.any():
         return float("inf")
-    near = np.flatnonzero(marked)[:, None]
-    return float(np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, near)[0].max()))
+    return float(nearest(points, surface.V, np.flatnonzero(marked)[:, None]).distance.max())
 
 
 def _check_loads(surface: Surface, found: Symmetry, words: str, force: Floats, centre: Floats) -> None:

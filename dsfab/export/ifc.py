@@ -17,10 +17,11 @@ from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.ifc_text import beginning, building, element
-from dsfab.export.part import Part, area, volume
+from dsfab.export.part import Part
 from dsfab.export.readback import Found, check_mesh, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name
+from dsfab.surface import signed_volume, total_area
 from dsfab.units import MM_PER_M
 
 MM2, MM3 = MM_PER_M**2, MM_PER_M**3
@@ -49,7 +50,7 @@ def encode(part: Part) -> Iterator[bytes]:
     for i, shells in enumerate(solids):
         used, corner = np.unique(part.F[np.isin(shell, shells)], return_inverse=True)
         V, F = part.V[used], corner.reshape(-1, 3)
-        amounts = {"NetVolume": volume(V, F) / MM3, "NetSurfaceArea": area(V, F) / MM2}
+        amounts = {"NetVolume": signed_volume(V, F) / MM3, "NetSurfaceArea": total_area(V, F) / MM2}
         if "density" in measures:
             amounts["NetWeight"] = amounts["NetVolume"] * measures["density"]
         name = piece_name(part.name, i, len(solids))

@@ -13,8 +13,8 @@ from dsfab.arrays import Floats, Ints, first, lock
 from dsfab.errors import ExportError
 from dsfab.export.smooth.source import Curved
 from dsfab.limits import READ_BACK
+from dsfab.surface import Surface, box, signed_volume, total_area
 from dsfab.surface.lines import Line
-from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
@@ -121,12 +121,12 @@ class Part:
     @cached_property
     def volume(self) -> float:
         """Enclosed volume, cubic millimetres."""
-        return volume(self.V, self.F)
+        return signed_volume(self.V, self.F)
 
     @cached_property
     def area(self) -> float:
         """Area, square millimetres."""
-        return area(self.V, self.F)
+        return total_area(self.V, self.F)
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
@@ -193,24 +193,3 @@ def open_edges(F: Ints) -> int:
     keys, edge = np.unique(keys, return_inverse=True)
     balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))
     return int(np.count_nonzero(balance))
-
-
-def box(V: Floats, F: Ints) -> Floats:
-    """(2, 3) lowest and highest corner of the vertices that faces use."""
-    used = np.zeros(len(V), dtype=bool)
-    used[F.ravel()] = True
-    points = V if used.all() else V[used]
-    return np.array([[f(column) for column in points.T] for f in (np.min, np.max)])
-
-
-def volume(V: Floats, F: Ints) -> float:
-    """Enclosed volume: signed tetrahedra from the middle of the box, so that no digits are lost far from the origin."""
-    middle = box(V, F).mean(axis=0)
-    a, b, c = (V[F[:, i]] - middle for i in range(3))
-    return float(np.einsum("mi,mi->", a, np.cross(b, c)) / 6)
-
-
-def area(V: Floats, F: Ints) -> float:
-    """Area of all faces."""
-    a, b, c = (V[F[:, i]] for i in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)

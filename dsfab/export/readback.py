@@ -8,8 +8,9 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.part import Part, area, box, open_edges, volume
+from dsfab.export.part import Part, open_edges
 from dsfab.limits import READ_BACK
+from dsfab.surface import box, signed_volume, total_area
 from dsfab.surface.lines import polyline_length
 
 
@@ -60,7 +61,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> Found:
         )
     if part.is_solid and open_edges(F):
         raise ExportError(f"{part.name!r} reads back open at {open_edges(F)} edges; write another format")
-    off = check_measure(part, volume(V, F) if part.is_solid else area(V, F))
+    off = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))
     return Found(len(F), "triangles", off, "volume" if part.is_solid else "area")
 
 

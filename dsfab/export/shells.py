@@ -4,7 +4,8 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.part import Part, volume
+from dsfab.export.part import Part
+from dsfab.surface import signed_volume
 from dsfab.surface.topology import edge_table, pieces
 
 
@@ -15,7 +16,7 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
     around it. Raises ExportError for a void around which there is none.
     """
     count, shell = pieces(part.F, edge_table(part.F))
-    volumes = [volume(part.V, part.F[shell == i]) for i in range(count)]
+    volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
     outer = sorted((i for i in range(count) if volumes[i] > 0), key=lambda i: volumes[i])
     voids: dict[int, list[int]] = {i: [] for i in outer}
     for i in range(count):

@@ -6,7 +6,6 @@ with a smaller one where it is too far off, has changed the volume, or crosses i
 
 from dataclasses import replace
 
-import igl
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
@@ -16,6 +15,7 @@ from dsfab.export.part import Part, open_edges
 from dsfab.export.planar import polyhedron
 from dsfab.export.step_text import faceted_bytes
 from dsfab.limits import CHANGED_VOLUME, OFF_SURFACE
+from dsfab.surface import nearest
 from dsfab.thickening.coarsen import coarsened
 from dsfab.thickening.intersect import intersecting_pairs
 
@@ -86,8 +86,7 @@ def _sound(part: Part, simple: Part, crossing: int) -> bool:
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
     """Largest distance, both ways, between two surfaces, found at vertices, middles of edges and of triangles."""
-    there = np.asarray(igl.point_mesh_squared_distance(_samples(V, F), np.array(V2), np.array(F2))[0])
-    back = np.asarray(igl.point_mesh_squared_distance(_samples(V2, F2), np.array(V), np.array(F))[0])
+    there, back = nearest(_samples(V, F), V2, F2).squared, nearest(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(there.max(), back.max())))
 
 

@@ -5,7 +5,7 @@ from dsfab.pattern.combing import crossed_over
 from dsfab.pattern.corners import CornerPhase, corner_phase
 from dsfab.pattern.cross_field import StressDirections, cross_field
 from dsfab.pattern.density import Halving, density, halving, log_density
-from dsfab.pattern.even_family import EvenFamily
+from dsfab.pattern.even_family import WIDTH_RULES, EvenFamily
 from dsfab.pattern.evening import evened
 from dsfab.pattern.frames import Frames
 from dsfab.pattern.guides import Guidance, Guide
@@ -19,6 +19,7 @@ from dsfab.pattern.wave import wave
 from dsfab.pattern.width import Rule, Widths, relative_stresses, slopes, solved_factor, vertex_means
 
 __all__ = [
+    "WIDTH_RULES",
     "CornerPhase",
     "Drawable",
     "EvenFamily",

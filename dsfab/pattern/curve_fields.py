@@ -6,13 +6,12 @@ the new vertices: what is cut has as few needles as stripes have.
 
 from collections.abc import Sequence
 
-import igl
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, lengths
+from dsfab.surface import Surface, nearest
 from dsfab.surface.divided import Divided, DividedField
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
-from dsfab.surface.mesh import Surface
 
 EVEN = 0.01
 """How far off the edge of a region may be because a distance is taken as linear on faces, as a share of its reach."""
@@ -157,5 +156,5 @@ def straight_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
-            squared = np.minimum(squared, igl.point_mesh_squared_distance(surface.V, surface.V, group)[0])
+            squared = np.minimum(squared, nearest(surface.V, surface.V, group).squared)
     return np.asarray(np.sqrt(squared))

@@ -22,6 +22,9 @@ FOLLOWING = (1.15, 1.25)
 """The same where widths follow the stress: material is wanted there. Thinned up to `CLOSING` such a dome is 5 % softer
 at half of its material."""
 
+WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CLOSER, "closing": CLOSING, "following": FOLLOWING}
+"""The same for whoever else widens stripes: the editor's page, which shows widths while a slider moves."""
+
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:

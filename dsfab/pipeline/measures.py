@@ -20,7 +20,7 @@ from dsfab.slicing.arms import Arms, arms
 from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
-from dsfab.surface import Surface
+from dsfab.surface import Surface, nearest
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
 
@@ -101,8 +101,7 @@ def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Float
     def left(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
         if not len(places):
             return places
-        squared = igl.point_mesh_squared_distance(np.ascontiguousarray(places), sheet.V, sheet.F)[0]
-        there = squared < near**2
+        there = nearest(places, sheet.V, sheet.F).squared < near**2
         there[there] = [dead(arms(sheet, place, REACH * width), width) for place in places[there]]
         return np.asarray(places[there])
 
@@ -188,7 +187,7 @@ def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
 def _material(drawn: Drawn, points: Floats) -> Bools:
     """(p,) whether the nearest point of the sheet to points (p, 3) is material."""
     V, F = drawn.surface.V, drawn.surface.F
-    _, face, near = igl.point_mesh_squared_distance(np.ascontiguousarray(points), V, F)
+    _, face, place = nearest(points, V, F)
     corner = F[face]
-    at = igl.barycentric_coordinates(near, *(np.ascontiguousarray(V[corner[:, i]]) for i in range(3)))
+    at = igl.barycentric_coordinates(place, *(np.ascontiguousarray(V[corner[:, i]]) for i in range(3)))
     return drawn.inside(0, face, at) | drawn.inside(1, face, at) | drawn.is_kept(face, at)

@@ -3,14 +3,13 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import igl
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.limits import SLIT
 from dsfab.slicing.drawn import ON
 from dsfab.slicing.middles import Middles
-from dsfab.surface.mesh import Surface
+from dsfab.surface import Surface, nearest
 from dsfab.surface.topology import connected
 
 
@@ -88,16 +87,12 @@ class Bays:
 
 def _away(sheet: Surface, points: Floats) -> Floats:
     """(k,) metres from points (k, 3) to a sheet."""
-    if not len(points):
-        return np.empty(0)
-    return np.asarray(np.sqrt(igl.point_mesh_squared_distance(np.ascontiguousarray(points), sheet.V, sheet.F)[0]))
+    return nearest(points, sheet.V, sheet.F).distance
 
 
 def _onto(surface: Surface, points: Floats) -> Floats:
     """(k, 3) the nearest points of a surface."""
-    if not len(points):
-        return points
-    return np.asarray(igl.point_mesh_squared_distance(np.ascontiguousarray(points), surface.V, surface.F)[2])
+    return nearest(points, surface.V, surface.F).place
 
 
 def bays(middles: Middles) -> Bays:

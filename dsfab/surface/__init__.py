@@ -2,8 +2,10 @@
 
 from dsfab.surface.cases import Combination, load_cases, together
 from dsfab.surface.climate import Snow, Wind
+from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mesh import Surface
+from dsfab.surface.nearest import nearest
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
 from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import MeshFacts, describe, normalized, read_surface
@@ -35,11 +37,16 @@ __all__ = [
     "Surface",
     "Vertices",
     "Wind",
+    "box",
     "describe",
     "load_cases",
+    "nearest",
     "normalized",
     "ply_chunks",
     "read_surface",
     "refined",
+    "signed_volume",
+    "signed_volumes",
     "together",
+    "total_area",
 ]

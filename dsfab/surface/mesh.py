@@ -9,6 +9,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, cross, first, lengths, lock
 from dsfab.errors import SurfaceError
+from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
 
 if TYPE_CHECKING:
@@ -158,8 +159,7 @@ class Surface:
     @cached_property
     def volume(self) -> float:
         """Enclosed volume of a closed surface, cubic metres (negative when its normals point inwards)."""
-        centred = self.V - self.V.mean(axis=0)
-        return float(np.einsum("mi,mi->", centred[self.F].mean(axis=1), self._area_vectors) / 3)
+        return signed_volume(self.V, self.F)
 
     @cached_property
     def loops(self) -> list[Ints]:

@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import SurfaceError
 from dsfab.surface.cover import flips_along_tree
+from dsfab.surface.enclosed import signed_volume, signed_volumes
 from dsfab.surface.files import RawMesh, raw_mesh
 from dsfab.surface.mesh import ZERO_AREA, Surface, closed_length
 from dsfab.surface.topology import (
@@ -102,9 +103,7 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
     count, piece = pieces(F, edges)
     on_boundary = edges.boundary[edges.of].any(axis=1)
     is_open = np.bincount(piece, on_boundary, minlength=count) > 0
-    P = V[F] - V.mean(axis=0)
-    volume = np.bincount(piece, np.einsum("mi,mi->m", P[:, 0], np.cross(P[:, 1], P[:, 2])), minlength=count)
-    inward: Bools = np.logical_and(~is_open, volume < 0)
+    inward: Bools = np.logical_and(~is_open, signed_volumes(V, F, piece, count) < 0)
     return np.asarray(inward[piece])
 
 
@@ -173,7 +172,6 @@ def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
     lengths = _boundary_lengths(V, F, edges)
     euler = euler_characteristic(F, edges)
     areas, angle = _areas_and_smallest_angle(V, F, float(np.linalg.norm(high - low)))
-    P = V[F] - low
     return MeshFacts(
         path=str(path),
         unit=unit or raw.unit or "m",
@@ -184,7 +182,7 @@ def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
         box=_triple(high - low),
         low=_triple(low),
         area=float(areas.sum()),
-        volume=float(np.einsum("mi,mi->", P[:, 0], np.cross(P[:, 1], P[:, 2])) / 6) if whole else None,
+        volume=signed_volume(V, F) if whole else None,
         closed=not edges.boundary.any(),
         pieces=count,
         boundary_lengths=lengths,

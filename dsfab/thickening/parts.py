@@ -3,6 +3,7 @@
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface import signed_volumes
 from dsfab.surface.topology import edge_table, euler_characteristic, pieces
 from dsfab.thickening.solid import Solid
 
@@ -19,16 +20,10 @@ def parts(solid: Solid) -> tuple[Solid, ...]:
     corner = solid.V[solid.F]
     np.minimum.at(low, shell, corner.min(axis=1))
     np.maximum.at(high, shell, corner.max(axis=1))
-    outer = _volumes(corner - solid.box.mean(axis=0), shell, count) > 0
+    outer = signed_volumes(solid.V, solid.F, shell, count) > 0
     owner = _owners(low, high, outer)
     order = sorted(np.flatnonzero(outer).tolist(), key=lambda k: tuple(low[k, ::-1].tolist()))
     return tuple(_part(solid, owner[shell] == k) for k in order)
-
-
-def _volumes(corner: Floats, shell: Ints, count: int) -> Floats:
-    """(count,) signed volumes of the shells with these corners (m, 3, 3); negative for voids."""
-    a, b, c = (corner[:, i] for i in range(3))
-    return np.asarray(np.bincount(shell, np.einsum("mi,mi->m", a, np.cross(b, c)), count), dtype=np.float64)
 
 
 def _owners(low: Floats, high: Floats, outer: Bools) -> Ints:

@@ -9,8 +9,8 @@ import numpy as np
 from dsfab import ways_out
 from dsfab.arrays import Bools, Floats, Ints, first, lock, locked
 from dsfab.errors import SolidError
+from dsfab.surface import Surface, signed_volume, total_area
 from dsfab.surface.bridges import as_pyvista, as_trimesh
-from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, misoriented_edges, pieces
 from dsfab.thickening.check import check_contacts, check_edges
 from dsfab.thickening.intersect import intersecting_pairs
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 
 VOLUME_TOLERANCE = 1e-9
 """Agreement of our volume with manifold3d's, as a share of area times size: both only round."""
-
-
-CHUNK = 1 << 15
-"""Faces measured together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,25 +77,13 @@ class Solid:
 
     @cached_property
     def volume(self) -> float:
-        """Enclosed volume, cubic metres: signed tetrahedra from the middle of the box (no digits are lost far out)."""
-        return self._volume_and_area[0]
+        """Enclosed volume, cubic metres."""
+        return signed_volume(self.V, self.F)
 
     @cached_property
     def area(self) -> float:
         """Area of the whole boundary, square metres."""
-        return self._volume_and_area[1]
-
-    @cached_property
-    def _volume_and_area(self) -> tuple[float, float]:
-        """A few faces at a time: that is faster, and needs little memory."""
-        V, volume, area = np.ascontiguousarray((self.V - self.box.mean(axis=0)).T), 0.0, 0.0
-        for k in range(0, len(self.F), CHUNK):
-            a, b, c = (np.stack([column.take(corner) for column in V]) for corner in self.F[k : k + CHUNK].T)
-            (x, y, z), (u, v, w) = b - a, c - a
-            N = np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
-            volume += float((a * N).sum()) / 6
-            area += float(np.sqrt((N**2).sum(axis=0)).sum()) / 2
-        return volume, area
+        return total_area(self.V, self.F)
 
     @cached_property
     def box(self) -> Floats:

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from dsfab.arrays import Bools, Floats, Ints
-from dsfab.surface.mesh import Surface
+from dsfab.surface import Surface, signed_volumes
 from dsfab.surface.topology import corner_fans, edge_table, pieces
 from dsfab.thickening.coarsen import coarsened
 from dsfab.thickening.intersect import intersecting_pairs
@@ -189,8 +189,7 @@ def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:
 def _outer_shells(V: Floats, F: Ints) -> int:
     """How many closed surfaces of the mesh are outer ones; the others are voids."""
     count, label = pieces(F, edge_table(F))
-    a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
-    return int((np.bincount(label, np.einsum("mi,mi->m", a, np.cross(b, c)), count) > 0).sum())
+    return int((signed_volumes(V, F, label, count) > 0).sum())
 
 
 def _places(surface: Surface, clashes: Ints, graph: csr_array) -> int:

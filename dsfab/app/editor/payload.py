@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import DsfabError
 from dsfab.pattern import (
+    WIDTH_RULES,
     frequency_for,
     slopes,
     vertex_means,
@@ -76,6 +77,7 @@ def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "angle": ANGLE,
         "triangles": surface.m,
         "creased": creased(surface),
+        "widthRules": WIDTH_RULES,
         "lines": {name: [_lines(surface, getattr(modes, name).mode(k)) for k in every] for name in ("major", "minor")},
         "limits": {
             "stress": _steepest(answers["stress"]),

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -23,6 +22,7 @@ from dsfab.export.smooth.outline import Sheet
 from dsfab.export.smooth.solid import Piece
 from dsfab.export.smooth.touching import crossings
 from dsfab.limits import CHANGED_VOLUME
+from dsfab.surface import nearest
 from dsfab.surface.neighbours import corners_of
 
 GAP = 1 / 20
@@ -183,7 +183,7 @@ class Gate:
         """Of the vertices and the middles of triangles, from the other triangles."""
         corners = corners_of(F, np.ones(len(F), dtype=bool), len(V))
         points = np.concatenate([V[corners], V[F].mean(axis=1)])
-        away = np.sqrt(np.asarray(igl.point_mesh_squared_distance(points, np.array(V2), np.array(F2))[0]))
+        away = nearest(points, V2, F2).distance
         far = points[away > self.limits.distance]  # the others need not be asked
         if not len(far):
             return _Away(float(away.max()), float(away.max()), self.limits.distance, far)

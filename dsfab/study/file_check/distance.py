@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.pipeline.design import Design
-from dsfab.surface import Surface
+from dsfab.surface import Surface, nearest
 from dsfab.thickening.offset import SHIFT
 
 SKIN = 0.9
@@ -68,15 +67,9 @@ def distance(V: Floats, F: Ints, design: Design) -> Distance:
 def _farthest(V: Floats, F: Ints, onto_V: Floats, onto_F: Ints) -> tuple[float, Floats]:
     """The largest distance of vertices and centres of faces from another mesh, and where."""
     P = np.concatenate([V, V[F].mean(axis=1)])
-    far = _nearest(P, onto_V, onto_F)[0]
+    far = nearest(P, onto_V, onto_F).distance
     k = int(far.argmax())
     return float(far[k]), P[k]
-
-
-def _nearest(P: Floats, V: Floats, F: Ints) -> tuple[Floats, Ints, Floats]:
-    """Distances of points (k, 3) from a mesh, the faces where it is nearest, and the nearest points."""
-    squared, face, point = igl.point_mesh_squared_distance(np.array(P), np.array(V), np.array(F))
-    return np.sqrt(squared), np.asarray(face, dtype=np.int64), np.asarray(point)
 
 
 def _off_the_sheet(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
@@ -85,7 +78,8 @@ def _off_the_sheet(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, f
     cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
     twice = np.linalg.norm(cross, axis=1)
     P = V[F].mean(axis=1)
-    far, face, _ = _nearest(P, sheet.V, sheet.F)
+    close = nearest(P, sheet.V, sheet.F)
+    far, face = close.distance, close.simplex
     along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
     skin = (twice > 0) & (along > SKIN * twice)
     half = design.preset.statics.thickness / 2

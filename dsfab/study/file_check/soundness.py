@@ -6,6 +6,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.export.shells import winding
+from dsfab.surface import signed_volumes, total_area
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges, pieces, pinches
 from dsfab.thickening.intersect import intersecting_pairs
 
@@ -71,7 +72,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
     ]
     manifold = not any(faults)
     count, label = pieces(F, edges)
-    volumes = _volumes(V, F, label, count)
+    volumes = signed_volumes(V, F, label, count)
     if manifold:
         pairs = intersecting_pairs(V, F)
         faults.append(_fault("crossing", V[F[pairs[:, 0]]].mean(axis=1)))
@@ -84,7 +85,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
         count,
         bodies,
         float(volumes.sum()),
-        _area(V, F),
+        total_area(V, F),
         np.stack([V.min(axis=0), V.max(axis=0)]),
     )
 
@@ -94,17 +95,6 @@ def _fault(kind: str, places: Floats) -> Fault | None:
         return None
     x, y, z = places[0].tolist()
     return Fault(kind, len(places), (x, y, z))
-
-
-def _volumes(V: Floats, F: Ints, label: Ints, count: int) -> Floats:
-    """(count,) signed volume of each shell, from the middle of the box so that no digits are lost."""
-    P = (V - V.mean(axis=0))[F]
-    six = np.einsum("mi,mi->m", P[:, 0], np.cross(P[:, 1], P[:, 2]))
-    return np.asarray(np.bincount(label, six / 6, minlength=count), dtype=np.float64)
-
-
-def _area(V: Floats, F: Ints) -> float:
-    return float(np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1).sum() / 2)
 
 
 def _bodies(V: Floats, F: Ints, label: Ints, volumes: Floats) -> tuple[int, Ints]:

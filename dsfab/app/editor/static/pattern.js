@@ -1,17 +1,12 @@
 /** How wide stripes are and how much of the surface they keep, in the same frame in which a slider moves.
  *
- * The rules are those of dsfab/pattern/width.py; the server answers a moment later with its own numbers, which win. The
+ * The rules are those of dsfab/pattern/width.py, and their numbers come with the model (facts.widthRules, WIDTH_RULES in
+ * dsfab/pattern/even_family.py); the server answers a moment later with its own numbers, which win. The
  * rule stressed solves on the cut sheet: here it shows the widths that it begins with, those of graded.
  */
 
 import { same } from './state.js';
 
-const SOLID = 0.5;
-// evenly spaced members that would leave a slit are thinner, or one, as dsfab/pattern/even_family.py has it
-const OPEN = 0.25;
-const CLOSER = 1.25;
-const CLOSING = [1.45, 1.55];
-const FOLLOWING = [1.15, 1.25]; // where widths follow the stress
 const POINTS = 20000;
 const STEPS = 40;
 
@@ -66,10 +61,10 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   sampler.look(mode, frequency, phase, reach);
   if (same(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
   const n = arrays.V.length / 3;
-  const rule = { ...width, member: width.member || Math.sqrt(facts.area) / 100, drawn };
+  const rule = { ...facts.widthRules, ...width, member: width.member || Math.sqrt(facts.area) / 100, drawn };
   if (arrays.shares && width.rule !== 'plain') rule.medians = mediansOf(rule, plain, frequency, arrays, n);
   const halves = (factor) =>
-    vary ? halfWidths(rule, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, SOLID));
+    vary ? halfWidths(rule, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, rule.solid));
   const start = width.rule === 'graded' ? facts.factor : 1;
   const factor = width.solid_fraction ? solved((f) => sampler.share(halves(f)), width.solid_fraction, start) : start;
   const half = halves(factor);
@@ -78,14 +73,15 @@ function wide(pattern, told, { facts, arrays }, sampler) {
 
 /** The server's own widths. */
 function exact(told, plain, vary, model, sampler) {
-  const half = vary ? model.arrays.half : plain.map((d) => Math.min(model.facts.factor * d, SOLID));
+  const half = vary ? model.arrays.half : plain.map((d) => Math.min(model.facts.factor * d, model.facts.widthRules.solid));
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
 }
 
-/** Half-widths of more than most stay at that, and then close the opening between these limits. */
-function crowded(d, most, [from, to]) {
+/** Half-widths of more than most stay at that, and then close the opening between these limits: evenly spaced members
+ * that would leave a slit are thinner, or one. */
+function crowded(d, most, [from, to], solid) {
   const closed = Math.min(Math.max((d / most - from) / (to - from), 0), 1);
-  return Math.min(d, most) + closed * (SOLID - Math.min(d, most));
+  return Math.min(d, most) + closed * (solid - Math.min(d, most));
 }
 
 /** The function from a factor to the median half-widths of both families. Without bounds it is a multiple of them, and
@@ -123,15 +119,15 @@ function medians(values) {
 function halfWidths(rule, plain, frequency, arrays, n, factor) {
   const half = new Float32Array(2 * n);
   const { shares } = arrays; // of evenly spaced stripes: periods differ from one side of a line to the other
-  const limits = rule.rule === 'constant' ? CLOSING : FOLLOWING;
-  const most = rule.medians && rule.medians(factor).map((usual) => Math.max(OPEN, CLOSER * Math.min(usual, SOLID)));
+  const limits = rule.rule === 'constant' ? rule.closing : rule.following;
+  const most = rule.medians && rule.medians(factor).map((usual) => Math.max(rule.open, rule.closer * Math.min(usual, rule.solid)));
   for (let i = 0; i < 2 * n; i += 1) {
     if (!rule.drawn[i % 2]) continue;
     const slope = arrays.slope[i] * frequency[i % 2];
     let d = asked(rule, plain, frequency, arrays, i, factor);
-    if (most) d = crowded(d, most[i % 2], limits);
-    const solid = d + slope * (rule.min_gap / 2) > SOLID;
-    half[i] = solid ? SOLID : d * (shares ? shares[i] : 1);
+    if (most) d = crowded(d, most[i % 2], limits, rule.solid);
+    const solid = d + slope * (rule.min_gap / 2) > rule.solid;
+    half[i] = solid ? rule.solid : d * (shares ? shares[i] : 1);
   }
   return half;
 }
