@@ -11,7 +11,7 @@ Bools = NDArray[np.bool_]
 
 
 def locked(values: ArrayLike, dtype: Any, shape: tuple[int | None, ...]) -> NDArray[Any]:
-    """A read-only copy of `values` of type `dtype`; `None` in `shape` stands for any length.
+    """A read-only copy (...) of `values` of type `dtype`; `None` in `shape` stands for any length.
 
     Raises ValueError when the shape differs: wrong shapes are mistakes of a programmer, not of a user.
     """
@@ -80,6 +80,6 @@ def _sorted(keys: Ints) -> tuple[Ints, Ints]:
 
 
 def first(indices: Ints, count: int = 5) -> str:
-    """The first few of many indices, for error messages: '3, 17, 20, ...'."""
+    """The first few of many indices (k,), for error messages: '3, 17, 20, ...'."""
     shown = ", ".join(str(int(i)) for i in indices[:count])
     return shown + (", ..." if len(indices) > count else "")

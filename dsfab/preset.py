@@ -50,10 +50,12 @@ class Statics(Section):
 
     @property
     def material(self) -> Material:
+        """The material of the sheet."""
         return Material(self.young, self.poisson, self.density)
 
     @property
     def elements(self) -> Elements:
+        """The elements that it is solved with."""
         return Elements(self.membrane, self.bending)
 
     @property
@@ -268,7 +270,7 @@ class Pattern(Section):
 
     @property
     def drawn(self) -> tuple[Family, ...]:
-        """These families."""
+        """The families that are drawn."""
         both = {"major": self.major, "minor": self.minor}
         return tuple(both[name] for name in self.family_names)
 

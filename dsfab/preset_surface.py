@@ -72,6 +72,7 @@ class FileSurface(Given):
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
 
     def given(self) -> Surface:
+        """The surface in the file, metres."""
         return read_surface(self.file, self.unit)
 
 
@@ -108,6 +109,7 @@ class MeshSurface(Given):
     mesh: Annotated[Mesh, Field(repr=False)]
 
     def given(self) -> Surface:
+        """The mesh itself."""
         return self.mesh
 
     def __eq__(self, other: object) -> bool:
@@ -124,6 +126,7 @@ class ShapeSurface(Given):
     shape: str
 
     def given(self) -> Surface:
+        """The shape with its parameters."""
         others = set(Given.model_fields) | {"shape"}
         return SHAPES[self.shape](**{k: v for k, v in self if k not in others})
 

@@ -96,6 +96,7 @@ def _duration(seconds: float) -> str:
 
 
 def base_command(preset: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> list[str]:
+    """The words of `dsfab build` for a preset, its changes and its mesh."""
     words = ["dsfab", "build", preset]
     words += [word for text in changes for word in ("--set", text)]
     words += ["--mesh", str(mesh)] if mesh is not None else []

@@ -43,7 +43,8 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divided | None:
-    """What the faces of a surface are divided into; None where they are not."""
+    """What the faces of a surface are divided into: arrays part_V (p, 3), metres, part_F ...; None where they are
+    not."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -52,7 +53,7 @@ def division_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divided
 
 
 def field_of(key: str, divided: Divided | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """The field that has these arrays, perhaps on such parts of faces."""
+    """The field with the array `key`, (n,) or (n, 2), perhaps on such parts of faces."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -76,7 +77,7 @@ def even_arrays(even: EvenStripes) -> Arrays:
 
 
 def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
-    """The evenly spaced stripes on a surface that have these arrays; None where there are none of them."""
+    """The evenly spaced stripes that have these arrays, as even_slope (n, 2); None where there are none of them."""
     if "even_slope" not in arrays:
         return None
     one, two = (_phase(arrays, k) for k in (0, 1))

@@ -28,7 +28,10 @@ def curved_design(design: Design) -> Curved:
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
-    """A kept sheet and the surface it was cut from; raises ExportError for a surface with one side only."""
+    """A kept sheet and the surface it was cut from.
+
+    thickness : metres, or (n,) of them.   Raises ExportError for a surface with one side only.
+    """
     if one_sided_pieces(surface.F, surface.edges).any():
         raise ExportError("the surface has one side only, so it has no two skins")
     D = offsets(surface, thickness, side).D

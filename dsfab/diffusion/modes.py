@@ -94,7 +94,7 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """The modes of several operators on one surface, each as `diffusion_modes` says.
+    """The modes of several operators (n, n) on one surface, each as `diffusion_modes` says; axes (3, 3) as there.
 
     Operators of one mesh have one pattern: it is analysed once, and each of them costs one factorisation of values.
     """

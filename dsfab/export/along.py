@@ -78,7 +78,7 @@ def joined(chain: list[Curve]) -> list[Curve | Floats]:
 
 
 def sampled(knots: Floats) -> Floats:
-    """Parameters from end to end of a curve, PER_SPAN to a span between its knots."""
+    """(k,) ascending parameters from end to end of a curve, PER_SPAN to a span between its knots (p,)."""
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(PER_SPAN) / PER_SPAN)
     return np.append(inner.ravel(), breaks[-1])

@@ -49,6 +49,7 @@ class Curve:
 
     @property
     def straight(self) -> bool:
+        """Whether it is a line."""
         return self.degree == 1
 
     def at(self, x: Floats) -> Floats:

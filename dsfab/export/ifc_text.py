@@ -107,7 +107,8 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """One piece: its triangles (corners count from 1), its colour and its quantities; returns its number."""
+    """One piece, of V (n, 3), millimetres, and triangles (m, 3) whose corners count from 1, its colour and its
+    quantities; returns its number."""
     (name, i), (V, corners) = which, mesh
     points = "".join(listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),", *V.T))
     listed = new.add(f"IFCCARTESIANPOINTLIST3D(({points}))")

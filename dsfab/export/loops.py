@@ -16,18 +16,20 @@ class Outline:
 
     @property
     def loop(self) -> Ints:
+        """(h,) the loop that each half-edge is of."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     @property
     def next(self) -> Ints:
-        """Position of the next half-edge of the same loop."""
+        """(h,) position of the next half-edge of the same loop."""
         onward = np.arange(1, len(self.h) + 1)
         onward[self.start[1:] - 1] = self.start[:-1]
         return onward
 
 
 def outline_of(region: Ints, other: Ints) -> Outline:
-    """The half-edges between different regions, chained with their region on the left.
+    """The half-edges between different regions (m,), chained with their region on the left; other: (3 m,) the
+    opposite ones.
 
     After a half-edge, the next one is found by turning about its end through triangles of the same region: loops never
     jump across a vertex where a region touches itself.
@@ -52,7 +54,7 @@ def outline_of(region: Ints, other: Ints) -> Outline:
 
 
 def simple(outline: Outline, F: Ints) -> Outline:
-    """The loops cut where they come back to a vertex, so that none touches itself."""
+    """The loops of faces F (m, 3) cut where they come back to a vertex, so that none touches itself."""
     vertex = F.ravel()[outline.h]
     visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
     touching = set((visits[1:][visits[1:] == visits[:-1]] // (int(F.max()) + 1)).tolist())
@@ -83,7 +85,8 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: Outline) -> tuple[Ints, Ints]:
-    """For each position, the last corner of its loop at or before it, and the first corner after it."""
+    """(h,) for each position, the last corner (alive, (h,)) of its loop at or before it, and the first corner after
+    it."""
     at = np.flatnonzero(alive)
     loop = outline.loop
     first = np.searchsorted(at, outline.start[:-1])
@@ -95,7 +98,8 @@ def ends_of_runs(alive: Bools, outline: Outline) -> tuple[Ints, Ints]:
 
 
 def positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """The positions of all steps of some loops, loop after loop, and for each of them which of `loops` it is of."""
+    """(p,) the positions of all steps of some loops (k,), loop after loop, and for each of them which of `loops` it
+    is of."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop

@@ -184,7 +184,7 @@ def in_single_precision(part: Part) -> Part:
 
 
 def open_edges(F: Ints) -> int:
-    """Number of edges that are not run through equally often in both directions; 0 for a closed, oriented mesh."""
+    """Number of edges of F (m, 3) that are not run through equally often both ways; 0 for a closed, oriented mesh."""
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     there, back = (np.sort(keys[way]) for way in (a < b, a > b))

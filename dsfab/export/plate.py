@@ -51,6 +51,7 @@ class Outlines:
 
     @property
     def thickness(self) -> float:
+        """Millimetres between both planes."""
         return self.height[1] - self.height[0]
 
 

@@ -35,6 +35,7 @@ class Entities:
 
     @property
     def free(self) -> int:
+        """The number that the next entity gets."""
         return FIRST + len(self.text)
 
     def once(self, body: str) -> int:
@@ -44,16 +45,20 @@ class Entities:
         return self._known[body]
 
     def point(self, p: Floats) -> int:
+        """The number of a point p (3,), millimetres."""
         return self.once(f"CARTESIAN_POINT('',{listed(p, DIGITS)})")
 
     def direction(self, d: Floats) -> int:
+        """The number of a direction d (3,) of any length."""
         return self.once(f"DIRECTION('',{listed(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
 
     def line(self, p: Floats, along: Floats) -> int:
+        """The number of a new line through p (3,), millimetres, along a direction (3,)."""
         vector = self.once(f"VECTOR('',#{self.direction(along)},1.)")
         return self.add(f"LINE('',#{self.point(p)},#{vector})")
 
     def plane(self, p: Floats, normal: Floats) -> int:
+        """The number of a new plane through p (3,), millimetres, with a normal (3,)."""
         axes = self.add(f"AXIS2_PLACEMENT_3D('',#{self.point(p)},#{self.direction(normal)},$)")
         return self.add(f"PLANE('',#{axes})")
 
@@ -117,7 +122,8 @@ def _lifted(points: Floats, axes: Floats, height: float) -> Floats:
 
 
 def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
-    """A line (bounded: a polyline of two points), or a spline: each knot once, with how often it counts."""
+    """A line (bounded: a polyline of two points), or a spline, with poles (p, 3), millimetres: each knot once, with how
+    often it counts."""
     if curve.straight and bounded:
         return new.add(f"POLYLINE('{title}',{references([new.point(p) for p in poles])})")
     if curve.straight:
@@ -140,11 +146,11 @@ def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats)
 
 
 def listed(values: Floats, digits: int) -> str:
-    """'(1.5,0.,-2.)': without the zeros at the end of each."""
+    """The values (k,) as '(1.5,0.,-2.)': without the zeros at the end of each."""
     text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
     return TRAILING_ZEROS.sub(r"\1", f"({text})")
 
 
 def references(numbers: list[int]) -> str:
-    """'(#7,#8,#9)'."""
+    """The entities of these numbers as '(#7,#8,#9)'."""
     return "(" + ",".join(f"#{k}" for k in numbers) + ")"

@@ -46,8 +46,8 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> Found:
-    """What was found; raises ExportError unless mesh V, F (millimetres) has the part's triangles, box and volume, and
-    is closed."""
+    """What was found; raises ExportError unless V (n, 3), millimetres, and F (m, 3) have the part's triangles, box
+    and volume and is closed."""
     if len(F) != len(part.F):
         raise differs(part, "triangles", len(part.F), len(F))
     used, kept = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
@@ -104,7 +104,7 @@ def differs(part: Part, what: str, expected: int, found: int) -> ExportError:
 
 
 def merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """The mesh with vertices at exactly equal positions made one."""
+    """The mesh V (n, 3), F (m, 3) with vertices at exactly equal positions made one."""
     points, of = distinct(V)
     return points, of[F]
 

@@ -32,7 +32,8 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
 
 
 def winding(point: Floats, V: Floats, F: Ints) -> float:
-    """How often the closed mesh goes around a point: 1 inside, 0 outside [van Oosterom and Strackee 1983]."""
+    """How often the closed mesh V (n, 3), F (m, 3) goes around a point (3,): 1 inside, 0 outside [van Oosterom,
+    Strackee 1983]."""
     a, b, c = (V[F[:, i]] - point for i in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     dot = [np.einsum("mi,mi->m", x, y) for x, y in ((a, b), (b, c), (c, a))]

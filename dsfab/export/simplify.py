@@ -85,7 +85,8 @@ def _sound(part: Part, simple: Part, crossing: int) -> bool:
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
-    """Largest distance, both ways, between two surfaces, found at vertices, middles of edges and of triangles."""
+    """Largest distance, both ways, between surfaces of (n, 3) and (m, 3), found at vertices, middles of edges and of
+    triangles."""
     there, back = nearest(_samples(V, F), V2, F2).squared, nearest(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(there.max(), back.max())))
 

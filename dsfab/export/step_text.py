@@ -73,7 +73,7 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
 
 
 def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, int]:
-    """The text of the faces in numbers from `start` on, the number of each, and the first free number."""
+    """The text of the faces in numbers from `start` on, the number (f,) of each, and the first free number."""
     vectors = distinct(_ratios(shape))
     digits = _digits(shape)
     normals = distinct(np.round(shape.normals, digits))

@@ -46,7 +46,8 @@ PARTS = 300_000
 
 
 def curve_fields(surface: Surface, regions: Sequence[tuple[Origins, float]]) -> list[Floats | DividedField]:
-    """For each region the negative distance along the surface from its origins, metres, to be cut at minus its reach.
+    """(n,) for each region the negative distance along the surface from its origins, metres, to be cut at minus its
+    reach.
 
     Faces that this edge crosses are divided where the distance is not linear; all fields are on one division. Farther
     away than the reach and the longest edge values are bounds: too low, and finite.

@@ -109,12 +109,12 @@ def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Flo
 
 
 def weighted_quantile(x: Floats, weight: Floats, share: float) -> float:
-    """The value that `share` of the weights does not exceed."""
+    """The value of x (k,) that `share` of the weights (k,) does not exceed."""
     return weighted_quantiles(x, weight, (share,))[0]
 
 
 def weighted_quantiles(x: Floats, weight: Floats, shares: tuple[float, ...]) -> list[float]:
-    """The values that so many shares of the weights do not exceed."""
+    """The values of x (k,) that so many shares of the weights (k,) do not exceed."""
     order = np.argsort(x, kind="stable")
     upto = np.cumsum(weight[order])
     at = np.minimum(np.searchsorted(upto, np.array(shares) * upto[-1]), len(x) - 1)

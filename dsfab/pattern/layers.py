@@ -90,15 +90,24 @@ class Drawable(Protocol):
     """
 
     @property
-    def adds(self) -> int: ...
+    def adds(self) -> int:
+        """Its place among the families that add stripes between those that are drawn everywhere."""
+
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The name of the family."""
+
     @property
-    def stripes(self) -> Stripes: ...
+    def stripes(self) -> Stripes:
+        """The stripes, of a mode or of a phase."""
+
     @property
-    def density(self) -> Floats: ...
+    def density(self) -> Floats:
+        """(n,) stripes per metre."""
+
     @property
-    def stress(self) -> Floats: ...
+    def stress(self) -> Floats:
+        """(n,) size of the stress along the stripes; any unit."""
 
     def stressed(self, stress: Floats) -> Self:
         """The same under another stress (n,)."""

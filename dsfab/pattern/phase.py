@@ -62,7 +62,7 @@ class Flow:
 
     @cached_property
     def twisted(self) -> Floats:
-        """What the phases at both ends of the edges share; see `Frames.twisted`."""
+        """(4, e) what the phases at both ends of the edges share; see `Frames.twisted`."""
         return self.frames.twisted(-2 * np.pi * self.turn, self.sign)
 
     def solve(self, start: Floats, lock: Bools, projection: Projection | None = None, free: bool = False) -> Floats:

@@ -46,7 +46,7 @@ class Stripes:
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
     def phases(self, x: Floats) -> Floats:
-        """z = frequency x + phase: the middles of the stripes are at integers."""
+        """z = frequency x + phase of x (...): the middles of the stripes are at integers."""
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
@@ -55,16 +55,16 @@ class Stripes:
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """The integers around the range of z, ascending: the levels of `band`."""
+        """(k,) the integers around the range of z over x (n,), ascending: the levels of `band`."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
     def value(self, x: Floats) -> Floats:
-        """s(x) = p(frequency x + phase) - threshold: positive in the material."""
+        """s(x) = p(frequency x + phase) - threshold of x (...): positive in the material."""
         return wave(self.frequency * x + self.phase) - self.threshold
 
     def levels(self, x: Floats) -> Floats:
-        """Ascending values of the mode where material begins and ends, over the range of x.
+        """(k,) ascending values of the mode where material begins and ends, over the range of x (n,).
 
         In phase z = frequency x + phase material is |z - k| < d for integers k, so it begins at every k - d and ends at
         every k + d: with the levels counted from below, an odd number of them lies below material.

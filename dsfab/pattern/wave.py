@@ -17,7 +17,7 @@ GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"
 
 
 def wave(t: Floats) -> Floats:
-    """p(t) = 4 |fract(t) - 1/2| - 1."""
+    """p(t) = 4 |fract(t) - 1/2| - 1 of t (...)."""
     return np.asarray(4 * np.abs(t - np.floor(t) - 0.5) - 1)
 
 

@@ -66,13 +66,14 @@ class Lamps:
     quality: Quality
 
     def open(self, normal: Floats) -> tuple[float, float]:
-        """Light on a free surface with this normal: of the sun, and of everything else."""
+        """Light on a free surface with this unit normal (3,): of the sun, and of everything else."""
         each = np.maximum(self.towards @ normal, 0) * self.strength
         return float(each[: self.quality.sun].sum()), float(each[self.quality.sun :].sum()) + AMBIENT
 
 
 def lamps(view: View, floor: Floats, quality: Quality = FINE) -> Lamps:
-    """The lamps for a view: the sun stands over the eye's left shoulder, the sky over what things stand or lie on."""
+    """The lamps for a view, over a floor with this unit normal (3,): the sun stands over the eye's left shoulder, the
+    sky over what things stand or lie on."""
     back = -view.forward
     level = back - (back @ floor) * floor
     level /= max(float(np.linalg.norm(level)), 0.2)

@@ -108,7 +108,7 @@ def _sums(owner: Ints, values: Floats, count: int) -> Floats:
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> Mesh:
-    """Small cones whose points touch the supported vertices, thinned, on the side where the supports are."""
+    """Small cones whose points touch the supported vertices, thinned, on the side where the supports are; up: (3,)."""
     at = np.flatnonzero(load.held)
     if not len(at):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -137,7 +137,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
-    """Unit vector along an axis, from the structure to its supports; down when they lie all around it."""
+    """(3,) unit vector along an axis, from the structure to its supports; down when they lie all around it."""
     middle = surface.areas @ surface.centroids / surface.area
     offset = surface.V[load.held].mean(axis=0) - middle
     if np.linalg.norm(offset) < 0.08 * size:

@@ -10,7 +10,7 @@ PERSON = 1.75
 
 
 def person(foot: Floats, right: Floats, up: Floats) -> Mesh:
-    """A flat figure of 1.75 m, standing at `foot` and facing along `right` x `up`."""
+    """A flat figure of 1.75 m, standing at `foot` (3,), metres, and facing along `right` x `up`, unit vectors (3,)."""
     strips = [[(0.0, half, y) for half, y in _BODY]]
     strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
     vertices, faces, count = [], [], 0

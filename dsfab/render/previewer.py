@@ -207,7 +207,7 @@ class Previewer:
         return np.asarray(image)
 
     def mask(self, size: tuple[int, int] = NOMINAL, words: bool = True) -> Bools:
-        """(height, width) where material is seen in a picture of that size; what covers it is left away."""
+        """(h, w) where material is seen in a picture of that size; what covers it is left away."""
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:

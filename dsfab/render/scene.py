@@ -151,7 +151,7 @@ class Scene:
             actor.SetVisibility(True)
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
-        """(side, side) height towards a lamp of what it sees first, -9 where that is nothing.
+        """(s, s) height towards a lamp of what it sees first, -9 where that is nothing; s is `side`.
 
         frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
         """

@@ -217,7 +217,8 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def look(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet of this half thickness, as seen from `eye`, both in the scene's units; or none.
+        """Show the walls of a sheet of this half thickness, as seen from `eye` (3,), both in the scene's units; or
+        none.
 
         A hint, no solid: walls are those of a slab in the plane of each triangle, and the rim of the surface has none.
         """

@@ -39,7 +39,7 @@ class View:
 
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
-    """Unit vector that points up: z, unless the loads say that it is y.
+    """(3,) unit vector that points up, for V (n, 3): z, unless the loads say that it is y.
 
     It is y when the whole load presses along -y and the structure stands on supports that are low in y (figures are
     modelled so), or when the load lies in the plane of a plate that z stands off.
@@ -82,7 +82,7 @@ class Side:
 
 
 def best_side(V: Floats, up: Floats) -> Side:
-    """Three-quarter view from a little above; standing plates face on."""
+    """Three-quarter view of V (n, 3) from a little above; standing plates face on."""
     if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
         return _face_on(_normal(V), up)
     front, right = _plan(V, up)
@@ -99,7 +99,7 @@ NAMED = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
 
 
 def named_side(V: Floats, up: Floats, name: str) -> Side:
-    """The side that a name asks for: iso, top, front, side, or 'azimuth,elevation' in degrees.
+    """The side of V (n, 3) that a name asks for: iso, top, front, side, or 'azimuth,elevation' in degrees.
 
     iso is `best_side`. Azimuth turns from the front to the right, elevation is counted from the ground up.
     Raises DsfabError for anything else.
@@ -155,7 +155,7 @@ def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def framed(points: Floats, side: Side, box: tuple[float, float, float, float]) -> View:
-    """The view from one side in which the points fill a box (left, right, bottom, top) in units of `View.seen`."""
+    """The view from one side in which points (n, 3) fill a box (left, right, bottom, top) in units of `View.seen`."""
     towards = side.towards
     right = np.cross(side.up, towards)
     right /= np.linalg.norm(right)

@@ -47,6 +47,7 @@ class Arcs:
         return np.asarray((np.arctan2(y, x) - self.begin) % (2 * np.pi))
 
     def some(self, chosen: Bools | Ints) -> "Arcs":
+        """Those that are marked (k,), or of these numbers."""
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def chords(self) -> tuple[Floats, Floats]:

@@ -66,7 +66,7 @@ class Cells:
         return ufunc.reduceat(values, self.start[:-1])
 
     def sides(self, active: Bools) -> tuple[Ints, Ints]:
-        """First and last vertex of every side of the active polygons."""
+        """First and last vertex (s,) of every side of the active polygons (c,)."""
         a, b = self.corner, self.ahead(self.corner)
         if active.all():
             return a, b

@@ -143,6 +143,6 @@ def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
 
 
 def mostly(number: Ints, weight: Floats) -> int:
-    """The number with the largest weight."""
+    """The number (k,) with the largest sum of weights (k,)."""
     values, of = np.unique(number, return_inverse=True)
     return int(values[np.argmax(np.bincount(of.ravel(), weight))])

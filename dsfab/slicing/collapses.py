@@ -28,6 +28,7 @@ class Moves(NamedTuple):
     strayed: Floats
 
     def some(self, which: Bools | Ints) -> "Moves":
+        """Those that are marked (k,), or of these numbers."""
         return Moves(self.v[which], self.w[which], self.strayed[which])
 
 

@@ -72,7 +72,8 @@ def material_area(
     snap: float = 0.05,
     tidy: Tidy | None = None,
 ) -> float:
-    """Area of the material of `cut` with the same arguments, square metres, without filling the cells."""
+    """Area of the material of `cut` with the same arguments (fields (n,), levels (k,)), square metres; cells are not
+    filled."""
     done = _divided(surface, fields, levels, snap, tidy)
     return float(done.cells.areas(done.X)[0][~done.void].sum())
 

@@ -48,7 +48,7 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """The widths that these shares of the walls do not exceed, metres; none without widths."""
+        """(q,) the widths that these shares of the walls do not exceed, metres; none without widths."""
         if not self.weight.sum():
             return np.empty(0)
         return _quantiles(self.widths, self.weight, shares)

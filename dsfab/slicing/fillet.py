@@ -24,7 +24,7 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
-    """All cells of a sheet with the corners of its openings rounded off, and the radius that each became, metres.
+    """All cells of a sheet with the corners of its openings rounded off, and the radius (k,) that each became, metres.
 
     sheet  : material and void, without pinches.
     radius : metres; smaller where the walls beside a corner leave no room for it. The arc is one in the plane that

@@ -34,6 +34,7 @@ class Fillets:
 
     @property
     def count(self) -> int:
+        """How many there are."""
         return len(self.at)
 
     def beyond(self, arc: Ints, X: Floats) -> Floats:
@@ -41,6 +42,7 @@ class Fillets:
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def some(self, chosen: Bools) -> "Fillets":
+        """Those that are marked (k,), with their void cells."""
         number = np.cumsum(chosen) - 1
         pair = self.pair[chosen[self.pair[:, 0]]]
         pair = np.stack([number[pair[:, 0]], pair[:, 1]], axis=1)
@@ -48,6 +50,7 @@ class Fillets:
 
     @classmethod
     def joined(cls, parts: Sequence["Fillets"]) -> "Fillets":
+        """All fillets of several, one behind the other."""
         before = np.cumsum([0, *(part.count for part in parts)])
         pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
         columns = zip(*((part.at, part.radius, part.normal, part.distance) for part in parts), strict=True)

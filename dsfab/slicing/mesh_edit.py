@@ -33,6 +33,7 @@ class Cut:
 
     @cached_property
     def edges(self) -> EdgeTable:
+        """Every edge once, with the cells on it."""
         return edge_table(self.F)
 
     @cached_property
@@ -41,10 +42,11 @@ class Cut:
         return self.key(*self.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
+        """(k,) the number of the edges between vertices a (k,) and b (k,), whichever way."""
         return np.minimum(a, b) * len(self.V) + np.maximum(a, b)
 
     def edge(self, a: Ints, b: Ints) -> Ints:
-        """The edge between vertices, -1 where there is none."""
+        """(k,) the edge between vertices a (k,) and b (k,), -1 where there is none."""
         key = self.key(a, b)
         at = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
         return np.where(self.keys[at] == key, at, -1)
@@ -90,7 +92,10 @@ class Cut:
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """The cells around the vertices: those of vertex v are faces[start[v] : start[v + 1]]."""
+        """The cells around the vertices: those of vertex v are faces[start[v] : start[v + 1]].
+
+        faces : (3 m',).    start : (n' + 1,).
+        """
         start = np.concatenate([[0], np.cumsum(np.bincount(self.F.ravel(), minlength=len(self.V)))])
         return grouped(self.F.ravel())[0] // 3, start
 
@@ -103,6 +108,8 @@ class Cut:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, kept: Bools | None = None, strayed: Floats | None = None) -> "Cut":
+        """The same with other cells F (m', 3), of which those marked `kept` (m',) stay; strayed (n',) metres, as it
+        was if left out."""
         kept = np.ones(len(F), dtype=bool) if kept is None else kept
         return replace(
             self,

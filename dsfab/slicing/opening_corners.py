@@ -39,6 +39,7 @@ class Corners:
 
     @classmethod
     def of(cls, sheet: Sheet) -> "Corners":
+        """Where the walls of a sheet turn by more than `SHARPEST`."""
         walls = Walls.of(sheet)
         turn = walls.turns(sheet)
         at = np.flatnonzero(turn > SHARPEST)

@@ -71,7 +71,7 @@ class PatternQuality:
 
     @property
     def families(self) -> tuple[tuple[str, FamilyQuality], tuple[str, FamilyQuality]]:
-        """By name."""
+        """Both families, by name."""
         return ("major", self.major), ("minor", self.minor)
 
     @property

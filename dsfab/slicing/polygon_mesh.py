@@ -46,7 +46,7 @@ class PolygonMesh:
 
     @classmethod
     def plain(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
-        """Polygons none of which two fields make material."""
+        """Polygons, parent and family (c,), on X (n', 3), metres, none of which two fields make material."""
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
@@ -119,5 +119,5 @@ def places(F: Ints, vertex: Ints) -> Ints:
 
 
 def extended_weights(weights: csr_array, split: Split) -> csr_array:
-    """Rows for the new vertices of a split below those of the old ones: at most three entries, all of one face."""
+    """Rows (n' + k, n) for the new vertices of a split below the old ones: at most three entries, all of one face."""
     return csr_array(vstack([weights, split.blend(weights.shape[0]) @ weights], format="csr"))

@@ -79,7 +79,7 @@ class Seen:
         return np.asarray(y)
 
     def with_values(self, values: Floats) -> "Seen":
-        """The same with other values."""
+        """The same with other values (n', s), one or two sides."""
         if values is self.values:
             return self
         other = replace(self, values=values)
@@ -87,7 +87,7 @@ class Seen:
         return other
 
     def sides(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """The field at both ends of every side."""
+        """The field at both ends of every side; foreign: (h,) slots where it means nothing."""
         return SideValues.at(self.mesh.cells, self.slots(side), self.blank if foreign is None else foreign)
 
     def after(self, split: Split, side: int) -> "Seen":

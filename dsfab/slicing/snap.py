@@ -15,7 +15,7 @@ fraction, if that is less)."""
 
 
 def nearest(x: Floats, levels: Floats) -> Floats:
-    """The level nearest to each value."""
+    """(n,) the level nearest to each value x (n,); levels (k,) ascend."""
     at = np.searchsorted(levels, x)
     below, above = levels[np.maximum(at - 1, 0)], levels[np.minimum(at, len(levels) - 1)]
     closest: Floats = np.where(np.abs(x - below) < np.abs(above - x), below, above)
@@ -25,7 +25,8 @@ def nearest(x: Floats, levels: Floats) -> Floats:
 def snapped(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """A copy of x with free values within `fraction` of their edges' largest range of a level moved onto it.
+    """A copy of x (n,) with free values (n,) within `fraction` of their edges' largest range of a level (k,) moved
+    onto it.
 
     sides : the values at both ends of each edge.    difference : the range of each edge.
     """

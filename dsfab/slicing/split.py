@@ -36,7 +36,7 @@ class Split:
 
     @classmethod
     def none(cls, cells: Cells, active: Bools) -> "Split":
-        """The polygons as they are, the active ones in strip 0."""
+        """The polygons as they are, the active ones (c,) in strip 0."""
         no, none = np.empty(0, dtype=np.int64), np.empty(0)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), no, no, none, no, none)
 

@@ -36,6 +36,7 @@ class Walls:
 
     @classmethod
     def of(cls, sheet: Sheet) -> "Walls":
+        """The walls between material and void of a sheet, chained."""
         one, two = sheet.surface.edges.pairs.T
         void = ~sheet.material
         wall = void[one // 3] != void[two // 3]
@@ -51,7 +52,8 @@ class Walls:
         return cls(h, (one + two)[order] - h, a, b, length, place, chain, begin, total, closed)
 
     def ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """The walls so many steps from `wall` along its chain, and whether they exist: open chains end."""
+        """(k,) the walls so many steps (k,) from `wall` (k,) along its chain, and whether they exist: open chains
+        end."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         at = wall - begin + steps

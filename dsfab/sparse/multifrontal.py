@@ -133,7 +133,7 @@ class Multifrontal:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Take the values of K, whose pattern must be that of the matrix analysed."""
+        """Take the values of K (n, n), whose pattern must be that of the matrix analysed."""
         f = self._fronts
         if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
             raise ValueError("the pattern of the matrix has changed")

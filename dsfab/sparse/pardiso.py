@@ -37,7 +37,7 @@ Matrix = csr_array | Callable[[], csr_array]
 
 
 def made(K: Matrix) -> csr_array:
-    """The matrix itself."""
+    """The matrix (n, n) itself."""
     return K() if callable(K) else K
 
 
@@ -71,7 +71,7 @@ class Pardiso:
         self._call(FACTORISE, nothing)
 
     def refactor(self, K: csr_array) -> None:
-        """Take the values of K, whose pattern must be that of the matrix analysed."""
+        """Take the values of K (n, n), whose pattern must be that of the matrix analysed."""
         before = self._upper
         self._take(K)
         same = np.array_equal(before.indptr, self._upper.indptr)

@@ -31,7 +31,7 @@ class SuperLU:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Take the values of K; the order of elimination stays."""
+        """Take the values of K (n, n); the order of elimination stays."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
             self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=PANEL, options=OPTIONS)

@@ -146,7 +146,8 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(one: Ints, two: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """The links one[i] - two[i] between `count` nodes, at most two at each, as chains: their nodes, and their links.
+    """Links one (k,) - two (k,) between `count` nodes, at most two at each, as chains: their nodes, and their links,
+    (c,).
 
     Open chains first, each from its end with the lower number; of closed ones the first node is named twice.
     """

@@ -148,7 +148,7 @@ class Surface:
 
     @cached_property
     def pinches(self) -> Ints:
-        """Vertices where the surface touches itself in a point: see `topology.pinches`."""
+        """(k,) vertices where the surface touches itself in a point: see `topology.pinches`."""
         return pinches(self.F, self.edges, self.n)
 
     @cached_property
@@ -163,7 +163,7 @@ class Surface:
 
     @cached_property
     def loops(self) -> list[Ints]:
-        """The boundary loops as vertex indices, longest first (in metres)."""
+        """The boundary loops as vertex indices (k,), longest first (in metres)."""
         loops = boundary_loops(self.F, self.edges)
         return sorted(loops, key=lambda loop: -closed_length(self.V[loop]))
 

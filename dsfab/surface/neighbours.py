@@ -34,7 +34,7 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def smoothing_pairs(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Vertices and their neighbours, to whose mean they may move: for those on the boundary only along it."""
+    """(p,) vertices and neighbours (p,), to whose mean they may move: for those on the boundary only along it."""
     i, j = _both_ways(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

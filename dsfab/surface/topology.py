@@ -88,7 +88,8 @@ def connected(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
-    """Closed chains of boundary vertices of an oriented mesh, most vertices first; the surface lies left of each step.
+    """Closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), most vertices first; the surface lies
+    left of each step.
 
     At a pinch the chain stays with the fan of faces it came along, so that two sheets touching in a vertex keep two
     loops. On a mesh that is not oriented some loops run the other way; on one that is not manifold chains may be open:
@@ -132,7 +133,7 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """Vertices where the sheet touches itself in a point: the faces around it are more than one fan."""
+    """(k,) vertices where the sheet F (m, 3) touches itself in a point: the faces around it are more than one fan."""
     if _whole_fans(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -193,7 +194,7 @@ def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
 
 
 def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
-    """Indices of the edges that both neighbours run through in the same direction."""
+    """(k,) indices of the edges that both neighbours, of faces F (m, 3), run through in the same direction."""
     a = F.ravel()
     h0, h1 = edges.pairs.T
     same = np.flatnonzero(a[h0] == a[h1])
@@ -201,12 +202,13 @@ def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
 
 
 def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
-    """Vertices - edges + faces, counting the vertices that have a face."""
+    """Vertices - edges + faces of F (m, 3), counting the vertices that have a face."""
     return int(np.count_nonzero(np.bincount(F.ravel()))) - len(edges.ends) + len(F)
 
 
 def duplicate_faces(F: Ints) -> Ints:
-    """Indices of the faces that join the same three vertices as an earlier face, in either orientation."""
+    """(k,) indices of the faces of F (m, 3) that join the same three vertices as an earlier one, in either
+    orientation."""
     seen = np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1]
     return np.setdiff1d(np.arange(len(F)), seen)
 
@@ -234,7 +236,8 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """What keeps faces F on n vertices from being an oriented manifold, a sentence each; empty when nothing does."""
+    """What keeps faces F (m, 3) on n vertices from being an oriented manifold, a sentence each; empty if nothing
+    does."""
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
@@ -253,6 +256,6 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
-    """The first few edges by their vertices, for messages: '3-17, 4-20, ...'."""
+    """The first few edges (k,) by their vertices, for messages: '3-17, 4-20, ...'."""
     shown = ", ".join(f"{a}-{b}" for a, b in edges.ends[indices[:count]].tolist())
     return shown + (", ..." if len(indices) > count else "")

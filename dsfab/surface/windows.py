@@ -25,6 +25,7 @@ class Windows:
     def of(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
+        """Windows of five names (k,) each, from A (k, 2) to B (k, 2), metres, with start, end and offset (k,)."""
         numbers = np.stack([*A.T, *B.T, start, end, offset], axis=1)
         return cls(np.stack(names, axis=1), numbers)
 
@@ -79,10 +80,12 @@ class Windows:
         return self.values[:, 6]
 
     def at(self, which: Ints | Bools) -> "Windows":
+        """Those that are marked (k,), or of these numbers."""
         return Windows(self.names[which], self.values[which])
 
     @classmethod
     def together(cls, some: Sequence["Windows"]) -> "Windows":
+        """All windows of several, one behind the other."""
         return cls(np.concatenate([part.names for part in some]), np.concatenate([part.values for part in some]))
 
     def place(self, t: Floats) -> Floats:
@@ -114,19 +117,22 @@ class Windows:
 
 
 def share(one: Floats, two: Floats) -> Floats:
-    """Where something that goes from one sign to the other, linearly, is zero."""
+    """(k,) where something that goes from one sign to the other, linearly, is zero, of the way from `one` (k,) to
+    `two` (k,)."""
     span = one - two
     return np.divide(one, span, out=np.zeros_like(one), where=span != 0)
 
 
 def size2(a: Floats) -> Floats:
-    """Lengths, roughly."""
+    """(k,) lengths of a (k, 2), roughly: |x| + |y|."""
     return np.asarray(np.abs(a[:, 0]) + np.abs(a[:, 1]))
 
 
 def cross2(a: Floats, b: Floats) -> Floats:
+    """(...) cross products of a and b (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def dot2(a: Floats, b: Floats) -> Floats:
+    """(...) scalar products of a and b (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])

@@ -82,7 +82,8 @@ def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
-    """Which faces lose a corner when vertices are rounded to single precision in millimetres, as STL stores them."""
+    """Which faces F (m, 3) lose a corner when V (n, 3), metres, is rounded to single precision in millimetres, as in
+    STL."""
     a, b = half_edges(F)
     lost = np.arange(len(a))
     for column in V.T:

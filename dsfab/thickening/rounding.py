@@ -22,6 +22,6 @@ def is_fine(V: Floats, D: Floats) -> bool:
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Metres by which `rounded` moves skins V + 2 D at most: three coordinates by half a step each."""
+    """Metres by which `rounded` moves skins V + 2 D, both (n, 3), at most: three coordinates by half a step each."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)

@@ -69,7 +69,7 @@ class Skin:
         return np.concatenate([self.upper, self.lower[:, ::-1], one, two])
 
     def walls(self, faces: Ints) -> Ints:
-        """Which walls the given faces of the solid belong to, each once."""
+        """(k,) which walls the given faces (f,) of the solid belong to, each once."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 

@@ -24,6 +24,7 @@ class Progress:
         self._tell(stage, text)
 
     def check(self) -> None:
+        """Raise Cancelled once nobody wants the job any more."""
         if self._stop.is_set():
             raise Cancelled
 

@@ -40,7 +40,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Facts and arrays in one message; floating point as 32 bits, whole numbers as unsigned 32 bits."""
+    """Facts and arrays (...) in one message; floating point as 32 bits, whole numbers as unsigned 32 bits."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -55,7 +55,7 @@ def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byte
 
 
 def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Surface, phases, distances, answers and marks: what statics and diffusion made.
+    """Surface V (n, 3), metres, and F (m, 3), phases, distances, answers and marks: what statics and diffusion made.
 
     V, F and what goes with them are of the mesh that stripes are drawn on (see `StripedMesh`); where that is a chart,
     `uncut` are the vertices that loops, loads and supports mean.

@@ -64,9 +64,11 @@ class Handler(BaseHTTPRequestHandler):
     timeout = 60
 
     def do_GET(self) -> None:
+        """Answer a GET, guarded."""
         self._guarded(self._get)
 
     def do_POST(self) -> None:
+        """Answer a POST, guarded."""
         self._guarded(self._post)
 
     def log_message(self, format: str, *args: object) -> None:

@@ -102,7 +102,7 @@ class Gate:
 
     @cached_property
     def solid(self) -> Ints:
-        """The solid of the mesh that each piece is: that of the vertex nearest to one of its own."""
+        """(p,) the solid of the mesh that each piece is: that of the vertex nearest to one of its own."""
         first = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.at((self.sheet.V + self.sheet.D)[first])
 
@@ -148,12 +148,13 @@ class Gate:
 
     @cached_property
     def volumes(self) -> Floats:
-        """Millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the skins."""
+        """(p,) millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the
+        skins."""
         return self._sum(np.ones(len(self.sheet.F)))
 
     @cached_property
     def rounder(self) -> Floats:
-        """By what share the volume of each piece may be larger, since the mesh cuts its curves short."""
+        """(p,) by what share the volume of each piece may be larger, since the mesh cuts its curves short."""
         sheet = self.sheet
         upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # on a skin, whose triangles are found in half the time
         share = self.limits.rounder[self.limits.nearest(upper)]

@@ -87,7 +87,8 @@ def dense(surface: Surface, curved: Curved) -> Dense:
 
 
 def between(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Points half way along edges, on the cubic whose ends are normal to d: fits then do not wave between vertices."""
+    """(e, 3) points half way along edges (e, 2) of P (n, 3), on the cubic whose ends are normal to d (n, 3): fits
+    then do not wave between vertices."""
     N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
     chord = P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]

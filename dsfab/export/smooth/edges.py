@@ -161,7 +161,7 @@ def spread(line: Floats) -> tuple[Floats, Floats]:
 
 
 def parameters(curve: Spline) -> Floats:
-    """Parameters to measure at: many in each span."""
+    """(k,) parameters to measure at: many in each span."""
     return _parameters(curve.knots.tobytes())
 
 

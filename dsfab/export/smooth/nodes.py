@@ -28,7 +28,7 @@ class Nodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Ends of runs: half way between what their charts say."""
+        """Ends of runs, vertices (k,): half way between what their charts say."""
         new = [v for v in vertices.tolist() if v not in self.at]
         here, said = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in new})
         for v in new:

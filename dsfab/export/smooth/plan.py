@@ -92,7 +92,8 @@ class Plan:
             )
 
     def built(self, fields: Floats, done: Collection[int] = ()) -> Built:
-        """The pieces of all solids but those that are done, in a layout of charts."""
+        """The pieces of all solids but those that are done, in a layout of charts: fields (n, c), the largest names
+        the chart."""
         atlas = Atlas(self.surface, self.curved, fields, FIT * self.limits.distance)
         atlas.make(np.unique(fields.argmax(axis=1)[self._near(done)]))
         sheet = sheet_of(self.curved.divided(atlas.fields), self.curved.shift)

@@ -21,7 +21,7 @@ CHORDS, NEAR = 64, 4
 
 
 def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
-    """Raise the level of the runs nearest to the `bad` points; whether there was one to raise."""
+    """Raise the level of the runs nearest to the `bad` points (k, 3), millimetres; whether there was one to raise."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     samples = np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)])

@@ -31,6 +31,7 @@ class Rows:
 
     @classmethod
     def of(cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int) -> "Rows":
+        """Rows one behind the other: count (r,) points each, of x (k,) and Q (k, d), within a tolerance (r,)."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 

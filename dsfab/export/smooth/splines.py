@@ -29,7 +29,7 @@ class Spline:
 
 
 def straight(a: Floats, b: Floats) -> Spline:
-    """The segment from a to b."""
+    """The segment from a (3,) to b (3,)."""
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 

@@ -101,7 +101,8 @@ def staggered(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Where the vertices of each ring are, as shares of a turn: half a step further than a ring of the same count."""
+    """(k,) where the vertices of each ring, of `counts` (r,), are, in turns: half a step further than in a ring of
+    the same count."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0
@@ -110,7 +111,7 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
-    """Faces between rings of vertices at the given shares of a turn, counter-clockwise for whoever sees the turns run
+    """(m, 3) faces between rings of vertices at shares (k,) of a turn, counter-clockwise for whoever sees the turns run
     counter-clockwise and the later rings outside; a ring of one vertex is a pole.
 
     Every edge of a ring gets the vertex of the other ring that is nearest to its middle. closed: the last ring is

@@ -28,6 +28,7 @@ def _norm(Q: Floats) -> Floats:
 
 
 def ball(centre: Point, radius: float) -> Field:
+    """A ball: a field of P (k, 3), metres, its signed distance (k,)."""
     c = np.array(centre)
     return lambda P: _norm(P - c) - radius
 
@@ -68,7 +69,11 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 
 def box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
-    """halves : half of each side, metres, with the rounding of all edges in it."""
+    """A box, rounded: a field of P (k, 3), metres.
+
+    halves : half of each side, metres, with the rounding of all edges in it.    axes : (3, 3) along its sides, in
+    rows.
+    """
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -79,7 +84,7 @@ def box(centre: Point, halves: Point, rounding: float, axes: Floats | None = Non
 
 
 def smaller(a: Floats, b: Floats, k: float) -> Floats:
-    """The smaller value, rounded off where they differ by less than k [polynomial smooth minimum, Quilez 2013]."""
+    """(k,) the smaller value, rounded off where they differ by less than k [polynomial smooth minimum, Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
@@ -121,10 +126,12 @@ class LevelSet:
     floor: float | None = None
 
     def place(self, X: Floats) -> Floats:
+        """X (n, 3) itself, metres."""
         return X
 
     def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Two of Newton's steps along the gradient, which is found once."""
+        """(n, 3) X + step after two of Newton's steps along the gradient, which is found once; those of the border
+        (n,) stay on the floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:

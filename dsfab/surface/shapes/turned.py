@@ -100,7 +100,8 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 
 def revolved(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
-    """The surface of revolution of a profile of radii and heights, metres, a ring per point; radius 0 is a pole.
+    """The surface of revolution of a profile of radii r (k,) and heights z (k,), metres, a ring per point; radius 0
+    is a pole.
 
     Each ring gets a multiple of six vertices about `edge` apart. A profile that runs away from the axis gets normals
     up; outward turns them over, which is away from the axis for a tube that rises.

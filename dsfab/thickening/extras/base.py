@@ -37,5 +37,6 @@ class Base:
         return points
 
     def nearest(self, point: Floats) -> str:
+        """The vertex of the sheet nearest to a point (3,), metres, as text."""
         x, y, z = self.sheet.V[cKDTree(self.sheet.V).query(point)[1]]
         return f"({x:.4g}, {y:.4g}, {z:.4g})"

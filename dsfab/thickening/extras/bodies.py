@@ -25,7 +25,7 @@ def positive(extra: object, *names: str) -> None:
 
 
 def unit(vector: Vector, whose: str) -> Floats:
-    """The vector at length 1; raises SolidError for none."""
+    """(3,) the vector at length 1; raises SolidError for none."""
     length = float(np.linalg.norm(vector))
     if not length > 0:
         raise SolidError(f"{whose} must have a length")
@@ -47,7 +47,7 @@ def united(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """A round prism of a length along an axis, its middle at a point."""
+    """A round prism of a length along an axis (3,), its middle at a point (3,), metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

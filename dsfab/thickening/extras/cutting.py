@@ -30,6 +30,7 @@ class Holes:
     kind: Literal["holes"] = "holes"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """The solid with the holes; raises SolidError for one that meets no material."""
         positive(self, "diameter", "depth")
         for number, point in enumerate(self.at, 1):
             drilled = solid - drill(np.array(point), np.array(self.axis), self.diameter, self.depth)
@@ -57,6 +58,7 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """What is left of the solid on one side of the plane and inside the box; raises SolidError."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")

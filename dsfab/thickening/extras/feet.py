@@ -28,6 +28,7 @@ class Feet:
     kind: Literal["feet"] = "feet"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """The solid with its feet; raises SolidError where none of the picked vertices is on the sheet."""
         positive(self, "height", "margin", "sink")
         blocks = []
         for points in base.parts(self.at.vertices(base.surface)):

@@ -38,6 +38,7 @@ class Ring:
     kind: Literal["ring"] = "ring"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """The solid with a beam along its boundaries; raises SolidError where none is picked."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]

@@ -37,6 +37,7 @@ class Split:
     kind: Literal["split"] = "split"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """The solid in parts that fit the bed, apart and with holes for dowels; raises SolidError."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
             raise SolidError("thickening.extra 'split' needs a bed of positive lengths; and dowel and deep, or neither")
