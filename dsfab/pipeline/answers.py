@@ -33,7 +33,7 @@ def answers_step(
     factor_of: FactorOf,
     log: Log,
 ) -> list[Answers]:
-    """Stress, energy, frequencies and buckling of a solved sheet, under each loading.
+    """Stress, energy, frequencies and buckling of a solved sheet, under each loading; K (u, u) over all unknowns, N/m.
 
     plane : whether it was solved in its plane.
     made  : stiffnesses by their elements; others that are needed are added to it.

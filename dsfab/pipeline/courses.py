@@ -118,6 +118,7 @@ class Course:
 
     @classmethod
     def of(cls, follow: Followed, g: Floats, halve: bool) -> Self:
+        """The course of a family whose phase grows along unit vectors g (n, 3)."""
         surface = follow.frames.surface
         size = vertex_means(surface, np.abs(follow.given.stress).max(axis=1))
         u = follow.images.mean(log_density(follow.frames, g, follow.confidence))

@@ -175,7 +175,8 @@ class Design:
 
     @cached_property
     def fields(self) -> Mapping[str, Floats] | None:
-        """What a VTU file shows, by name, where it was read from a folder; None where it is still to be worked out."""
+        """What a VTU file shows, by name, (n, ...) or (m, ...), where it was read from a folder; None where it is
+        still to be worked out."""
         return None
 
     @property

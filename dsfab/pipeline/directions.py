@@ -30,7 +30,8 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """What signs and bases of modes look at: the loads and the supports, and so they turn with the design."""
+    """(3, 3) rows, what signs and bases of modes look at: the loads and the supports, and so they turn with the
+    design."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -39,6 +40,7 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
+    """The third stage: tensors and modes of both families."""
     ask = preset.diffusion
     if log.progress:
         log.progress("diffusion", f"computing {ask.modes} modes of both families")

@@ -31,6 +31,7 @@ SPRINGS_LOST = 0.005
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
+    """The fifth stage: the surface cut, and the sheet that is kept; raises PatternError where nothing is."""
     ask, radius = preset.slicing, preset.pattern.fillet
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)

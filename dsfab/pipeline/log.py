@@ -25,6 +25,7 @@ class Log:
 
     @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:
+        """Tell that a stage begins, and write down its seconds."""
         if self.progress:
             self.progress(name, doing)
         start = time.perf_counter()
@@ -33,9 +34,11 @@ class Log:
 
     @contextmanager
     def row(self, name: str) -> Iterator[None]:
+        """Add the seconds of what is done inside to a row."""
         start = time.perf_counter()
         yield
         self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
 
     def note(self, stage: str, text: str) -> None:
+        """Write down what a person should know."""
         self.notes.append(Note(stage, text))

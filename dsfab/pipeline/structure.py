@@ -24,6 +24,7 @@ USUAL = (10.0, 5e3)
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
+    """The first stage: the surface, metres."""
     with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
         surface = preset.surface.build()
         count = pieces(surface.F, surface.edges)[0]

@@ -53,6 +53,7 @@ class Shown:
         self._folder, self._written = folder, time.monotonic()
 
     def now_and_then(self) -> None:
+        """Write the page if the last one is old."""
         if time.monotonic() - self._written > PAGE_EVERY:
             self._page(self._folder.rows())
             self._written = time.monotonic()

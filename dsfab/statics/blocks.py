@@ -103,7 +103,7 @@ _HINGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """`VertexPairs.of`, computed once for a surface that lives."""
+    """`VertexPairs.of`, hinge (i, 4), computed once for a surface that lives."""
     kept = _EDGES if hinge is None else _HINGES
     if surface not in kept:
         kept[surface] = VertexPairs.of(surface, hinge)
@@ -111,7 +111,7 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
 
 
 def added(A: csr_array, B: csr_array) -> csr_array:
-    """A + B; where both are stored alike, only their values are added."""
+    """A + B, both (u, u); where both are stored alike, only their values are added."""
     if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
     return csr_array(A + B)

@@ -157,7 +157,7 @@ def assembled(blocks: Floats, columns: Ints, size: int) -> csr_array:
 
 
 def padded(K: csr_array, size: int) -> csr_array:
-    """K with rows and columns of zeros behind, (size, size)."""
+    """K (u, u) with rows and columns of zeros behind, as many as make `size` of them."""
     indptr = np.concatenate([K.indptr, np.full(size - K.shape[0], K.indptr[-1])])
     return csr_array((K.data, K.indices, indptr), shape=(size, size))
 

@@ -77,7 +77,8 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """The factor of K; an `earlier` one lends its analysis. Raises StaticsError for a mechanism."""
+        """The factor of K at face scales (m,); an `earlier` one lends its analysis. Raises StaticsError for a
+        mechanism."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)

@@ -74,7 +74,7 @@ class Factor:
 
 
 def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
-    """K without held unknowns and without those that have no stiffness (vertices of no face).
+    """K (u, u) without unknowns held (u,) and without those that have no stiffness (vertices of no face).
 
     Raises StaticsError when it is not positive definite.
     """

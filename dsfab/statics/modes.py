@@ -145,7 +145,8 @@ def buckling(
 
 
 def mass(surface: Surface, per_area: float, elements: Elements) -> csr_array:
-    """M, kg, over the unknowns of `elements`: hats on the corners and bubbles on the edges; rotations weigh nothing.
+    """(u, u) M, kg, over the unknowns of `elements`: hats on the corners and bubbles on the edges; rotations weigh
+    nothing.
 
     per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet.
     """

@@ -49,7 +49,7 @@ def held_faces(surface: Surface, fixed: Bools) -> Bools:
 
 
 def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
-    """Raise StaticsError when edges are clamped that have no rotation; a sheet solved in its plane needs none."""
+    """Raise StaticsError when edges (e,) are clamped that have no rotation; a sheet solved in its plane needs none."""
     if clamped is None:
         return
     if clamped.shape != (len(surface.edges.ends),):
@@ -69,7 +69,8 @@ def all_clamped(load: LoadCase) -> Bools | None:
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """K, N/m, with the spring supports of `load` on the diagonal of its first 3 n unknowns; K itself without any."""
+    """K (u, u), N/m, with the spring supports of `load` on the diagonal of its first 3 n unknowns; K itself without
+    any."""
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])

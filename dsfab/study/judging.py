@@ -179,7 +179,7 @@ def _extreme(surface: Surface, value: Floats) -> Extreme:
 
 
 def quantile(value: Floats, weight: Floats, share: float = QUANTILE) -> float:
-    """What a share of the weights does not exceed."""
+    """What of the values (k,) a share of the weights (k,) does not exceed."""
     order = np.argsort(value)
     upto = np.cumsum(weight[order])
     return float(value[order][min(np.searchsorted(upto, share * upto[-1]), len(order) - 1)])

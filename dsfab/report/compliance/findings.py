@@ -57,10 +57,12 @@ class Findings:
 
     @property
     def brief(self) -> Brief:
+        """What all competitors share."""
         return self.compared.brief
 
     @property
     def design(self) -> Competitor:
+        """The design among the competitors."""
         return self.compared.design
 
     @property

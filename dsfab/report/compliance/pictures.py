@@ -58,7 +58,7 @@ class Pictures:
 
     @cached_property
     def up(self) -> Floats:
-        """The same in all pictures."""
+        """(3,) the direction that is up, the same in all pictures."""
         brief = self.found.brief
         return up_axis(brief.surface.V, brief.surface, brief.statics.load)
 

@@ -35,10 +35,12 @@ class DaskFleet:
 
     def workers(self) -> Collection[str]:
         # n_workers=-1: newer versions list five workers only when nothing is said
+        """Addresses of the workers that the cluster has now."""
         found = self._client.scheduler_info(n_workers=-1)["workers"]
         return list(found)
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
+        """The outcome to come of a run on that worker."""
         if worker not in self._executors:
             self._executors[worker] = self._client.get_executor(
                 workers=[worker], allow_other_workers=True, pure=False, retries=0
@@ -46,10 +48,12 @@ class DaskFleet:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> None:
+        """Forget a worker that is gone."""
         self._executors.pop(worker, None)
 
     def learn(self, outcome: Outcome) -> None:
-        pass  # who starts the workers knows their memory
+        """Nothing to learn: who starts the workers knows their memory."""
 
     def close(self) -> None:
+        """Leave the cluster."""
         self._client.close()

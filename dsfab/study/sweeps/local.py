@@ -33,6 +33,7 @@ class LocalFleet:
         self._pids: dict[str, int] = {}
 
     def workers(self) -> Collection[str]:
+        """Names of as many workers as there is memory for."""
         return [f"worker {i}" for i in range(1, self._count() + 1)]
 
     def _count(self) -> int:
@@ -43,6 +44,7 @@ class LocalFleet:
         return max(1, min(cores(), int(MEMORY_SHARE * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
+        """The outcome to come of a run on that worker, which is started when it is not there."""
         for _ in range(2):
             if worker not in self._pools:
                 self._begin(worker)
@@ -64,14 +66,17 @@ class LocalFleet:
             self._pids[worker] = future.result()
 
     def lost(self, worker: str) -> None:
+        """End a worker, if it is still there."""
         self._pids.pop(worker, None)
         if pool := self._pools.pop(worker, None):
             pool.shutdown(wait=False, cancel_futures=True)
 
     def learn(self, outcome: Outcome) -> None:
+        """Remember the largest memory that a run took."""
         self._peak = max(self._peak, outcome.peak)
 
     def close(self) -> None:
+        """End all workers."""
         for pid in self._pids.values():
             with suppress(OSError):
                 os.kill(pid, signal.SIGTERM)

@@ -38,6 +38,7 @@ class Progress:
 
     @property
     def left(self) -> int:
+        """How many runs are still to come."""
         return self.total - self.done - self.failed
 
     @property
@@ -47,6 +48,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float:
+        """Seconds until all have ended, at the rate so far."""
         return 60 * self.left / self.rate if self.ended_now else float("inf")
 
 

@@ -29,7 +29,8 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """How far the top of a cross line is ahead of its middle, at stations from 0 to 6; the end lines stand upright.
+    """How far the top of a cross line is ahead of its middle, at stations (k,) from 0 to 6; the end lines stand
+    upright.
 
     Trapezoids: inner lines lean to and fro.  Parallelograms: all lean the same way.
     """

@@ -39,7 +39,7 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
 
 
 def at(values: Floats, where: float) -> Bools:
-    """Which parameters are `where`."""
+    """(k,) which parameters (k,) are `where`."""
     return np.asarray(np.abs(values - where) < NEAR)
 
 
@@ -50,7 +50,7 @@ def edges_on(surface: Surface, *lines: Bools) -> Bools:
 
 
 def octasphere(cells: int) -> tuple[Floats, Ints]:
-    """The unit sphere as an octahedron whose edges are cut into `cells`; normals point outwards."""
+    """V (n, 3), F (m, 3): the unit sphere as an octahedron whose edges are cut into `cells`; normals point outwards."""
     b, faces = _octahedron_side(cells)
     signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
     points = (b[None] * signs[:, None]).reshape(-1, 3)
@@ -60,7 +60,7 @@ def octasphere(cells: int) -> tuple[Floats, Ints]:
 
 
 def octant(cells: int) -> tuple[Floats, Ints]:
-    """The part of `octasphere` with no negative coordinate."""
+    """V (n, 3), F (m, 3): the part of `octasphere` with no negative coordinate."""
     b, faces = _octahedron_side(cells)
     return _on_sphere(b, cells), faces
 

@@ -149,7 +149,7 @@ def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Fl
 
 
 def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
-    """The value: mean displacement of the marked vertices along a direction."""
+    """The value: mean displacement of the marked vertices (n,) along a direction, metres."""
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 
@@ -166,7 +166,8 @@ def tip_loaded(
     thickness: float,
     force: tuple[float, float, float],
 ) -> Problem:
-    """A strip built in where u = 0, with a force spread along its end u = 1; the value is how far that end moves."""
+    """A strip V (n, 3) built in where u = 0 of uv (n, 2), a force spread along its end u = 1; how far that end moves
+    is the value."""
     surface = Surface(V, F)
     root, tip = at(uv[:, 0], 0.0), at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)
