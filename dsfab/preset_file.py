@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
-from dsfab.preset_surface import Given, MeshSurface
+from dsfab.preset_surface import Given, MeshSurface, missing_preset
 
 
 def shipped() -> dict[str, Path]:
@@ -63,7 +63,9 @@ def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
 
 
 def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """`preset` with other values at dotted keys; raises PresetError as `load_preset` does."""
+    """`preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for no preset."""
+    if not isinstance(preset, Preset):
+        raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # the other sections were checked when they were read
     values = preset.model_dump(mode="json", exclude_none=True, include=touched)
     _override_all(values, changes)

@@ -179,6 +179,8 @@ def test_a_mesh_alone_is_told_what_is_missing(thing: Any) -> None:
 def test_a_name_alone_is_told_to_be_loaded() -> None:
     with pytest.raises(PresetError, match=r"dsfab\.run\(dsfab\.load_preset\('dome'\)\)"):
         dsfab.revise(dsfab.Design(preset(HYPAR)), "dome")
+    with pytest.raises(PresetError, match=r"dsfab\.run\(dsfab\.load_preset\('dome'\)\)"):
+        dsfab.sweep("dome", {"pattern.keep": [0.1]})
 
 
 def test_the_editor_of_a_notebook_takes_a_mesh_in_a_preset_only() -> None:
