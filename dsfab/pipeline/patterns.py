@@ -72,7 +72,7 @@ def pattern_step(
     """Kept regions come first: a cell that they make material is not cut again by the stripes.
 
     preset  : with its modes and phases settled.    choice : of them, where they were `auto`.
-    grading, even : see `striped_families`.
+    grading, even : (n, f), and evenly spaced stripes; see `striped_families`.
     """
     ask, surface = preset.pattern, given.surface
     with log.stage("pattern", "drawing stripes"):

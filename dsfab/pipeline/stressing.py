@@ -114,7 +114,8 @@ class Stressed(Trial):
         self.factor = 0.0
 
     def step(self, grading: Floats) -> Step:
-        """Cut and solve; raises DsfabError for a sheet that does not carry the loads."""
+        """Cut and solve with half-widths `grading` (n, f); raises DsfabError for a sheet that does not carry the
+        loads."""
         families = [family.stressed(g) for family, g in zip(self.families, grading.T, strict=True)]
         search = WidthSearch(self._share, SHARE_TOLERANCE, self.factor)
         layers, self.factor = solved_layers(self.preset, self.surface, self.kept, families, search)

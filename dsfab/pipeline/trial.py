@@ -73,7 +73,7 @@ class Trial:
     def drawn(self, preset: Preset, grading: Floats | None = None) -> Tried:
         """A preset's own modes or stripes; raises DsfabError when they do not carry the loads.
 
-        grading : as in `striped_families`.
+        grading : (n, f) as in `striped_families`.
         """
         ask = preset.pattern
         families, layers = self._layers(preset, grading)

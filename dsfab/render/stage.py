@@ -68,7 +68,7 @@ def staged(
 ) -> Stage:
     """Place the camera, then the marks, then move the camera back until all of it is on the page.
 
-    half : half the thickness of the structure, metres.
+    half : half the thickness of the structure, metres.    up : (3,) unit vector.
     """
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)

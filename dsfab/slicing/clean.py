@@ -63,7 +63,7 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Vertices of the cells that a split made without area; polygons that it left whole do not count."""
+    """(k,) vertices, of X (n, 3), of the cells that a split made without area; those left whole do not count."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

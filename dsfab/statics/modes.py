@@ -128,7 +128,7 @@ def buckling(
              direction (a pressure that turns with the sheet is not modelled), and displacements before buckling do not
              count: thin shells buckle well below, at a fifth to a half for cylinders under axial load
              [Koiter 1945; NASA SP-8007].
-    K, factor_of : as for `frequencies`.
+    K, factor_of : (u, u), as for `frequencies`.
 
     Raises StaticsError for mechanisms, and when the modes cannot be found.
     """

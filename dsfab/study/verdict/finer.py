@@ -55,7 +55,7 @@ def on_mesh(
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
     """Supports and loads on a sheet of the uncut surface, on whatever mesh it is.
 
-    given  : on the uncut surface.    forces : `shares` of them.
+    given  : on the uncut surface.    forces : (n, 3) newtons, `shares` of them.
 
     A force on a vertex is spread over the material around it, in proportion to the hat function of the uncut mesh: a
     load has the same place and size on every finer mesh, and no force acts on a point, for which a sheet in its plane
