@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from dsfab.app.preview import shows
 from dsfab.errors import DsfabError
 from dsfab.pipeline import Design, draft
 from dsfab.preset_file import load_preset, overridden
-from dsfab.render.panels import shows
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import shading
 from dsfab.render.striped_mesh import StripedMesh, only_numbers

@@ -9,6 +9,7 @@ from PIL import Image
 
 from dsfab.app import sweep as command
 from dsfab.app.cli import main
+from dsfab.app.options import Source
 from dsfab.app.sweep_progress import Teller, duration
 from dsfab.app.sweep_vary import vary_tables, with_options
 from dsfab.errors import DsfabError
@@ -220,7 +221,7 @@ def test_the_command_line_wins_over_the_file():
         "vary": {"diffusion": {"r": [1]}},
         "metrics": ["area"],
     }
-    values = with_options(given, vary=["diffusion.r=5,6"], set_=["surface.edge=2.0"], unit="mm", others={"seed": None})
+    values = with_options(given, Source(("surface.edge=2.0",), unit="mm"), ["diffusion.r=5,6"], {"seed": None})
     plan = plan_from(values)
     assert plan.set == {"surface.edge": 2.0, "surface.unit": "mm"}
     assert plan.vary == {"diffusion.r": (5, 6)}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dsfab.app.step_options import overrides
+from dsfab.app.step_options import StepFlags
 from dsfab.errors import ExportError
 from dsfab.export import STEP_FACES, StepOptions, estimate, ladder, simplify, step, step_estimates, write
 from dsfab.export.part import open_edges, part_of
@@ -136,4 +136,5 @@ def test_the_command_line_estimates_and_writes_nothing(capsys, tmp_path, monkeyp
     assert code == 0
     assert "more than step_faces = 100" in said
     assert not any(tmp_path.iterdir())
-    assert overrides("faceted", 5, 0.5) == ('export.step="faceted"', "export.step_faces=5", "export.step_mb=0.5")
+    flags = StepFlags("faceted", 5, 0.5)
+    assert flags.overrides() == ('export.step="faceted"', "export.step_faces=5", "export.step_mb=0.5")

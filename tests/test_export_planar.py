@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from dsfab.app.build import build
+from dsfab.app.build import Files, PictureFlags, build
+from dsfab.app.options import Source
+from dsfab.app.step_options import StepFlags
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export import StepOptions, ladder, step, step_check, write
@@ -366,16 +368,13 @@ def test_loops_keep_their_sense_and_pieces_their_holes():
 
 
 def test_a_build_says_how_its_step_file_was_made(tmp_path, here):
-    build("cantilever", set_=("surface.edge=0.08",), output=tmp_path, format_="step", picture=False, quiet=True)
+    how = {
+        "source": Source(("surface.edge=0.08",)),
+        "files": Files(tmp_path, "step"),
+        "pictures": PictureFlags(False),
+    }
+    build("cantilever", **how, quiet=True)
     notes = json.loads((tmp_path / "design.json").read_text())["warnings"]
     assert "export: STEP is planar, its outline within 0.25 mm of the mesh" in notes
-    build(
-        "cantilever",
-        set_=("surface.edge=0.08",),
-        output=tmp_path,
-        format_="step",
-        step="faceted",
-        picture=False,
-        quiet=True,
-    )
+    build("cantilever", **how, step=StepFlags("faceted"), quiet=True)
     assert "export: STEP is faceted" in json.loads((tmp_path / "design.json").read_text())["warnings"]

@@ -8,9 +8,10 @@ import pytest
 from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
-from dsfab.app.build import build
+from dsfab.app.build import Files, PictureFlags, build
 from dsfab.app.editor.figures import figures
 from dsfab.app.listing import inspect
+from dsfab.app.options import Source
 from dsfab.diffusion.symmetry import symmetry_under
 from dsfab.pipeline import Design, draft, run
 from dsfab.pipeline.measures import symmetry_error
@@ -270,7 +271,7 @@ def test_even_stripes_have_their_width():
 def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsys):
     folder = tmp_path / "out"
     few = ("surface.edge=0.8", "pattern.keep=0.5")
-    assert build(DOME_MODES, set_=few, output=folder, format_="stl", picture=False) == 0
+    assert build(DOME_MODES, source=Source(few), files=Files(folder, "stl"), pictures=PictureFlags(False)) == 0
     told = capsys.readouterr().out.split("\n")
     facts = json.loads((folder / "design.json").read_text())["pattern"]
     lines = list(quality_lines(facts))

@@ -7,7 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from dsfab import load_preset
-from dsfab.app.build import build
+from dsfab.app.build import Files, PictureFlags, build
+from dsfab.app.options import Source
 from dsfab.errors import PresetError
 from dsfab.pipeline import draft
 from dsfab.statics import (
@@ -208,7 +209,9 @@ def test_presets_ask_within_reason(key, value):
 
 def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, **ALL, "export.formats": ["stl"]}.items()]
-    assert build(DOME_MODES, set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
+    assert (
+        build(DOME_MODES, source=Source(tuple(sets)), files=Files(tmp_path / "out"), pictures=PictureFlags(False)) == 0
+    )
     facts = json.loads((tmp_path / "out" / "design.json").read_text())["statics"]
     assert facts["answered_by"] == "hybrid+hhj"
     assert facts["utilisation"] == pytest.approx(facts["largest_von_mises_Pa"] / 235e6)
@@ -228,7 +231,9 @@ def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
 
 def test_a_build_that_asks_nothing_tells_no_stress_by_hinges(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, "export.formats": ["stl"]}.items()]
-    assert build(DOME_MODES, set_=tuple(sets), output=tmp_path / "out", picture=False) == 0
+    assert (
+        build(DOME_MODES, source=Source(tuple(sets)), files=Files(tmp_path / "out"), pictures=PictureFlags(False)) == 0
+    )
     facts = json.loads((tmp_path / "out" / "design.json").read_text())["statics"]
     assert facts["answered_by"] == "constant+hinge"
     assert "utilisation" not in facts

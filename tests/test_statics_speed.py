@@ -100,7 +100,7 @@ def test_good_solutions_are_solved_for_twice_only():
 
 
 def test_bench_measures_the_parts_of_the_statics(capsys):
-    code = bench.bench("dome", vertices="150,300", stages="statics", repeat=1, json_=True)
+    code = bench.bench("dome", work=bench.Workload(vertices="150,300", stages="statics"), repeat=1, json_=True)
     small, large = json.loads(capsys.readouterr().out)
     assert code == 0
     assert small["vertices"] < 220 < large["vertices"] < 450
@@ -113,7 +113,7 @@ def test_bench_measures_the_parts_of_the_statics(capsys):
 @pytest.mark.parametrize("text", ["many", "10", "1000,,2000"])
 def test_bench_refuses_what_is_no_list_of_sizes(text):
     with pytest.raises(DsfabError, match="--vertices"):
-        bench.bench("dome", vertices=text, stages="statics")
+        bench.bench("dome", work=bench.Workload(vertices=text, stages="statics"))
 
 
 def test_the_factor_takes_its_memory_when_the_scaled_copy_is_gone(monkeypatch):

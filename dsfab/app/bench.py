@@ -7,12 +7,13 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Mesh, Set, Unit, read_preset
+from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
 from dsfab.sparse import peak_memory
@@ -36,12 +37,11 @@ STATICS_ROWS = ("assembly", "factor", "solve", "stress", "total", "cpu")
 processor's time for `total`, the number to compare on a busy machine."""
 
 
-def bench(
-    *presets: str,
-    set_: Set = (),
-    mesh: Mesh = None,
-    unit: Unit = None,
-    repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Workload:
+    """What is timed, and on how many vertices."""
+
     scaling: Annotated[
         bool,
         Parameter(
@@ -49,11 +49,32 @@ def bench(
             help="Run each preset with 10, 40 and 100 thousand vertices, by changing surface.edge; "
             "with --stages statics also 250 and 500 thousand.",
         ),
-    ] = False,
-    vertices: Annotated[str | None, Parameter(help="Other numbers for --scaling, such as 10000,40000.")] = None,
+    ] = False
+    vertices: Annotated[str | None, Parameter(help="Other numbers for --scaling, such as 10000,40000.")] = None
     stages: Annotated[
         Literal["all", "statics"], Parameter(help="Time every stage, or the parts of the statics alone.")
-    ] = "all",
+    ] = "all"
+
+    def sizes(self) -> tuple[int, ...]:
+        """The numbers of vertices to run; none for the preset's own. Raises DsfabError for a text that is no list."""
+        if self.vertices is None:
+            return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
+        try:
+            wanted = tuple(int(number) for number in self.vertices.split(","))
+        except ValueError:
+            wanted = ()
+        if not wanted or min(wanted) < 100:
+            raise DsfabError(
+                f"--vertices {self.vertices!r} is no list of numbers from 100 up; write for example 10000,40000"
+            )
+        return wanted
+
+
+def bench(
+    *presets: str,
+    source: Source = UNCHANGED,
+    repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
+    work: Workload = Workload(),
     preview: Annotated[
         bool, Parameter(negative=(), help="Time the previewer instead: pictures a second, plain and with stripes.")
     ] = False,
@@ -66,23 +87,19 @@ def bench(
     """
     if preview:
         return _previewed(presets, json_)
-    wanted = _wanted(scaling, vertices, stages)
+    sizes = work.sizes()
     reporter = Reporter(quiet=json_)
     results = []
-    named = presets or ("sphere",)
-    work = [(name, more) for name in named for more in _sizes(name, set_, mesh, unit, wanted)]
-    for name, more in work:
+    jobs = [(name, more) for name in presets or ("sphere",) for more in _edges(name, source, sizes)]
+    for name, more in jobs:
         reporter("bench", f"{' '.join((name, *more))}, {repeat} {'run' if repeat == 1 else 'runs'}")
         try:
-            runs = [_in_own_process(name, (*set_, *more), mesh, unit, step, stages) for _ in range(max(1, repeat))]
+            runs = [_in_own_process(name, source.also(*more), step, work.stages) for _ in range(max(1, repeat))]
         finally:
             reporter.stop()
         results.append(_median(runs))
     reporter.done()
-    if json_:
-        out(json.dumps(results, indent=2))
-    else:
-        out(_table(results))
+    out(json.dumps(results, indent=2) if json_ else _table(results))
     return 0
 
 
@@ -103,26 +120,11 @@ def _previewed(presets: Sequence[str], as_json: bool) -> int:
     return 0
 
 
-def _wanted(scaling: bool, vertices: str | None, stages: str) -> tuple[int, ...]:
-    """The numbers of vertices to run; none for the preset's own."""
-    if vertices is None:
-        return (SCALING_STATICS if stages == "statics" else SCALING) if scaling else ()
-    try:
-        wanted = tuple(int(number) for number in vertices.split(","))
-    except ValueError:
-        wanted = ()
-    if not wanted or min(wanted) < 100:
-        raise DsfabError(f"--vertices {vertices!r} is no list of numbers from 100 up; write for example 10000,40000")
-    return wanted
-
-
-def _sizes(
-    name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, wanted: tuple[int, ...]
-) -> list[tuple[str, ...]]:
+def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str, ...]]:
     """The overrides that give a shape about these numbers of vertices: they grow with 1 / edge^2."""
     if not wanted:
         return [()]
-    surface = read_preset(name, changes, mesh, unit).surface
+    surface = source.read(name).surface
     edge = getattr(surface, "edge", None)
     if edge is None:
         raise DsfabError(f"--scaling changes surface.edge, which {name} does not have; choose a preset with a shape")
@@ -130,14 +132,14 @@ def _sizes(
     return [(f"surface.edge={edge * (now / n) ** 0.5:.6g}",) for n in wanted]
 
 
-def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool) -> dict[str, Any]:
+def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
     """One run in this process: seconds per row, peak memory in MiB, and the sizes."""
     from dsfab.delivery.files import delivered
     from dsfab.export import write
     from dsfab.pipeline import run
 
     start = time.perf_counter()
-    design = run(read_preset(name, changes, mesh, unit))
+    design = run(source.read(name))
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
         for suffix in design.preset.export.formats:
@@ -156,12 +158,12 @@ def measure(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | 
     }
 
 
-def measure_statics(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> dict[str, Any]:
+def measure_statics(name: str, source: Source) -> dict[str, Any]:
     """One run of the statics alone in this process: seconds per part, peak memory in MiB, and the sizes."""
     from dsfab.pipeline.log import Log
     from dsfab.pipeline.structure import statics_step, surface_step
 
-    preset, log = read_preset(name, changes, mesh, unit), Log(None)
+    preset, log = source.read(name), Log(None)
     surface = surface_step(preset, log)
     begin = time.process_time()
     result = statics_step(preset, surface, log)
@@ -183,10 +185,9 @@ def measure_statics(name: str, changes: tuple[str, ...], mesh: Path | None, unit
     }
 
 
-def _in_own_process(
-    name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None, step: bool, stages: str
-) -> dict[str, Any]:
-    request = json.dumps([name, list(changes), str(mesh) if mesh else None, unit, step, stages])
+def _in_own_process(name: str, source: Source, step: bool, stages: str) -> dict[str, Any]:
+    mesh = str(source.mesh) if source.mesh else None
+    request = json.dumps([name, source.set_, mesh, source.unit, step, stages])
     done = subprocess.run(
         [sys.executable, "-m", "dsfab.app.bench", request], capture_output=True, text=True, check=False
     )
@@ -225,7 +226,7 @@ def _table(results: list[dict[str, Any]]) -> str:
 
 if __name__ == "__main__":
     _name, _changes, _mesh, _unit, _step, _stages = json.loads(sys.argv[1])
-    _given = (_name, tuple(_changes), Path(_mesh) if _mesh else None, _unit)
+    _given = (_name, Source(tuple(_changes), Path(_mesh) if _mesh else None, _unit))
     try:
         _result = measure(*_given, _step) if _stages == "all" else measure_statics(*_given)
         sys.stdout.write(json.dumps(_result))

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Mesh, Quiet, Set, Unit, read_preset
-from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
+from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.step_options import NO_FLAGS, StepFlags, estimated
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
 from dsfab.wording import size
@@ -17,30 +18,57 @@ if TYPE_CHECKING:
     from dsfab.pipeline.design import Design
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Files:
+    """Where a build goes, and in which formats."""
+
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")] = (
+        None
+    )
+    format_: Annotated[
+        str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
+    ] = None
+
+    def overrides(self) -> tuple[str, ...]:
+        """The formats as KEY=VALUE of the preset, which checks them."""
+        if self.format_ is None:
+            return ()
+        formats = [word.strip().lower() for word in self.format_.split(",") if word.strip()]
+        return (f"export.formats={json.dumps(formats)}",)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PictureFlags:
+    """Which pictures are drawn of a build."""
+
+    picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
+    marked: Annotated[
+        bool, Parameter(negative=(), help="Also make fabrication.png: where the smallest member, gap and wall are.")
+    ] = False
+
+    def possible(self, reporter: Reporter) -> "PictureFlags":
+        """Those that can be drawn here, asked before the work begins; without them everything else is still built."""
+        from dsfab.render.opengl import why_no_pictures
+
+        why = why_no_pictures() if self.picture or self.marked else ""
+        if why:
+            reporter.say(f"preview     no picture: {why}")
+        return PictureFlags(picture=False) if why else self
+
+
 def build(
     preset: str,
     /,
     *,
-    set_: Set = (),
-    mesh: Mesh = None,
-    unit: Unit = None,
-    output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")
-    ] = None,
-    format_: Annotated[
-        str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
-    ] = None,
-    step: Step = None,
-    max_faces: MaxFaces = None,
-    max_mb: MaxMb = None,
-    estimate: EstimateOnly = False,
+    source: Source = UNCHANGED,
+    files: Files = Files(),
+    step: StepFlags = NO_FLAGS,
     fix: Annotated[
         bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
     ] = False,
-    picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True,
-    marked: Annotated[
-        bool, Parameter(negative=(), help="Also make fabrication.png: where the smallest member, gap and wall are.")
-    ] = False,
+    pictures: PictureFlags = PictureFlags(),
     quiet: Quiet = False,
 ) -> int:
     """Build a preset: solid, sheet, picture and numbers, in one folder.
@@ -53,21 +81,17 @@ def build(
     from dsfab.pipeline import run
     from dsfab.report.design.save import save
 
-    if format_ is not None:
-        formats = [word.strip().lower() for word in format_.split(",") if word.strip()]
-        set_ = (*set_, f"export.formats={json.dumps(formats)}")
-    given = read_preset(preset, (*set_, *overrides(step, max_faces, max_mb)), mesh, unit)
+    given = source.also(*files.overrides(), *step.overrides()).read(preset)
     _require(given.export.formats)
     reporter = Reporter(quiet)
-    if estimate:
+    if step.estimate:
         return estimated(given, reporter)
-    drawn = (picture or marked) and _can_draw(reporter)
-    folder = output if output is not None else Path("outputs") / given.name
+    drawn, folder = pictures.possible(reporter), files.output or Path("outputs") / given.name
     try:
         design = run(given, reporter)
         if fix:
             design = _fixed(design, reporter)
-        saved = save(design, folder, reporter, picture and drawn, marked and drawn)
+        saved = save(design, folder, reporter, drawn.picture, drawn.marked)
         reporter.done()
         for text in saved.told:
             reporter.say(f"export      {text}")
@@ -99,15 +123,6 @@ def _require(formats: Sequence[str]) -> None:
 
     for suffix in formats:
         FORMATS["." + suffix].ready()
-
-
-def _can_draw(reporter: Reporter) -> bool:
-    """Whether pictures can be drawn here, asked before the work begins; without them everything else is still built."""
-    from dsfab.render.opengl import why_no_pictures
-
-    if why := why_no_pictures():
-        reporter.say(f"preview     no picture: {why}")
-    return not why
 
 
 def _summary(design: "Design", folder: Path, measured: Mapping[str, Any]) -> None:

@@ -2,12 +2,13 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Quiet, Set, read_preset
+from dsfab.app.options import Quiet, Set, Source
 from dsfab.app.terminal import Reporter, out
 from dsfab.wording import length, mass
 
@@ -36,15 +37,35 @@ QUESTIONS = {
 }
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Expected:
+    """The design that a file should hold."""
+
+    preset: Annotated[
+        str | None,
+        Parameter(help="What it should be: a preset, or a built folder [preset.toml beside the file]."),
+    ] = None
+    set_: Set = ()
+
+    def name(self, file: Path) -> str | None:
+        """The preset that is named, or else the one that `dsfab build` left in the file's folder, if there is one."""
+        beside = file.parent / "preset.toml"
+        return self.preset if self.preset is not None else str(beside) if beside.is_file() else None
+
+    def design(self, name: str, reporter: Reporter) -> "Design":
+        """The design of the preset or built folder of this name."""
+        from dsfab.pipeline import run
+
+        folder = Path(name) / "preset.toml"
+        return run(Source(self.set_).read(str(folder) if folder.is_file() else name), reporter)
+
+
 def check(
     file: Path,
     /,
     *,
-    preset: Annotated[
-        str | None,
-        Parameter(help="What it should be: a preset, or a built folder [preset.toml beside the file]."),
-    ] = None,
-    set_: Set = (),
+    expected: Expected = Expected(),
     unit: Annotated[str | None, Parameter(help="Unit of an STL file's numbers: mm, cm, m, in, ft [mm].")] = None,
     density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0,
     solid: Annotated[bool, Parameter(help="With a preset: also compare compliance by a solid model.")] = True,
@@ -62,41 +83,28 @@ def check(
     """
     from dsfab.study.file_check import check_file, read_shipped
 
-    source = preset if preset is not None else _beside(file)
+    name = expected.name(file)
     reporter = Reporter(quiet or json_)
     try:
         design = None
-        if source is not None:
+        if name is not None:
             read_shipped(file, unit)  # a file that cannot be read is told before any work begins
-            design = _design(source, set_, reporter)
+            design = expected.design(name, reporter)
         checked = check_file(file, design, unit, density, solid, reporter)
         reporter.done()
     finally:
         reporter.stop()
     if json_:
-        out(json.dumps(facts(checked, source), indent=2))
+        out(json.dumps(facts(checked, name), indent=2))
     elif not quiet:
-        for line in lines(checked, source):
+        for line in lines(checked, name):
             out(line)
     return 0 if checked.passed else 1
 
 
-def _beside(file: Path) -> str | None:
-    """The preset that `dsfab build` left in the file's folder, if there is one."""
-    there = file.parent / "preset.toml"
-    return str(there) if there.is_file() else None
-
-
-def _design(source: str, changes: tuple[str, ...], reporter: Reporter) -> "Design":
-    from dsfab.pipeline import run
-
-    folder = Path(source) / "preset.toml"
-    return run(read_preset(str(folder) if folder.is_file() else source, changes), reporter)
-
-
 def facts(checked: "Checked", preset: str | None = None) -> dict[str, Any]:
     """What was found as plain data, SI units; null where it was not or could not be measured."""
-    sound, near, apart, carries = checked.soundness, checked.clearances, checked.distance, checked.carrying
+    sound, near = checked.soundness, checked.clearances
     return {
         "file": str(checked.path),
         "preset": preset,
@@ -115,31 +123,39 @@ def facts(checked: "Checked", preset: str | None = None) -> dict[str, Any]:
         "box_m": sound.box.tolist(),
         "thinnest_wall": _clearance(near.wall) if near else None,
         "smallest_gap": _clearance(near.gap) if near else None,
-        "distance": None
-        if apart is None
-        else {
-            "skin_max_m": apart.skin,
-            "skin_mean_m": apart.skin_mean,
-            "skin_at_m": apart.skin_place.tolist(),
-            "file_to_design_m": apart.to_design,
-            "file_to_design_at_m": apart.to_place.tolist(),
-            "design_to_file_m": apart.from_design,
-            "design_to_file_at_m": apart.from_place.tolist(),
-            "size_ratio": apart.scale,
-        },
-        "compliance": None
-        if carries is None
-        else {
-            "shell_J": carries.shell,
-            "solid_J": carries.solid,
-            "ratio": carries.ratio,
-            "shell_elements": carries.elements,
-            "tetrahedra": carries.tetrahedra,
-            "unknowns": carries.unknowns,
-            "edge_m": carries.edge,
-        },
+        "distance": _distance(checked),
+        "compliance": _compliance(checked),
         "findings": {f.name: {"verdict": f.verdict, "reason": _reason(f, checked)} for f in checked.findings},
         "passed": checked.passed,
+    }
+
+
+def _distance(checked: "Checked") -> dict[str, Any] | None:
+    if (apart := checked.distance) is None:
+        return None
+    return {
+        "skin_max_m": apart.skin,
+        "skin_mean_m": apart.skin_mean,
+        "skin_at_m": apart.skin_place.tolist(),
+        "file_to_design_m": apart.to_design,
+        "file_to_design_at_m": apart.to_place.tolist(),
+        "design_to_file_m": apart.from_design,
+        "design_to_file_at_m": apart.from_place.tolist(),
+        "size_ratio": apart.scale,
+    }
+
+
+def _compliance(checked: "Checked") -> dict[str, Any] | None:
+    if (carries := checked.carrying) is None:
+        return None
+    return {
+        "shell_J": carries.shell,
+        "solid_J": carries.solid,
+        "ratio": carries.ratio,
+        "shell_elements": carries.elements,
+        "tetrahedra": carries.tetrahedra,
+        "unknowns": carries.unknowns,
+        "edge_m": carries.edge,
     }
 
 

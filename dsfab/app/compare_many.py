@@ -2,12 +2,12 @@
 
 import csv
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dsfab.app.compare_one import Asked, compare_one
+from dsfab.app.compare_one import Task, compare_one
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
 from dsfab.export.folder import whole_or_nothing
@@ -26,12 +26,10 @@ design's. None for what is not known."""
 
 @dataclass(frozen=True)
 class Batch:
-    """read : a preset by its name or file.     command : the command line that compares it alone.
-    output : where a folder for each stands, and the summary; None for outputs/NAME/compliance and outputs/compare."""
+    """What is asked of each, and where a folder for each stands and the summary; None for outputs/NAME/compliance and
+    outputs/compare."""
 
-    read: "Callable[[str], Preset]"
-    asked: Asked
-    command: Callable[[str], str]
+    task: Task
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
@@ -48,7 +46,7 @@ class Batch:
             reporter.say(f"{row['name']}: {row['error'] or row['verdict']}\n")
         folder = self.output or Path("outputs") / "compare"
         with whole_or_nothing(folder) as partial_folder:
-            _write(rows, self.asked.against, folder, partial_folder)
+            _write(rows, self.task.questions.names, folder, partial_folder)
         if as_json:
             out(json.dumps([row | {"folder": str(row["folder"] or "")} for row in rows], indent=2))
         elif not quiet:
@@ -56,15 +54,15 @@ class Batch:
         return int(any(row["error"] or row["verdict"] == "fail" for row in rows))
 
     def _row(self, preset: str, taken: Sequence[Path | None], resume: bool, reporter: Reporter) -> Row:
-        name, command = Path(preset).stem, self.command(preset)
+        name, command = Path(preset).stem, self.task.command(preset)
         try:
-            given = self.read(preset)
+            given = self.task.source.read(preset)
             folder = self.output / given.name if self.output else Path("outputs") / given.name / "compliance"
             if folder in taken:
                 raise DsfabError(f"a preset before it is called {given.name} too; change `name` in one of the files")
             name = given.name
-            if not (resume and _made(folder, given, command, self.asked.report)):
-                compare_one(given, self.asked, folder, command, quiet=True, as_json=False)
+            if not (resume and _made(folder, given, command, self.task.report)):
+                compare_one(given, self.task, folder, command, quiet=True, as_json=False)
             else:
                 reporter.say("compared already")
             return {"name": name, "folder": folder, "error": "", **_found(folder)}

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Mesh, Quiet, Set, Unit, read_preset
-from dsfab.app.step_options import EstimateOnly, MaxFaces, MaxMb, Step, estimated, overrides
+from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.step_options import NO_FLAGS, StepFlags, estimated
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
 from dsfab.wording import length, size
@@ -51,13 +51,8 @@ def export(
         Which | None,
         Parameter(help="The uncut or the cut sheet, in place of the solid; for calculix the uncut one if not given."),
     ] = None,
-    set_: Set = (),
-    mesh: Mesh = None,
-    unit: Unit = None,
-    step: Step = None,
-    max_faces: MaxFaces = None,
-    max_mb: MaxMb = None,
-    estimate: EstimateOnly = False,
+    source: Source = UNCHANGED,
+    step: StepFlags = NO_FLAGS,
     quiet: Quiet = False,
 ) -> int:
     """Write one file: the solid, a sheet, lines, a drawing, fields, or a finite element model to check the statics.
@@ -68,9 +63,9 @@ def export(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote: what is
         kept there is not made again, unless --set or an edit of its preset.toml changes the design.
     """
-    given, folder = _source(preset, (*set_, *overrides(step, max_faces, max_mb)), mesh, unit)
+    given, folder = _source(preset, source.also(*step.overrides()))
     reporter, built = Reporter(quiet), _built(preset, given)
-    if estimate:
+    if step.estimate:
         return estimated(given, reporter, built)
     ask = _asked(to, output, folder, given.name, sheet)
     try:
@@ -85,16 +80,16 @@ def export(
     return 0
 
 
-def _source(name: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> tuple["Preset", Path]:
+def _source(name: str, source: Source) -> tuple["Preset", Path]:
     """The preset, and the folder its files go to: the folder that was named, or that of `dsfab build`."""
     from dsfab.preset_file import shipped
 
     folder = Path(name)
     if (folder / "preset.toml").is_file():
-        return read_preset(str(folder / "preset.toml"), changes, mesh, unit), folder
+        return source.read(str(folder / "preset.toml")), folder
     if folder.is_dir() and name not in shipped():
         raise ExportError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")
-    given = read_preset(name, changes, mesh, unit)
+    given = source.read(name)
     return given, Path("outputs") / given.name
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import read_preset
+from dsfab.app.options import UNCHANGED
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import PresetError
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
@@ -86,7 +86,7 @@ def _made(preset: str, picture: Path | None) -> dict[str, Any]:
 
     reporter = Reporter()
     try:
-        design = run(read_preset(preset), reporter)
+        design = run(UNCHANGED.read(preset), reporter)
         made = fabrication(design)
         if picture is not None:
             reporter("preview", f"drawing {picture.name}")

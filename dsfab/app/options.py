@@ -1,7 +1,8 @@
-"""Options that several commands share, and what they mean."""
+"""Options that several commands share, and what they mean; a group of them is one frozen value."""
 
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -42,13 +43,38 @@ def picture_size(text: str) -> tuple[int, int]:
     )
 
 
-def read_preset(
-    name: str, changes: tuple[str, ...] = (), mesh: Path | None = None, unit: str | None = None
-) -> "Preset":
-    """The preset of a command line, with its overrides."""
-    from dsfab.preset_file import load_preset, parse_override
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Source:
+    """What a command line changes of the preset that it names."""
 
-    overrides = dict(parse_override(text) for text in changes)
-    if unit is not None:
-        overrides["surface.unit"] = unit
-    return load_preset(name, overrides, mesh)
+    set_: Set = ()
+    mesh: Mesh = None
+    unit: Unit = None
+
+    def read(self, name: str) -> "Preset":
+        """The preset of this name or file with its changes; raises PresetError for what is not or cannot be."""
+        from dsfab.preset_file import load_preset
+
+        return load_preset(name, self.overrides(), self.mesh)
+
+    def overrides(self) -> dict[str, Any]:
+        """The changes as values of dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
+        from dsfab.preset_file import parse_override
+
+        unit = {} if self.unit is None else {"surface.unit": self.unit}
+        return dict(parse_override(text) for text in self.set_) | unit
+
+    def also(self, *texts: str) -> "Source":
+        """With more changes, KEY=VALUE each, which win over those before."""
+        return replace(self, set_=(*self.set_, *texts))
+
+    def words(self, name: str) -> list[str]:
+        """The words of a command line that names this preset with these changes."""
+        words = [name, *(word for text in self.set_ for word in ("--set", text))]
+        words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
+        return words + (["--unit", self.unit] if self.unit is not None else [])
+
+
+UNCHANGED = Source()
+"""The preset as it is."""

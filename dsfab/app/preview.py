@@ -2,43 +2,106 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Mesh, Quiet, Set, Show, Unit, View, picture_size, read_preset
+from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, picture_size
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
 from dsfab.render.answers import asking
+from dsfab.render.colouring import MODES, check_show
 from dsfab.wording import size
 
 if TYPE_CHECKING:
     from dsfab.preset import Preset
     from dsfab.render.previewers import Studio
 
+FINISHED = "fabrication"
+"""The one picture that needs the finished solid."""
+
 POLL = 0.25
 """Seconds between looks at the file that is watched."""
+
+
+WORDS = {
+    "deflection": ("displacement",),
+    "modes": ("major_mode", "minor_mode"),
+    "all": (
+        *("structure", "families", "loads", "stress", "directions", "vonmises"),
+        *("major_mode", "minor_mode", "displacement"),
+    ),
+}
+"""Words of --show that stand for several names."""
+
+ASKED = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
+"""What `all` adds when this key of [statics] asks for it."""
+
+
+def shows(text: str, preset: "Preset") -> tuple[str, ...]:
+    """The names in 'structure', 'modes', 'all', 'structure,stress'; raises DsfabError for those that there are not."""
+    names: list[str] = []
+    for word in (part.strip() for part in text.split(",")):
+        if word == "all":
+            modes = preset.pattern.method != "stripes"  # these run along none
+            names += [name for name in WORDS[word] if modes or name not in MODES]
+            names += [name for name, key in ASKED.items() if getattr(preset.statics, key)]
+        else:
+            names += WORDS.get(word, (word,))
+    for name in names:
+        check_show(name)
+    return tuple(dict.fromkeys(names))
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is drawn, and into which file. options : of `dsfab.render.previewer.Previewer`, but `show`."""
+
+    names: tuple[str, ...]
+    pixels: tuple[int, int]
+    path: Path
+    options: dict[str, Any]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PictureOptions:
+    """What is seen of a design, from where, and the file it goes to."""
+
+    view: View = "iso"
+    show: Show = "structure"
+    layers: Annotated[
+        str | None,
+        Parameter(help="Comma list of loads, supports, reactions, person; or all, none [loads,supports,person]."),
+    ] = None
+    ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper"
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png].")] = None
+    size_: Annotated[
+        str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; each of several: 800x600].")
+    ] = None
+
+    def page(self, preset: "Preset") -> Page:
+        """What is to be drawn of a preset; raises DsfabError for what cannot be."""
+        from dsfab.render.drawing import check_ground
+
+        names = (FINISHED,) if self.show.strip() == FINISHED else shows(self.show, preset)
+        marks = {} if self.layers is None else {"marks": _layers(self.layers)}
+        pixels = picture_size(self.size_ or ("1600x1200" if len(names) == 1 else "800x600"))
+        path = self.output or Path(f"{preset.name}.png")
+        if path.suffix.lower() != ".png":
+            raise DsfabError(f"-o {path} does not end in .png; previews are PNG files")
+        check_ground(self.ground)
+        return Page(names, pixels, path, {"view": self.view, "ground": self.ground, **marks})
 
 
 def preview(
     preset: str,
     /,
     *,
-    set_: Set = (),
-    mesh: Mesh = None,
-    unit: Unit = None,
-    view: View = "iso",
-    show: Show = "structure",
-    layers: Annotated[
-        str | None,
-        Parameter(help="Comma list of loads, supports, reactions, person; or all, none [loads,supports,person]."),
-    ] = None,
-    ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper",
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png].")] = None,
-    size_: Annotated[
-        str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; each of several: 800x600].")
-    ] = None,
+    source: Source = UNCHANGED,
+    picture: PictureOptions = PictureOptions(),
     watch: Annotated[
         bool, Parameter(negative=(), help="Draw again when the preset file is saved, until Ctrl-C.")
     ] = False,
@@ -51,49 +114,29 @@ def preview(
     preset
         Name of a shipped preset (see `dsfab presets`) or a TOML file.
     """
-    from dsfab.render.drawing import check_ground
     from dsfab.render.opengl import require_rendering
     from dsfab.render.previewers import Studio
 
-    def read() -> "Preset":
-        return read_preset(preset, set_, mesh, unit)
-
-    given = read()
-    finished = show.strip() == "fabrication"
-    names = ("structure",) if finished else _names(show, given)
-    marked = {} if layers is None else {"marks": _layers(layers)}
-    pixels = picture_size(size_ or ("1600x1200" if len(names) == 1 else "800x600"))
-    path = output if output is not None else Path(f"{given.name}.png")
-    if path.suffix.lower() != ".png":
-        raise DsfabError(f"-o {path} does not end in .png; previews are PNG files")
-    check_ground(ground)
+    given = source.read(preset)
+    page = picture.page(given)
     if watch and not Path(preset).is_file():
         raise DsfabError(f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first")
     require_rendering()
     reporter = Reporter(quiet)
-    with Studio(view=view, show=names[0], ground=ground, **marked) as studio:
+    with Studio(show=page.names[0], **page.options) as studio:
 
-        def draw(asked: "Preset") -> None:
-            if finished:
-                _draw_finished(asked, pixels, path, reporter, view=view, ground=ground)
-            else:
-                _draw(studio, asked, names, pixels, path, reporter, view=view, ground=ground, **marked)
+        def draw(preset: "Preset") -> None:
+            _draw(studio, preset, page, reporter)
             if not quiet:
-                out(f"  {path}  {size(path.stat().st_size)}")
+                out(f"  {page.path}  {size(page.path.stat().st_size)}")
 
         try:
             if watch:
-                return _watch(Path(preset), lambda: draw(read()), reporter)
+                return _watch(Path(preset), lambda: draw(source.read(preset)), reporter)
             draw(given)
         finally:
             reporter.stop()
     return 0
-
-
-def _names(show: str, preset: "Preset") -> tuple[str, ...]:
-    from dsfab.render.panels import shows
-
-    return shows(show, preset)
 
 
 def _layers(text: str) -> tuple[str, ...]:
@@ -108,39 +151,33 @@ def _layers(text: str) -> tuple[str, ...]:
     return names
 
 
-def _draw(
-    studio: "Studio",
-    preset: "Preset",
-    names: tuple[str, ...],
-    pixels: tuple[int, int],
-    path: Path,
-    reporter: Reporter,
-    **options: Any,
-) -> None:
+def _draw(studio: "Studio", preset: "Preset", page: Page, reporter: Reporter) -> None:
     """One picture, or several on one page, into one file."""
     from dsfab.render.panels import panels
     from dsfab.render.png import write_png
 
-    for name in names:
+    if page.names == (FINISHED,):
+        return _draw_finished(preset, page, reporter)
+    for name in page.names:
         preset = asking(preset, name)
-    if len(names) == 1:
+    if len(page.names) == 1:
         previewer = studio.showing(preset, reporter)
-        reporter("preview", f"drawing {path.name}")
-        previewer.write(path, pixels)
+        reporter("preview", f"drawing {page.path.name}")
+        previewer.write(page.path, page.pixels)
         reporter.done()
     else:
-        made = studio.drafted(preset, reporter)
-        found = panels(made, names, pixels, reporter, **options)
+        found = panels(studio.drafted(preset, reporter), page.names, page.pixels, reporter, **page.options)
         reporter.done()
         for line in found.left_out:
             reporter.say(f"preview     left out: {line}")
-        write_png(found.pixels, path)
+        write_png(found.pixels, page.path)
     if studio.made:
         for note in studio.made.notes:
             reporter.say(f"note ({note.stage}): {note.text}")
+    return None
 
 
-def _draw_finished(preset: "Preset", pixels: tuple[int, int], path: Path, reporter: Reporter, **options: Any) -> None:
+def _draw_finished(preset: "Preset", page: Page, reporter: Reporter) -> None:
     """The design cut, thickened and measured, with the places of what is smallest."""
     from dsfab.pipeline import run
     from dsfab.render.fabrication import workshop_picture
@@ -150,8 +187,9 @@ def _draw_finished(preset: "Preset", pixels: tuple[int, int], path: Path, report
     design = run(preset, reporter)
     reporter("fabrication", "measuring members, gaps and walls")
     made = fabrication(design)
-    reporter("preview", f"drawing {path.name}")
-    write_png(workshop_picture(design, made, size=pixels, **options), path)
+    reporter("preview", f"drawing {page.path.name}")
+    side, ground = page.options["view"], page.options["ground"]
+    write_png(workshop_picture(design, made, size=page.pixels, view=side, ground=ground), page.path)
     reporter.done()
     for note in design.notes:
         reporter.say(f"note ({note.stage}): {note.text}")

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -14,21 +15,37 @@ if TYPE_CHECKING:
     from dsfab.pipeline.design import Design
     from dsfab.preset import Preset
 
-Step = Annotated[
-    str | None,
-    Parameter(help="How STEP is made: auto, planar (flat sheets), smooth (curved), faceted, tessellated (viewers)."),
-]
-MaxFaces = Annotated[int | None, Parameter(help="Largest number of faces of a STEP file [export.step_faces].")]
-MaxMb = Annotated[float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")]
-EstimateOnly = Annotated[
-    bool, Parameter(name="--estimate", negative=(), help="Say what each way to write STEP would cost; write nothing.")
-]
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class StepFlags:
+    """How STEP is made, how large it may get, and whether only that is asked."""
+
+    step: Annotated[
+        str | None,
+        Parameter(
+            help="How STEP is made: auto, planar (flat sheets), smooth (curved), faceted, tessellated (viewers)."
+        ),
+    ] = None
+    max_faces: Annotated[int | None, Parameter(help="Largest number of faces of a STEP file [export.step_faces].")] = (
+        None
+    )
+    max_mb: Annotated[
+        float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")
+    ] = None
+    estimate: Annotated[
+        bool,
+        Parameter(name="--estimate", negative=(), help="Say what each way to write STEP would cost; write nothing."),
+    ] = False
+
+    def overrides(self) -> tuple[str, ...]:
+        """The options as KEY=VALUE of the preset, which checks them."""
+        given = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
+        return tuple(f"export.{key}={json.dumps(value)}" for key, value in given.items() if value is not None)
 
 
-def overrides(step: str | None, max_faces: int | None, max_mb: float | None) -> tuple[str, ...]:
-    """The options as KEY=VALUE of the preset, which checks them."""
-    given = {"step": step, "step_faces": max_faces, "step_mb": max_mb}
-    return tuple(f"export.{key}={json.dumps(value)}" for key, value in given.items() if value is not None)
+NO_FLAGS = StepFlags()
+"""STEP as the preset says."""
 
 
 def estimated(given: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:

@@ -1,12 +1,14 @@
 """`dsfab sweep`: thousands of designs of one preset in one folder, which may be stopped and continued at any time."""
 
 import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Mesh, Quiet, Set, Unit
+from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
 from dsfab.app.terminal import out
 from dsfab.errors import DsfabError
 
@@ -17,7 +19,79 @@ if TYPE_CHECKING:
     from dsfab.study.sweeps.worker import Drawer
     from dsfab.study.sweeps.workers import Fleet
 
-Words = Annotated[tuple[str, ...], Parameter(negative=())]
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PlanOptions:
+    """What of a sweep file can be said on the command line as well; it wins."""
+
+    sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None
+    seed: Annotated[int | None, Parameter(help="Of the sampling [0].")] = None
+    metric: Annotated[tuple[str, ...], Parameter(negative=(), help="What to measure (comma list, repeatable).")] = ()
+    constraint: Annotated[
+        tuple[str, ...], Parameter(name=["--constraint", "--subject-to"], negative=(), help="Such as 'pieces == 1'.")
+    ] = ()
+    optimise: Annotated[str | None, Parameter(help="Search for the best of this metric instead of sampling.")] = None
+    evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None
+    keep: Annotated[
+        tuple[str, ...], Parameter(negative=(), help="Of each run: picture, preset, sheet, solid or nothing [picture].")
+    ] = ()
+    export: Annotated[str | None, Parameter(help="Keep solids, in these formats: stl,3mf,step,obj,ply,glb.")] = None
+    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None
+    view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
+
+    def tables(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """The same as keys of a sweep file, beside what is `given` there; None for what is not said."""
+        from dsfab.app.sweep_vary import words
+
+        kept = words(self.keep)
+        tables: dict[str, Any] = {
+            "sampling": self.sample,
+            "seed": self.seed,
+            "metrics": words(self.metric),
+            "constraints": words(self.constraint),
+            "keep": [] if kept == ["nothing"] else kept,
+            "size": self.size,
+            "view": self.view,
+        }
+        asked = {"metric": self.optimise, "evaluations": self.evaluations}
+        if search := {key: value for key, value in asked.items() if value is not None}:
+            tables["search"] = {**given.get("search", {}), **search}
+        if self.export is not None:
+            tables["formats"] = words([self.export.lower()])
+            tables["keep"] = list(dict.fromkeys([*(kept or given.get("keep", ["picture"])), "solid"]))
+        return tables
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Work:
+    """Where a sweep is kept, and who makes its runs."""
+
+    output: Annotated[
+        Path | None, Parameter(name=["-o", "--output"], help="The sweep's folder [outputs/NAME-sweep].")
+    ] = None
+    workers: Annotated[int | None, Parameter(help="Processes [cores, as memory allows].")] = None
+    scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None
+    extend: Annotated[bool, Parameter(negative=(), help="Add what is new to an existing sweep.")] = False
+
+    def folder(self, what: str) -> Path | None:
+        """Where the sweep is kept; None for a new one without --output. Raises DsfabError for two folders."""
+        if Path(what).is_dir():
+            if self.output is not None and self.output.resolve() != Path(what).resolve():
+                raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
+            return Path(what)
+        return self.output
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class RunChoice:
+    """What is wanted of a sweep that is there."""
+
+    best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None
+    by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None
+    build: Annotated[int | None, Parameter(help="Build run N of a sweep's folder in full.")] = None
 
 
 def sweep(
@@ -28,32 +102,10 @@ def sweep(
         tuple[str, ...],
         Parameter(negative=(), help="KEY=LOW:HIGH:COUNT[:log], KEY=ONE,TWO,... or, to sample, KEY=LOW:HIGH[:log]."),
     ] = (),
-    set_: Set = (),
-    mesh: Mesh = None,
-    unit: Unit = None,
-    sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None,
-    seed: Annotated[int | None, Parameter(help="Of the sampling [0].")] = None,
-    metric: Annotated[tuple[str, ...], Parameter(negative=(), help="What to measure (comma list, repeatable).")] = (),
-    constraint: Annotated[
-        tuple[str, ...], Parameter(name=["--constraint", "--subject-to"], negative=(), help="Such as 'pieces == 1'.")
-    ] = (),
-    optimise: Annotated[str | None, Parameter(help="Search for the best of this metric instead of sampling.")] = None,
-    evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None,
-    keep: Annotated[
-        tuple[str, ...], Parameter(negative=(), help="Of each run: picture, preset, sheet, solid or nothing [picture].")
-    ] = (),
-    export: Annotated[str | None, Parameter(help="Keep solids, in these formats: stl,3mf,step,obj,ply,glb.")] = None,
-    size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None,
-    view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None,
-    output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="The sweep's folder [outputs/NAME-sweep].")
-    ] = None,
-    workers: Annotated[int | None, Parameter(help="Processes [cores, as memory allows].")] = None,
-    scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None,
-    extend: Annotated[bool, Parameter(negative=(), help="Add what is new to an existing sweep.")] = False,
-    best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None,
-    by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None,
-    build: Annotated[int | None, Parameter(help="Build run N of a sweep's folder in full.")] = None,
+    source: Source = UNCHANGED,
+    plan: PlanOptions = PlanOptions(),
+    work: Work = Work(),
+    choice: RunChoice = RunChoice(),
     quiet: Quiet = False,
 ) -> int:
     """Make many designs of a preset: numbers, pictures and a page to choose from, in one folder.
@@ -67,31 +119,15 @@ def sweep(
     """
     from dsfab.app.sweep_vary import with_options, words
 
-    if best is not None or build is not None:
+    if choice.best is not None or choice.build is not None:
         from dsfab.app.sweep_ask import ask
 
-        return ask(Path(what), best, by, build, quiet)
-    kept = words(keep)
-    others: dict[str, Any] = {
-        "sampling": sample,
-        "seed": seed,
-        "metrics": words(metric),
-        "constraints": words(constraint),
-        "keep": [] if kept == ["nothing"] else kept,
-        "size": size,
-        "view": view,
-    }
-    given, source = _given(what, bool(vary or (sample or "").startswith("csv:")))
-    if optimise is not None or evaluations is not None:
-        asked = {"metric": optimise, "evaluations": evaluations}
-        others["search"] = {**given.get("search", {}), **{k: v for k, v in asked.items() if v is not None}}
-    if export is not None:
-        others["formats"] = words([export.lower()])
-        others["keep"] = list(dict.fromkeys([*(kept or given.get("keep", ["picture"])), "solid"]))
-    values = with_options(given, vary=vary, set_=set_, mesh=mesh, unit=unit, others=others)
-    if kept == ["nothing"]:
+        return ask(Path(what), choice.best, choice.by, choice.build, quiet)
+    given, title = _given(what, bool(vary or (plan.sample or "").startswith("csv:")))
+    values = with_options(given, source, vary, plan.tables(given))
+    if words(plan.keep) == ["nothing"]:
         values["keep"] = []
-    return _run(values, source, _folder_of(what, output), extend, workers, scheduler, quiet)
+    return _run(values, title, work.folder(what), work, quiet)
 
 
 def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
@@ -125,42 +161,26 @@ def _is_sweep(path: Path) -> bool:
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 
-def _folder_of(what: str, output: Path | None) -> Path | None:
-    if Path(what).is_dir():
-        if output is not None and output.resolve() != Path(what).resolve():
-            raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
-        return Path(what)
-    return output
-
-
-def _run(
-    values: dict[str, Any],
-    source: str,
-    folder: Path | None,
-    extend: bool,
-    workers: int | None,
-    scheduler: str | None,
-    quiet: bool,
-) -> int:
+def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
     from dsfab.app.sweep_progress import Teller
     from dsfab.report.sweep_folder import headline, summary
     from dsfab.study.sweeps.folder import checked, made, prepare
     from dsfab.study.sweeps.lock import only_coordinator
     from dsfab.study.sweeps.plan_file import plan_from
 
-    if workers is not None and workers < 1:
-        raise DsfabError(f"--workers {workers} must be 1 or more")
-    plan = plan_from(values, source)
+    if work.workers is not None and work.workers < 1:
+        raise DsfabError(f"--workers {work.workers} must be 1 or more")
+    plan = plan_from(values, title)
     draw = _drawer(plan)
     known = checked(plan)
     folder = folder if folder is not None else Path("outputs") / f"{known[0].name}-sweep"
     teller = Teller(quiet, headline(plan), plan.limits)
     with only_coordinator(made(folder)):
-        found = prepare(plan, folder, extend, known)
+        found = prepare(plan, folder, work.extend, known)
         for row in found.rows():
             if row.state == "done":
                 teller.knows(row.number, row.metrics)
-        stopped = _conducted(found, _fleet(found, draw, workers, scheduler), teller)
+        stopped = _conducted(found, _fleet(found, draw, work.workers, work.scheduler), teller)
         if not quiet:
             out(summary(found))
     if stopped:
@@ -193,7 +213,6 @@ def _conducted(found: "SweepFolder", fleet: "Fleet", teller: Any) -> bool:
 
 def _drawer(plan: "Plan") -> "Drawer | None":
     """Draws the runs' pictures; raises DsfabError where nothing can be drawn, before the work begins."""
-    from dsfab.app.options import picture_size
     from dsfab.render.opengl import require_rendering
     from dsfab.report.sweep_picture import SheetDrawer, require_view
 

@@ -18,13 +18,15 @@ def ask(path: Path, best: int | None, by: str | None, number: int | None, quiet:
     if number is None:
         out(_best(found, best or 0, by))
         return 0
-    from dsfab.app.build import build
+    from dsfab.app.build import Files, build
+    from dsfab.app.options import Source
 
     changes = next((row.changes for row in found.rows() if row.number == number), None)
     if changes is None:
         raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(found.rows())}")
     sets = tuple(f"{key}={spelled(value)}" for key, value in changes.items())
-    return build(str(path / PRESET), set_=sets, output=path / "built" / f"{number:05}", quiet=quiet)
+    folder = path / "built" / f"{number:05}"
+    return build(str(path / PRESET), source=Source(sets), files=Files(folder), quiet=quiet)
 
 
 def _best(found: SweepFolder, count: int, by: str | None) -> str:

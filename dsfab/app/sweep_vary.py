@@ -1,11 +1,10 @@
 """`dsfab sweep`'s options as the tables of a sweep file: one way to say each thing, checked in one place."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
+from dsfab.app.options import UNCHANGED, Source
 from dsfab.errors import DsfabError
-from dsfab.preset_file import parse_override
 from dsfab.study.sweeps.values import number
 from dsfab.study.variations import varied
 
@@ -72,13 +71,7 @@ def words(texts: Sequence[str]) -> list[str]:
 
 
 def with_options(
-    values: Tables,
-    *,
-    vary: Sequence[str] = (),
-    set_: Sequence[str] = (),
-    mesh: Path | None = None,
-    unit: str | None = None,
-    others: Tables | None = None,
+    values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), others: Tables | None = None
 ) -> Tables:
     """The tables of a sweep file with what the command line says; it wins. `others`: keys as in the file, or None."""
     result = dict(values)
@@ -87,12 +80,9 @@ def with_options(
         result["vary"] = {**result.get("vary", {}), **more}
     if linked:
         result["linked"] = [*result.get("linked", []), *linked]
-    changes = dict(parse_override(text) for text in set_)
-    if unit is not None:
-        changes["surface.unit"] = unit
-    if changes:
+    if changes := source.overrides():
         result["set"] = {**result.get("set", {}), **changes}
-    if mesh is not None:
-        result["mesh"] = str(mesh)
+    if source.mesh is not None:
+        result["mesh"] = str(source.mesh)
     result.update({key: value for key, value in (others or {}).items() if value not in (None, [])})
     return result

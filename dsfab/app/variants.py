@@ -3,7 +3,6 @@
 import shlex
 import time
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from dsfab.app.terminal import Reporter
@@ -93,11 +92,3 @@ def _duration(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} seconds"
     return f"{seconds / 60:.0f} minutes" if seconds < 6000 else f"{seconds / 3600:.1f} hours"
-
-
-def base_command(preset: str, changes: tuple[str, ...], mesh: Path | None, unit: str | None) -> list[str]:
-    """The words of `dsfab build` for a preset, its changes and its mesh."""
-    words = ["dsfab", "build", preset]
-    words += [word for text in changes for word in ("--set", text)]
-    words += ["--mesh", str(mesh)] if mesh is not None else []
-    return words + (["--unit", unit] if unit is not None else [])

@@ -1,4 +1,4 @@
-"""Several pictures of one design on one page: `--show all`, `--show modes` or names with commas."""
+"""Several pictures of one design on one page."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -8,39 +8,9 @@ import numpy as np
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress
-from dsfab.preset import Preset
-from dsfab.render.colouring import MODES, check_show
 from dsfab.render.light import FINE, Quality
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
-
-WORDS = {
-    "deflection": ("displacement",),
-    "modes": ("major_mode", "minor_mode"),
-    "all": (
-        *("structure", "families", "loads", "stress", "directions", "vonmises"),
-        *("major_mode", "minor_mode", "displacement"),
-    ),
-}
-"""Words that stand for other names of what is shown."""
-
-ASKED = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""What `all` adds when this key of [statics] asks for it."""
-
-
-def shows(text: str, preset: Preset) -> tuple[str, ...]:
-    """The names in 'structure', 'modes', 'all', 'structure,stress'; raises DsfabError for those that there are not."""
-    names: list[str] = []
-    for word in (part.strip() for part in text.split(",")):
-        if word == "all":
-            modes = preset.pattern.method != "stripes"  # these run along none
-            names += [name for name in WORDS[word] if modes or name not in MODES]
-            names += [name for name, key in ASKED.items() if getattr(preset.statics, key)]
-        else:
-            names += WORDS.get(word, (word,))
-    for name in names:
-        check_show(name)
-    return tuple(dict.fromkeys(names))
 
 
 def across(count: int) -> int:

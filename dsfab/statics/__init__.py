@@ -91,9 +91,9 @@ def solve_statics(
 ) -> Equilibrium:
     """Displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
 
-            Flat sheets loaded in their plane are solved in 2D, without bending.    spread : see `equilibrium`.
-    
-        Raises StaticsError for mechanisms and for loads that act on nothing.
+        Flat sheets loaded in their plane are solved in 2D, without bending.    spread : see `equilibrium`.
+
+    Raises StaticsError for mechanisms and for loads that act on nothing.
     """
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
