@@ -12,13 +12,13 @@ from scipy.ndimage import binary_erosion
 
 from dsfab.errors import DsfabError, ExportError
 from dsfab.render import light, marks, opengl
-from dsfab.render.edges import edges
+from dsfab.render.drawing import edges
 from dsfab.render.lettering import length_label, round_length
 from dsfab.render.palette import PAPER
-from dsfab.render.person import person
 from dsfab.render.picture import Look, picture
 from dsfab.render.png import write_png
 from dsfab.render.scene import Body, Scene
+from dsfab.render.stage import person
 from dsfab.render.view import ANGLE, best_side, framed, up_axis
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import cylinder, dome, plate, sphere, tower

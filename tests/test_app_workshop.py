@@ -7,8 +7,7 @@ from PIL import Image
 import dsfab
 from dsfab.app.cli import main
 from dsfab.preset_file import overridden
-from dsfab.render.callouts import Callout, called_out
-from dsfab.render.fabrication import callouts, workshop_picture
+from dsfab.render.fabrication import Callout, called_out, callouts, workshop_picture
 from dsfab.render.palette import PAPER
 from dsfab.render.view import View
 from dsfab.study.fabrication import fabrication
