@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from dsfab.delivery.curved import curved_sheet
+from dsfab.delivery.files import curved_sheet
 from dsfab.errors import ExportError
 from dsfab.export import STEP_FACES, StepOptions, ladder, readback, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError

@@ -19,7 +19,7 @@ import ezdxf
 import numpy as np
 import pytest
 
-from dsfab.delivery.curved import curved_sheet
+from dsfab.delivery.files import curved_sheet
 from dsfab.export import Details, StepOptions, write
 from dsfab.surface.lines import Line
 from dsfab.surface.shapes.roofs import barrel_vault

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from dsfab.delivery.curved import curved_sheet
+from dsfab.delivery.files import curved_sheet
 from dsfab.errors import ExportError
 from dsfab.export import write
 from dsfab.export.smooth import acceptance, build, edges, outline, plan

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from dsfab.delivery.curved import _where_largest, curved_sheet
+from dsfab.delivery.files import _where_largest, curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.smooth import charts, plan, points
 from dsfab.export.smooth.charts import Atlas

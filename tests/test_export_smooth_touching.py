@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.delivery.curved import curved_design
+from dsfab.delivery.files import curved_design
 from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
+from dsfab.export.smooth.build import astray, untangle
 from dsfab.export.smooth.edges import Edge
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.plan import Plan
-from dsfab.export.smooth.refit import astray, untangle
 from dsfab.export.smooth.solid import Piece, Skin
 from dsfab.export.smooth.splines import Spline, straight
 from dsfab.export.smooth.touching import crossings

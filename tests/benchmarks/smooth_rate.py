@@ -23,7 +23,7 @@ import igl
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from dsfab.delivery.curved import curved_sheet
+from dsfab.delivery.files import curved_sheet
 from dsfab.errors import DsfabError
 from dsfab.export import ladder, step
 from dsfab.export.part import Part, part_of

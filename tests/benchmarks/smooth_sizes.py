@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dsfab.delivery.curved import curved_design
+from dsfab.delivery.files import curved_design
 from dsfab.export.formats import FORMATS
 from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
