@@ -26,7 +26,7 @@ from dsfab.app.editor.figures import figures
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.page import static_files
 from dsfab.app.editor.payload import colours, creased, model, packed, widths
-from dsfab.app.editor.pickling import carried
+from dsfab.app.editor.process import carried
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import Opened, opened, opened_mesh, opened_shipped

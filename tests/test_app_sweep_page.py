@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsfab.preset_file import load_preset
-from dsfab.report.sweep_page import page
+from dsfab.report.sweep_folder import page
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan_file import plan_from
 from dsfab.study.sweeps.store import Row

@@ -7,7 +7,7 @@ import pytest
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.app.editor.pickling import carried
+from dsfab.app.editor.process import carried
 from dsfab.delivery.archive import keep, kept
 from dsfab.errors import PatternError, PresetError
 from dsfab.pipeline import Design, draft

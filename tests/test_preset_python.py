@@ -13,7 +13,7 @@ import trimesh
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.app.editor.pickling import carried
+from dsfab.app.editor.process import carried
 from dsfab.app.editor.source import Opened
 from dsfab.delivery.archive import MESH, kept
 from dsfab.errors import DsfabError, PresetError, SurfaceError

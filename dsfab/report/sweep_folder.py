@@ -1,14 +1,19 @@
 """What a sweep's folder shows to people: a page, a contact sheet, and a few lines at the end."""
 
+import json
+import shlex
 import time
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
 from io import BytesIO
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.render.palette import PAPER
 from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
-from dsfab.report.sweep_page import PAGE, page
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Plan
@@ -30,6 +35,8 @@ TILE_WIDE = 260
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
 """What is looked at first, if it was measured: how stiff, and how heavy."""
+
+PAGE = "index.html"
 
 
 def headline(plan: Plan) -> str:
@@ -132,3 +139,51 @@ def summary(folder: SweepFolder) -> str:
         lines.append(f"{len(pareto(rows, metric, other, plan.limits))} runs on the front of {metric} against {other}")
     files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
+
+
+def page(folder: SweepFolder, rows: Sequence[Row], stiff: str, heavy: str) -> str:
+    """index.html, which opens offline; `stiff` and `heavy` are the metrics that it draws against each other at first.
+
+    Pictures are files beside it, named relative to it; everything else is inside. Runs that failed, or have no value
+    of a metric, are shown as such. See sweep_page.html for how it works.
+    """
+    facts = json.dumps(_facts(folder, rows, stiff, heavy), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")
+    title = escape(f"{folder.preset.name}, {len(rows)} runs")
+    return template.replace("{{title}}", title).replace("{{facts}}", facts.replace("</", "<\\/"))
+
+
+def _facts(folder: SweepFolder, rows: Sequence[Row], stiff: str, heavy: str) -> dict[str, Any]:
+    """What the page knows."""
+    plan = folder.plan
+    keys = list(dict.fromkeys(key for row in rows for key in row.changes))
+    short = short_names(keys)
+    wide, high = (int(word) for word in plan.size.split("x"))
+    return {
+        "name": folder.preset.name,
+        "command": shlex.join(["dsfab", "sweep", str(folder.path)]) + " --build ",
+        "inputs": [{"key": key, "short": short[key]} for key in keys],
+        "metrics": [
+            {"name": name, "unit": ABOUT[name].unit, "better": ABOUT[name].better, "says": ABOUT[name].says}
+            for name in plan.measured
+        ],
+        "x": heavy,
+        "y": stiff,
+        "constraints": list(plan.constraints),
+        "size": [wide, high],
+        "runs": [_run(row, keys, plan.measured, feasible(row, plan.limits)) for row in rows],
+    }
+
+
+def _run(row: Row, keys: Sequence[str], metrics: Sequence[str], meets: bool) -> list[Any]:
+    values = [row.metrics.get(name) for name in metrics]
+    return [
+        row.number,
+        row.state,
+        [row.changes.get(key) for key in keys],
+        [value if value is not None and isfinite(value) else None for value in values],
+        int(meets),
+        row.seconds and round(row.seconds, 3),
+        picture_of(row),
+        row.error,
+    ]

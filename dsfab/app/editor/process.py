@@ -1,7 +1,9 @@
 """Builds in a process of their own: cancelled at once, wherever they are, and nothing stays behind."""
 
+import io
 import json
 import os
+import pickle
 import queue
 import shutil
 import signal
@@ -9,23 +11,34 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import dsfab
 from dsfab.app.editor.building import Built
 from dsfab.app.editor.job import Progress
-from dsfab.app.editor.pickling import carried
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
+from dsfab.preset_file import preset_from, preset_toml
 
 PAUSE = 0.1
 """Seconds after which somebody looks whether the job was cancelled."""
 
 PROGRAM = "import sys; sys.path.append(sys.argv[1]); from dsfab.app.editor.builder import main; main()"
+
+
+class _Carrier(pickle.Pickler):
+    def reducer_override(self, thing: object) -> Any:
+        if isinstance(thing, Preset):  # its parts are of classes that were made when dsfab was imported
+            return _preset, (preset_toml(thing),)
+        if isinstance(thing, MappingProxyType):
+            return _proxy, (dict(thing),)
+        return NotImplemented
 
 
 class BuilderError(RuntimeError):
@@ -120,3 +133,18 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
         if pipe:
             with suppress(OSError):
                 pipe.close()
+
+
+def carried(thing: object) -> bytes:
+    """A draft as bytes for `pickle.loads` in another process of ours, with what pickle does not know by itself."""
+    file = io.BytesIO()
+    _Carrier(file, protocol=5).dump(thing)
+    return file.getvalue()
+
+
+def _preset(text: str) -> Preset:
+    return preset_from(tomllib.loads(text))
+
+
+def _proxy(values: dict[Any, Any]) -> Mapping[Any, Any]:
+    return MappingProxyType(values)
