@@ -18,10 +18,8 @@ from dsfab.pipeline.measures import symmetry_error
 from dsfab.report.compliance.document import Numbers
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.pattern import quality_facts, quality_lines
-from dsfab.slicing import Chart, cut
-from dsfab.slicing.bays import bays
+from dsfab.slicing import Chart
 from dsfab.slicing.drawn import Drawn
-from dsfab.slicing.middles import middles
 from dsfab.slicing.pattern_quality import pattern_quality
 from dsfab.study.comparison import comparison
 from dsfab.study.sweeps import METRICS
@@ -173,20 +171,6 @@ def test_lines_go_on_where_the_chart_is_cut_open():
     assert cut.major.spacing == pytest.approx(whole.major.spacing)
     apart = measured(drawn(surface, [np.concatenate([z[0], z[0] + 0.5])[used], both[1]], 0.1))
     assert len(apart.major.dead_ends.loose) == 7 + 6  # at the cut, from both sides
-
-
-def test_slits_of_a_built_sheet_are_those_that_it_has():
-    """All of it is filled: none; the members are there and the openings beside them: all; no member is left: none."""
-    surface = plate()
-    x, y, _ = surface.V.T
-    lines = bays(middles(drawn(surface, (y / 0.5 + 0.5, x / 0.25 + 0.5), (0.1, 0.3)), 1))
-    assert lines.slits == lines.on(Surface(surface.V, surface.F)).slits + 8 * 5
-    z = surface.V[:, 0] / 0.25 + 0.5
-    d = np.full(surface.n, 0.3)
-    cells = cut(surface, [np.stack([z + d, z - d], axis=1)], [np.arange(-6, 8)], 0)
-    assert lines.on(cells.kept().surface).slits == 8 * 5
-    void = Surface(cells.surface.V, cells.surface.F[~cells.material])
-    assert lines.on(void).slits == 0
 
 
 def test_openings_narrower_than_members_are_counted_bay_by_bay():

@@ -9,7 +9,7 @@ import pytest
 from dsfab.pattern import CornerPhase, EvenFamily, Stripes, Widths
 from dsfab.slicing import chart_of, cut, halved
 from dsfab.slicing.chart import _alike
-from dsfab.slicing.halving import _limit
+from dsfab.slicing.closing import limit
 from dsfab.surface import Surface
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.hats import hat_gradients
@@ -207,7 +207,7 @@ def _polar(V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("means", "limit"),
+    ("means", "wanted"),
     [
         ([0.2, 0.9, 1.1], 1.0),  # none is near
         ([0.8, 0.99, 1.01, 1.02, 1.35], 0.945),  # one ring: all of it; others are out of reach beyond 0.9 and 1.1
@@ -215,8 +215,8 @@ def _polar(V: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ([0.93, 0.96, 1.03, 1.07], 0.995),  # between two
     ],
 )
-def test_openings_that_are_alike_are_halved_alike(means, limit):
-    assert _limit(np.array(means), 1) == pytest.approx(limit)
+def test_openings_that_are_alike_are_halved_alike(means, wanted):
+    assert limit(np.array(means), 1, 0.05) == pytest.approx(wanted)
 
 
 def test_things_that_are_alike_are_found_as_by_sorting_all():

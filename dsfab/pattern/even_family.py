@@ -16,11 +16,14 @@ from dsfab.surface.corner_field import CornerField
 CLOSER = 1.25
 """Where members leave no such openings anyway, the half-width is at most so many times the median one."""
 CLOSING = (1.45, 1.55)
-"""Members that would be so many times wider than that are not made thinner, but one: they crowd around a load. Between
-the two the opening closes, little by little, so that every share of material can be reached."""
+"""Members that would be so many times wider than that are not made thinner, but one: they crowd around a load. Where
+openings do not close as a whole, see `Layer.closed`, they do it little by little between the two."""
 FOLLOWING = (1.15, 1.25)
 """The same where widths follow the stress: material is wanted there. Thinned up to `CLOSING` such a dome is 5 % softer
 at half of its material."""
+WHOLE = 1.3
+"""Openings close as a whole where members would be so many times wider in the mean over them; by `FOLLOWING` where
+widths follow the stress. With 1.5 the crown of a dome under a point load is left open, and it is 2 % softer."""
 
 WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CLOSER, "closing": CLOSING, "following": FOLLOWING}
 """The same for whoever else widens stripes: the editor's page, which shows widths while a slider moves."""
@@ -35,6 +38,7 @@ class EvenFamily:
               at multiples of 2^len(wanted) are drawn everywhere.
     slope   : (n,) lines per metre of the phase.    density : (n,) the same of those that are drawn.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `Drawable`.
+    whole   : whether an opening between members that crowd closes as a whole, or where they do.
     """
 
     name: str
@@ -45,6 +49,7 @@ class EvenFamily:
     density: Floats
     stress: Floats
     adds: int = 0
+    whole: bool = False
 
     def stressed(self, stress: Floats) -> Self:
         """The same under another stress (n,)."""
@@ -54,25 +59,46 @@ class EvenFamily:
         """(n,) d in periods of the drawn lines; but for the rule `plain`, members that would leave a slit are thinner,
         or, where they crowd more than that or the stress is larger, one.
         """
-        plain = self.stripes.half_width
-        if widths.rule == "plain":
-            return widths.half_widths(plain, self.density, self.stress, factor)
-        d = replace(widths, min_gap=0.0).half_widths(plain, self.density, self.stress, factor)
-        most = max(SLIT, CLOSER * float(np.median(d)))
-        d = np.interp(d, np.array([0, 1, *(FOLLOWING if widths.follow else CLOSING)]) * most, [0, most, most, SOLID])
-        return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
+        return self._closed(self._asked(widths, factor), widths)
 
-    def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:
+    def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """The coarse stripes, which are drawn everywhere, then finer and finer ones."""
-        local = self.half_widths(widths, factor)
+        asked = self._asked(widths, factor)
+        local = self._closed(asked, widths)
+        opened, closed = local, None
+        if self.whole and widths.rule != "plain":
+            asked = self._asked(widths, closing) if closing else asked
+            closed = asked / self._most(asked) - (float(np.mean(FOLLOWING)) if widths.follow else WHOLE)
+            opened = self._opened(self._asked(widths, factor), widths)
         z, c = self.phase.value, len(self.wanted)
-        d = finest_half_widths(local, self.slope, self.density, c)
+        d = finest_half_widths(opened, self.slope, self.density, c)
         band = np.stack([z + d, z - d], axis=1)
-        drawn = [Layer(self.name, self._field(band, None), self._levels(2**c, 0, d), local)]
+        drawn = [Layer(self.name, self._field(band, None), self._levels(2**c, 0, d), local, closed)]
         for level in range(c - 1, -1, -1):
             field = self._field(band, self.wanted[level])
             drawn.append(Layer(self.name, field, self._levels(2 ** (level + 1), 2**level, d), local))
         return drawn
+
+    def _asked(self, widths: Widths, factor: float) -> Floats:
+        """(n,) half-widths in periods of the drawn lines, however narrow that leaves the openings."""
+        asked = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
+        return asked.half_widths(self.stripes.half_width, self.density, self.stress, factor)
+
+    def _most(self, asked: Floats) -> float:
+        return max(SLIT, CLOSER * float(np.median(asked)))
+
+    def _opened(self, asked: Floats, widths: Widths) -> Floats:
+        """(n,) half-widths that leave no slit, but where widths.min_gap closes it."""
+        d = np.minimum(asked, self._most(asked))
+        return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
+
+    def _closed(self, asked: Floats, widths: Widths) -> Floats:
+        """The same, and where members crowd too much they are one."""
+        if widths.rule == "plain":
+            return asked
+        most = self._most(asked)
+        d = np.interp(asked, np.array([0, 1, *_limits(widths)]) * most, [0, most, most, SOLID])
+        return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
     def _field(self, band: Floats, wanted: Floats | None) -> CornerField:
         phase = self.phase
@@ -84,6 +110,10 @@ class EvenFamily:
         seen = np.abs(phase.value).max() + np.abs(phase.shift[~phase.singular]).max(initial=0.0) + d.max()
         count = np.ceil(seen / period) + 1
         return np.asarray(offset + period * np.arange(-count, count + 1))
+
+
+def _limits(widths: Widths) -> tuple[float, float]:
+    return FOLLOWING if widths.follow else CLOSING
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:

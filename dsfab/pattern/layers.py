@@ -23,12 +23,14 @@ class Layer(NamedTuple):
     or on parts of the faces.
 
     half_width : (n,) d in periods, for shaders.
+    closed     : (n,) openings in the mean of which that is over 0 are material, whatever their own width; None: none.
     """
 
     name: str
     field: Floats | CornerField | DividedField
     levels: Floats
     half_width: Floats
+    closed: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,7 @@ class Family:
         """(n,) stripes per metre."""
         return self.slope
 
-    def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:
+    def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
         """The family as one layer; of one field where the width does not vary."""
         d = self.half_widths(widths, factor)
         if widths.vary:
@@ -117,14 +119,20 @@ class Drawable(Protocol):
         """(n,) d in periods."""
         ...
 
-    def layers(self, widths: Widths, factor: float = 1.0) -> list[Layer]:
-        """What slicing cuts: the stripes that are drawn everywhere, then those in the openings between them."""
+    def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
+        """What slicing cuts: the stripes that are drawn everywhere, then those in the openings between them.
+
+        closing : the factor that says which openings are closed as a whole, as `factor` if 0: with the same one the
+                  share of material does not jump as `factor` grows.
+        """
         ...
 
 
-def stripe_layers(families: Sequence[Drawable], widths: Widths, factor: float = 1.0) -> list[Layer]:
+def stripe_layers(
+    families: Sequence[Drawable], widths: Widths, factor: float = 1.0, closing: float = 0.0
+) -> list[Layer]:
     """The layers of all families: what each draws everywhere, then what they add, in the order of `adds`."""
-    drawn = [(family.adds, family.layers(widths, factor)) for family in families]
+    drawn = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in drawn] + [
         layer for _, layers in sorted(drawn, key=itemgetter(0)) for layer in layers[1:]
     ]

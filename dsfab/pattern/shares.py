@@ -38,6 +38,8 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
         below = [np.searchsorted(layer.levels, x @ points.T) for x in _corner_values(surface, layer.field)]
         if isinstance(layer.field, CornerField):
             kept |= (below[0] > below[1]) & _drawn(layer.field)[:, None]
+            if layer.closed is not None:  # to a point: whole openings are known when they are cut
+                kept |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         kept |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
     return kept

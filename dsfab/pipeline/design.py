@@ -209,7 +209,8 @@ class Design:
 
         symmetry : whether the error of its symmetry is measured too: it takes longest.
         """
-        return measured_pattern(self, symmetry, self.sheet.surface if self.has("slicing") else None)
+        cells, sheet = (self.slicing.cells, self.sheet) if self.has("slicing") else (None, None)
+        return measured_pattern(self, symmetry, cells, sheet)
 
     @property
     def mass(self) -> float:

@@ -11,8 +11,8 @@ from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.slicing.features import filled_openings, kept_cells
+from dsfab.slicing import Sheet, cut, filled_openings, filled_slits, resolve_pinches
+from dsfab.slicing.features import kept_cells
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
 from dsfab.surface import LoadCase, Surface
@@ -38,7 +38,7 @@ def slicing_step(
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         smallest = _smallest_opening(pattern.settled(preset), surface)
-        cells, pinches, filled, rounded = finished_cells(preset, cells, ask, smallest)
+        cells, pinches, filled, merged, rounded = finished_cells(preset, cells, ask, smallest, _merged(pattern))
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
@@ -53,6 +53,8 @@ def slicing_step(
     _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
     if filled:
         log.note("slicing", f"{filled} openings smaller than {smallest:.3g} m were filled")
+    if merged:
+        log.note("slicing", f"{_slits(merged)} narrower than the members beside: filled, so that these are one there")
     if radius:
         log.note("slicing", _rounded(radius, rounded))
     if better:
@@ -61,21 +63,38 @@ def slicing_step(
 
 
 class Finished(NamedTuple):
-    """All cells without point contacts and specks, with round corners; how many of each there were, and the radii."""
+    """All cells without point contacts, specks and slits, with round corners; how many of each there were, and the
+    radii.
+    """
 
     cells: Sheet
     pinches: int
     filled: int
+    merged: int
     rounded: Floats
 
 
-def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: float) -> Finished:
-    """What is made of cells as they were cut; openings smaller than `smallest` metres are filled."""
+def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: float, merge: bool) -> Finished:
+    """What is made of cells as they were cut; openings smaller than `smallest` metres are filled, and slits if `merge`
+    says so."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
     cells, filled = filled_openings(pinched.sheet, smallest) if smallest else (pinched.sheet, 0)
+    cells, merged = filled_slits(cells) if merge else (cells, 0)
     radius = preset.pattern.fillet
     cells, rounded = rounded_corners(cells, radius) if radius else (cells, np.empty(0))
-    return Finished(cells, pinched.count, filled, rounded)
+    if merge and len(rounded):
+        cells, more = filled_slits(cells)  # round corners take their share of an opening
+        merged += more
+    return Finished(cells, pinched.count, filled, merged, rounded)
+
+
+def _merged(pattern: PatternResult) -> bool:
+    """Whether members with a slit between them become one: evenly spaced ones that are tidied."""
+    return pattern.even is not None and pattern.tidy is not None
+
+
+def _slits(count: int) -> str:
+    return f"{count} opening{'s were' if count > 1 else ' was'}"
 
 
 def added_share(preset: Preset, surface: Surface, pattern: PatternResult) -> float:
@@ -88,7 +107,8 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult) -> flo
     if not cells.material.any():
         return 0.0
     plain = preset.model_copy(update={"slicing": ask})
-    done = finished_cells(preset, cells, ask, _smallest_opening(pattern.settled(plain), surface)).cells
+    smallest = _smallest_opening(pattern.settled(plain), surface)
+    done = finished_cells(preset, cells, ask, smallest, _merged(pattern)).cells
     before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
     return (after - before) / surface.area
 
@@ -108,7 +128,7 @@ def _rounded(radius: float, found: Floats) -> str:
 def _smallest_opening(preset: Preset, surface: Surface) -> float:
     """Metres; smaller ones are filled."""
     ask, given = preset.pattern, preset.slicing.min_opening
-    if given is not None or ask.method != "stripes":
+    if given is not None or ask.method != "stripes" or ask.tidied:  # slits are filled then, specks among them
         return given or 0.0
     return SPECK * min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
 

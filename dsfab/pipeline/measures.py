@@ -15,7 +15,7 @@ from dsfab.pattern import StressDirections
 from dsfab.pipeline.directions import followed_stress
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import DiffusionResult, PatternResult, StaticsResult
-from dsfab.slicing import Chart
+from dsfab.slicing import Chart, Openings, Sheet
 from dsfab.slicing.arms import Arms, arms
 from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
@@ -61,13 +61,15 @@ class Drafted(NamedTuple):
     pattern: PatternResult
 
 
-def measured_pattern(made: Patterned, symmetry: bool = True, sheet: Surface | None = None) -> PatternQuality:
+def measured_pattern(
+    made: Patterned, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
+) -> PatternQuality:
     """The measures of what is drawn; of what is cut and tidied, dead ends and slits are those of the sheet.
 
     symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
-    sheet    : what it was cut to; None measures what is drawn (see `Design.quality`).
+    cells    : all that it was cut to; None measures what is drawn (see `Design.quality`).
+    sheet    : what is kept of these; all material where it is left out.
     """
-    sheet = sheet if made.pattern.tidy else None
     chart = pattern_chart(made)
     drawn = drawn_pattern(made.surface, chart, made.pattern)
     given = _followed(made)
@@ -79,14 +81,23 @@ def measured_pattern(made: Patterned, symmetry: bool = True, sheet: Surface | No
     steered = made.pattern.even.steered if made.pattern.even else None
     guided = steered.guided[parent] > GUIDED if steered else None
     columns = given.stress[parent], given.direction[parent], confidence[parent]
-    found = pattern_quality(drawn, *columns, guided=guided, sheet=sheet)
+    found = pattern_quality(drawn, *columns, guided=guided)
     found = replace(found, turned=made.preset.pattern.rotate if steered else 0.0)
-    if sheet is not None:
-        near, d = TOUCH * made.surface.mean_edge, drawn.d
-        major, minor = (_built(sheet, near, family, d[:, k]) for k, family in enumerate((found.major, found.minor)))
-        found = replace(found, major=major, minor=minor)
+    if cells is not None and made.pattern.tidy:
+        found = _of_sheet(made, cells, (sheet or cells.kept()).surface, drawn, found)
     group = used_symmetry(made) if symmetry else None
     return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
+
+
+def _of_sheet(made: Patterned, cells: Sheet, sheet: Surface, drawn: Drawn, found: PatternQuality) -> PatternQuality:
+    """The measures with the dead ends and the slits that the sheet has."""
+    openings, name = Openings.of(cells), np.array([*made.pattern.names, ""])[cells.family]
+    both = []
+    for k, (own, family) in enumerate(found.families):
+        slits, share = openings.slits_between(name == own) if openings else (0, 0.0)
+        built = _built(sheet, TOUCH * made.surface.mean_edge, family, drawn.d[:, k])
+        both.append(replace(built, slits=slits, slit_share=share))
+    return replace(found, major=both[0], minor=both[1])
 
 
 def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:

@@ -127,11 +127,11 @@ def _tried(way: Way, given: StressedSurface, scratch: Log) -> Way:
     try:
         stressed = preset.pattern.width.rule == "stressed"
         grading = stressed_step(preset, given, scratch, even=way.even) if stressed else None
-        candidate, pattern, sheet = Trial(preset, given, way.even).drawn(preset, grading)
+        candidate, pattern, sheet, cells = Trial(preset, given, way.even).drawn(preset, grading)
     except DsfabError as error:
         return replace(way, attempt=Attempt(name, refused=str(error)))
     drafted = Drafted(preset, given.surface, given.statics, given.diffusion, pattern)
-    quality = measured_pattern(drafted, symmetry=False, sheet=sheet.surface)
+    quality = measured_pattern(drafted, symmetry=False, cells=cells)
     worth = candidate.compliance, candidate.over_uncut, candidate.kept
     attempt = Attempt(name, *worth, quality.dead_ends, quality.slits)
     return replace(way, attempt=attempt, grading=grading, sheet=sheet, notes=tuple(scratch.notes))

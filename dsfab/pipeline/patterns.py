@@ -41,6 +41,9 @@ CORRECTIONS = 3
 COUNTED = 2
 """Points along each side of a face, by which the search for it begins."""
 
+CLOSINGS = (1.0, 0.97, 1.03)
+"""Openings between members that crowd close as for so many times the widths that are about right."""
+
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
@@ -117,7 +120,7 @@ def pattern_step(
 def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[Layer]) -> PatternResult:
     """Layers that are cut together, and the numbers of the families that are drawn."""
     ask = preset.pattern
-    names, fields, levels, half_widths = zip(*layers, strict=True)
+    names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
     major, minor = (stripes.get(name, getattr(ask, name).stripes) for name in FAMILIES)
     modes = ask.major.number, ask.minor.number
@@ -136,18 +139,41 @@ def solved_layers(
     widths = width.widths(np.sqrt(surface.area))
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
 
-    def layers(factor: float) -> list[Layer]:
-        return [*kept, *stripe_layers(families, widths, factor)]
+    def layers(factor: float, closing: float = 0.0) -> list[Layer]:
+        return [*kept, *stripe_layers(families, widths, factor, closing)]
 
-    share, tolerance, _, counted, added = search
+    share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         wanted, slope = width.solid_fraction - added, 0.0
+        if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
+            counted = counted_share(surface, kept, COUNTED)  # which openings close must be known before
         if counted is not None:
             with suppress(PatternError):  # the search below says it better
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
-        factor *= solved_factor(lambda relative: share(layers(factor * relative)), wanted, tolerance, slope)
+        return _reached(layers, share, factor, wanted, tolerance, slope)
     return layers(factor), factor
+
+
+def _reached(
+    layers: Callable[[float, float], list[Layer]],
+    share: Callable[[Sequence[Layer]], float],
+    factor: float,
+    wanted: float,
+    tolerance: float,
+    slope: float,
+) -> tuple[list[Layer], float]:
+    """The layers that keep a share, and their factor, near the given one: that one says which openings close.
+
+    Where the share jumps because an opening is about to close, a little more or less of them do.
+    """
+    for shift in CLOSINGS:
+        closing = factor * shift
+        with suppress(PatternError):
+            relative = solved_factor(lambda x: share(layers(factor * x, closing)), wanted, tolerance, slope)  # noqa: B023
+            return layers(factor * relative, closing), factor * relative
+    relative = solved_factor(lambda x: share(layers(factor * x, factor)), wanted, tolerance, slope)
+    return layers(factor * relative, factor), factor * relative
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
@@ -226,7 +252,11 @@ def _even_families(
         k, stripes = FAMILIES.index(name), Stripes(1.0, 0.0, getattr(preset.pattern, name).threshold)
         along = np.ones(surface.n) if given is None else given
         columns = even.slope[:, k], even.density[:, k], along
-        made.append(EvenFamily(name, stripes, even.phases[k], even.wanted[k], *columns, int(k != even.first)))
+        made.append(
+            EvenFamily(
+                name, stripes, even.phases[k], even.wanted[k], *columns, int(k != even.first), preset.pattern.tidied
+            )
+        )
     return made
 
 

@@ -22,7 +22,12 @@ def tidy_of(preset: Preset, given: StressedSurface, layers: Sequence[Layer]) -> 
         return None
     names = [layer.name for layer in layers]
     astray = tuple(_astray(given.surface, given.diffusion, layer) for layer in layers)
-    return Tidy(tuple(name in FAMILIES for name in names), astray, given.load.held | given.load.loaded)
+    return Tidy(
+        tuple(name in FAMILIES for name in names),
+        astray,
+        given.load.held | given.load.loaded,
+        tuple(layer.closed for layer in layers),
+    )
 
 
 def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:

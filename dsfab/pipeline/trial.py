@@ -26,7 +26,7 @@ from dsfab.pipeline.patterns import (
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.results import Candidate, EvenStripes, PatternResult, StressedSurface
-from dsfab.slicing import Sheet, cut, resolve_pinches
+from dsfab.slicing import Sheet, cut, filled_slits, resolve_pinches
 from dsfab.statics import Aid, FaceStiffness, Quantity, SheetModel, elements_of, solve_cases
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
@@ -36,8 +36,9 @@ SHARE_TOLERANCE = 2e-3
 
 
 class Carrying(NamedTuple):
-    """The sheet that reaches supports, and `kept`, `whole` and `pieces` as in a `Candidate`."""
+    """All cells, the sheet that reaches supports, and `kept`, `whole` and `pieces` as in a `Candidate`."""
 
+    cells: Sheet
     sheet: Sheet
     kept: float
     whole: float
@@ -45,11 +46,12 @@ class Carrying(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A sheet that carries its loads: what it is worth, of what it was cut, and the sheet."""
+    """A sheet that carries its loads: what it is worth, of what it was cut, and all cells."""
 
     candidate: Candidate
     pattern: PatternResult
     sheet: Sheet
+    cells: Sheet
 
 
 class Trial:
@@ -84,14 +86,16 @@ class Trial:
         candidate = Candidate(*numbers, compliance, over, found.kept, found.whole, found.pieces)
         tidy = tidy_of(preset, self.given, layers)
         pattern = replace(pattern_of(preset, families, layers), even=self.even, tidy=tidy)
-        return Tried(candidate, pattern, found.sheet)
+        return Tried(candidate, pattern, found.sheet, found.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "Carrying":
         """Layers as a sheet; raises DsfabError when it does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP, tidy)
-        material = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet.kept()
+        cells = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet
+        cells = filled_slits(cells)[0] if self.even and tidy else cells
+        material = cells.kept()
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)
         area = np.bincount(label, material.surface.areas, count)
@@ -101,7 +105,7 @@ class Trial:
         sheet = material if held.all() else material.kept(held[label])
         if lost := lost_load(surface, material, sheet, self.loads.values()):
             raise PatternError(lost)
-        return Carrying(sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count)
+        return Carrying(cells, sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
         """By name, what acts on such a sheet of what the pattern follows."""

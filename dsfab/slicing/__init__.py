@@ -3,6 +3,7 @@
 from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, material_area
 from dsfab.slicing.halving import Halved, halved
+from dsfab.slicing.openings import Openings, filled_openings, filled_slits
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.tidy import Tidy
@@ -10,11 +11,14 @@ from dsfab.slicing.tidy import Tidy
 __all__ = [
     "Chart",
     "Halved",
+    "Openings",
     "Pinched",
     "Sheet",
     "Tidy",
     "chart_of",
     "cut",
+    "filled_openings",
+    "filled_slits",
     "halved",
     "material_area",
     "resolve_pinches",

@@ -12,10 +12,10 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
 
-AT = (1e-3, 0.5, 1 - 1e-3)
+MIDDLE = 0.5
+AT = (1e-3, MIDDLE, 1 - 1e-3)
 """Where lines start on a wall edge: the shortest way between two polylines leaves from a corner of one of them, and the
 middle stands for the edge in distributions."""
-MIDDLE = 1
 MOST_STEPS = 2000
 """Lines that cross more triangles than this run along a member, not across it."""
 OPPOSED = float(np.sin(np.radians(20)))
@@ -34,12 +34,14 @@ class Crossings:
     width  : (k,) metres, the distance of a line's start from the edge that it meets.
     place  : (k, 3) where it starts, metres.    face : (k,) the triangle there.
     weight : (k,) metres of wall that it stands for: the edge for lines from the middle, 0 for the others.
+    walls  : (k, 2) the edges of the surface from which and to which it runs.
     """
 
     width: Floats
     place: Floats
     face: Ints
     weight: Floats
+    walls: Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +69,21 @@ class _Rays:
         return _Rays(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def crossings(surface: Surface, walls: Bools) -> Crossings:
+def crossings(surface: Surface, walls: Bools, start: Bools | None = None, at: tuple[float, ...] = AT) -> Crossings:
     """The way across a sheet from all its walls.
 
     surface : an edge-manifold sheet.    walls : (e,) which of its boundary edges are walls; lines that end on another
     boundary edge are left out.
+    start   : (e,) the walls that lines start from; None for all.    at : where on them.
     """
-    if not walls.any():
-        return Crossings(np.empty(0), np.empty((0, 3)), np.empty(0, dtype=np.int64), np.empty(0))
+    starting = walls if start is None else walls & start
+    if not starting.any():
+        none = np.empty((0, 2), dtype=np.int64)
+        return Crossings(np.empty(0), np.empty((0, 3)), none[:, 0], np.empty(0), none)
     table, outward, twin = surface.edges, _outward(surface), _twins(surface)
-    h = table.order[table.start[:-1][walls]]
-    rays = start = _started(surface, h, outward)
-    met, width, slope, foot = (np.full(len(start.index), x) for x in (-1, np.inf, 1.0, 0.0))
+    h = table.order[table.start[:-1][starting]]
+    rays = begun = _started(surface, h, outward, at)
+    met, width, slope, foot = (np.full(len(begun.index), x) for x in (-1, np.inf, 1.0, 0.0))
     for _ in range(MOST_STEPS):
         if not len(rays.index):
             break
@@ -89,11 +94,12 @@ def crossings(surface: Surface, walls: Bools) -> Crossings:
         width[here], slope[here], foot[here] = _distance(surface, rays.at(ends), out[ends], step[ends])
         rays = _entered(surface, rays.at(~ends), out[~ends], step[~ends], twin, outward)
     good = np.flatnonzero((met >= 0) & walls[table.of.ravel()[met]] & (np.abs(slope) < OPPOSED))
-    from_, to = _Spot(start.came, np.repeat(AT, len(h))), _Spot(met, foot)
+    from_, to = _Spot(begun.came, np.repeat(at, len(h))), _Spot(met, foot)
     good = good[~_tips(surface, from_.at(good), to.at(good), width[good], slope[good])]
-    weight = np.zeros((len(AT), len(h)))
-    weight[MIDDLE] = np.linalg.norm(_along(surface, h), axis=1)
-    return Crossings(width[good], start.point[good], start.came[good] // 3, weight.ravel()[good])
+    weight = np.zeros((len(at), len(h)))
+    weight[np.equal(at, MIDDLE)] = np.linalg.norm(_along(surface, h), axis=1)
+    between = table.of.ravel()[np.stack([begun.came[good], met[good]], axis=1)]
+    return Crossings(width[good], begun.point[good], begun.came[good] // 3, weight.ravel()[good], between)
 
 
 def _distance(surface: Surface, rays: _Rays, out: Ints, step: Floats) -> tuple[Floats, Floats, Floats]:
@@ -201,11 +207,11 @@ def _twins(surface: Surface) -> Ints:
     return twin
 
 
-def _started(surface: Surface, h: Ints, outward: Floats) -> _Rays:
-    """Lines from the points `AT` of half-edges h, square to them: all first points, then all second ones."""
+def _started(surface: Surface, h: Ints, outward: Floats, at: tuple[float, ...]) -> _Rays:
+    """Lines from the points `at` of half-edges h, square to them: all first points, then all second ones."""
     first, along = surface.V[surface.F.ravel()[h]], _along(surface, h)
-    point = np.concatenate([first + t * along for t in AT])
-    came, count = np.tile(h, len(AT)), len(AT) * len(h)
+    point = np.concatenate([first + t * along for t in at])
+    came, count = np.tile(h, len(at)), len(at) * len(h)
     return _Rays(np.arange(count), came, point, -outward[came], np.zeros(count))
 
 

@@ -1,6 +1,6 @@
 """`Bays`: the middles of a family's members, from one crossing with the other family to the next."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +9,6 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.limits import SLIT
 from dsfab.slicing.drawn import ON
 from dsfab.slicing.middles import Middles
-from dsfab.surface import Surface, nearest
 from dsfab.surface.topology import connected
 
 
@@ -20,7 +19,6 @@ class Bays:
     piece  : (b,) of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
     bay    : (b,) the bay that it is a part of, of `count`.
     angle  : (c,) degrees between members where they cross, outside of what is kept besides the stripes.
-    seen   : (b,) narrow openings that are there on the built sheet; None while nothing is cut.
     """
 
     middles: Middles
@@ -30,7 +28,6 @@ class Bays:
     bay: Ints
     count: int
     angle: Floats
-    seen: Bools | None = None
 
     @cached_property
     def free(self) -> Floats:
@@ -47,52 +44,18 @@ class Bays:
         d = np.einsum("bc,bc->b", drawn.d[corner, self.middles.k], self.at)
         return np.asarray((d > SLIT + ON) & (d < 0.5 - ON))
 
-    def on(self, sheet: Surface) -> "Bays":
-        """The same, with openings that are narrow only where a built sheet has the member, and the opening beside it:
-        ends are taken off, and specks filled.
-
-        The middle of the opening is half a spacing from that of the member, to either side along the surface.
-        """
-        drawn, k = self.middles.drawn, self.middles.k
-        some = np.flatnonzero(self.narrow)
-        face = self.middles.face[self.piece[some]]
-        corner, slope = drawn.surface.F[face], drawn.slope[k][face]
-        place = np.einsum("bc,bcx->bx", self.at[some], drawn.surface.V[corner])
-        d = np.einsum("bc,bc->b", drawn.d[corner, k], self.at[some])
-        step = drawn.gradients[k][face] / (2 * slope**2)[:, None]
-        there = _away(sheet, place) < d / slope / 2
-        half = (0.5 - d) / slope  # of the opening
-        beside = np.stack([_away(sheet, _onto(drawn.surface, place + s * step)) > half / 2 for s in (-1, 1)])
-        narrow = np.zeros(len(self.piece), dtype=bool)
-        narrow[some] = there & beside.any(axis=0)
-        return replace(self, seen=narrow)
-
     @property
     def slits(self) -> int:
         """Bays beside which the opening is narrower than the member along more than half of the free length."""
         free = np.bincount(self.bay, self.free, self.count)
-        slit = np.bincount(self.bay, self.free * self._slit, self.count)
+        slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
         """Share of the free length along which the opening is narrower than the member."""
         total = float(self.free.sum())
-        return float(self.free @ self._slit) / total if total > 0 else 0.0
-
-    @property
-    def _slit(self) -> Bools:
-        return self.narrow if self.seen is None else self.seen
-
-
-def _away(sheet: Surface, points: Floats) -> Floats:
-    """(k,) metres from points (k, 3) to a sheet."""
-    return nearest(points, sheet.V, sheet.F).distance
-
-
-def _onto(surface: Surface, points: Floats) -> Floats:
-    """(k, 3) the nearest points of a surface."""
-    return nearest(points, surface.V, surface.F).place
+        return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
 
 def bays(middles: Middles) -> Bays:

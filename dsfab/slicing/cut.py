@@ -14,6 +14,7 @@ from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import PatternError, SurfaceError
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.clean import Snapping, clean_split
+from dsfab.slicing.closing import with_closed
 from dsfab.slicing.corner_band import corner_band
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
@@ -105,7 +106,7 @@ def _divided(
         mesh = mesh.with_material(k, material)
         if tidy:
             mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank))
-    return tidied(mesh, tidy) if tidy else mesh
+    return tidied(with_closed(mesh, tidy.closed), tidy) if tidy else mesh
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:

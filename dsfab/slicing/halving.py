@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.slicing.closing import limit
 from dsfab.slicing.corner_band import Cutting
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.seen import Seen
@@ -126,26 +127,11 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, wish: Floats, most: int) -> Ints:
-    """(c,) the whole number under the mean wish of each opening, 0 to most; see `_limit`."""
+    """(c,) the whole number under the mean wish of each opening, 0 to most; see `limit`."""
     one, two, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = connected(len(mesh.parent), owner[one[open_]], owner[two[open_]])
     area = mesh.cells.areas(mesh.X)[0]
     mean = np.bincount(opening, area * wish[mesh.parent], count) / np.bincount(opening, area, count)
-    limits = np.array([_limit(mean, k) for k in range(1, most + 1)])
+    limits = np.array([limit(mean, k, ALIKE) for k in range(1, most + 1)])
     return np.asarray((mean[:, None] >= limits).sum(axis=1), dtype=np.int64)[opening]
-
-
-def _limit(mean: Floats, k: int) -> float:
-    """What openings with these means (o,) are halved k times from on: k, or near it the widest gap between means.
-
-    Openings that are alike but for the mesh, as all are between two rings of a dome, are then halved alike.
-    """
-    near = mean[np.abs(mean - k) < ALIKE]
-    if not len(near):
-        return float(k)
-    below = mean[mean <= k - ALIKE].max(initial=k - 2 * ALIKE)
-    above = mean[mean >= k + ALIKE].min(initial=k + 2 * ALIKE)
-    x = np.sort(np.array([below, *near, above]))
-    widest = int(np.argmax(np.round(np.diff(x), 6)))
-    return float(x[widest : widest + 2].mean())

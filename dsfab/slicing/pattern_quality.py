@@ -9,7 +9,6 @@ from dsfab.slicing.bays import Bays, bays
 from dsfab.slicing.dead_ends import OFF, DeadEnds, dead_ends
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.middles import middles
-from dsfab.surface.mesh import Surface
 
 SHARES = (0.05, 0.5, 0.95)
 """Spacings and openings are told by the values that these shares of the area do not exceed."""
@@ -26,7 +25,8 @@ class FamilyQuality:
     deviation  : degrees off the stress, mean over area x stress along the members x confidence of its direction.
     off        : share of that weight off by more than 30 degrees.
     dead_ends  : see `dsfab.slicing.dead_ends`.
-    slits      : openings narrower than the members beside them, counted by bays, see `Bays`.
+    slits      : openings narrower than the members beside them: counted by bays, see `Bays`; of a sheet that is cut one
+                 by one, see `dsfab.slicing.openings`.
     slit_share : share of the length of members beside such an opening.
     drawn      : whether there are such members; without them the other numbers are 0.
     """
@@ -111,17 +111,15 @@ def pattern_quality(
     confidence: Floats,
     symmetry_error: float | None = None,
     guided: Bools | None = None,
-    sheet: Surface | None = None,
 ) -> PatternQuality:
     """The measures of a pattern.
 
     stress     : (m, 2) principal stresses of which the major and minor members run along the first and the second.
     direction  : (m, 2, 3) their unit directions.    confidence : (m,) how clear these are, 0 to 1.
     guided     : (m,) faces where members follow something else, and no turn counts; None where they nowhere do.
-    sheet      : what was built: slits are those that it has; None while nothing is cut.
     """
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
-    found = [_family(drawn, k, stress[:, k], direction, confidence, turning, sheet) for k in (0, 1)]
+    found = [_family(drawn, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in found])
     (major, _), (minor, _) = found
     return PatternQuality(major, minor, float(angles.min(initial=90.0)), symmetry_error)
@@ -134,7 +132,6 @@ def _family(
     direction: Floats,
     confidence: Floats,
     turning: Floats,
-    sheet: Surface | None,
 ) -> tuple[FamilyQuality, Bays]:
     """Of family k: its members should run along direction k, and its phase grow along the other one."""
     shown = bool((drawn.d[:, k] > 0).any())
@@ -146,7 +143,7 @@ def _family(
     weight = area * np.abs(stress) * confidence * drawn.free * known
     total = max(float(weight.sum()), np.finfo(float).tiny)
     lines = middles(drawn, k)
-    cut = bays(lines) if sheet is None else bays(lines).on(sheet)
+    cut = bays(lines)
     found = FamilyQuality(
         _quantiles(spacing, area * drawn.free * known),
         _quantiles(opening, area * drawn.void * known),

@@ -30,11 +30,13 @@ class Tidy:
     striped : for each field whether it draws stripes; what others keep is not touched.
     astray  : for each field (m,) faces in which its stripes run across their direction, or None where they nowhere do.
     anchor  : (n,) vertices at which stripes may end: supports and loads.
+    closed  : for each field (n,) values: openings in the mean of which these are over 0 are material; or None.
     """
 
     striped: tuple[bool, ...]
     astray: tuple[Bools | None, ...]
     anchor: Bools
+    closed: tuple[Floats | None, ...] = ()
 
     def __post_init__(self) -> None:
         lock(self, "anchor", np.bool_, (None,))

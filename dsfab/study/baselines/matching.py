@@ -62,7 +62,7 @@ def _matched(brief: Brief, drawing: Drawing) -> Structure:
 
 def sliced(brief: Brief, layers: Sequence[Layer]) -> Structure:
     """Layers cut as the preset cuts, without the pieces that reach no support."""
-    names, fields, levels, widths = zip(*layers, strict=True)
+    names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = brief.preset.slicing.model_copy(update={"loose": "drop"})
     preset = brief.preset.model_copy(update={"slicing": slicing})
     tidy = tidy_of(preset, brief.stressed, layers)

@@ -1,0 +1,201 @@
+"""The openings of a cut sheet: specks and slits among them, and how they are filled.
+
+member  |  slit  |  member          A slit is an opening that is narrower than the members beside it. Both are
+<--w--> | <--g--> | <--w-->         measured on the sheet, by lines from the walls of the opening: into it, g, and
+        |        |                  away from it, w, at both ends of g.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.slicing.across import MIDDLE, Crossings, crossings
+from dsfab.slicing.closing import limit
+from dsfab.slicing.parts import inner_walls, medians, part_of, round_sizes, whole_edges
+from dsfab.slicing.sheet import VOID, Sheet
+from dsfab.surface import Surface
+from dsfab.surface.topology import pieces
+
+SLENDER = 3.0
+"""4 area / perimeter is at most twice the width of a slit, and some more where it widens."""
+BROAD = 2.5
+"""What is so many times wider than the median member is several in one, or kept besides them."""
+TOLD = 0.25
+"""Lines to an opposite wall must stand for this share of the walls of an opening, or they say little about it."""
+NARROWER = 0.9
+"""An opening is a slit if it is narrower than this share of the members beside it. Where members crowd they are made
+just as wide as the openings between them: on the sheet, of flat triangles, that is right to some percent."""
+ALIKE = 0.03
+"""Openings of which these shares differ by less may be the same but for the mesh."""
+
+
+@dataclass(frozen=True, eq=False)
+class Openings:
+    """The void of a sheet that material encloses, and what the edge of the surface leaves of such.
+
+    cells : all cells of the sheet.    part : the void ones alone, or some of them.    face : (f,) which cells they are.
+    label : (f,) the opening of each, of `count`.    walls : (e,) the edges of `part` between void and material.
+    """
+
+    cells: Sheet
+    part: Surface
+    face: Ints
+    label: Ints
+    count: int
+    walls: Bools
+
+    @classmethod
+    def of(cls, cells: Sheet) -> Self | None:
+        """The openings of a sheet; None where there is none, or nothing else."""
+        if cells.material.all() or not cells.material.any():
+            return None
+        part, face = part_of(cells.surface, ~cells.material)
+        count, label = pieces(part.F, part.edges)
+        return cls(cells, part, face, label, count, inner_walls(part, cells.surface, face))
+
+    def some(self, wanted: Bools) -> "Openings":
+        """Those that are marked (o,), numbered as they come."""
+        part, left = part_of(self.part, wanted[self.label])
+        face, label = self.face[left], (np.cumsum(wanted) - 1)[self.label[left]]
+        return Openings(self.cells, part, face, label, int(wanted.sum()), inner_walls(part, self.cells.surface, face))
+
+    def filled(self, wanted: Bools) -> Sheet:
+        """The cells with the marked openings (o,) made material, each of the family of a cell beside it."""
+        cells, here = self.cells, wanted[self.label]
+        family = cells.family.copy()
+        family[self.face[here]] = self._families()[self.label[here]]
+        return replace(cells, family=family)
+
+    @cached_property
+    def places(self) -> Floats:
+        """(o, 3) their centroids, metres."""
+        area = self.part.areas
+        total = np.bincount(self.label, area, self.count)
+        return np.stack([np.bincount(self.label, area * x, self.count) / total for x in self.part.centroids.T], axis=1)
+
+    @cached_property
+    def round_sizes(self) -> Floats:
+        """(o,) 4 area / perimeter; infinite for those that walls do not enclose wholly."""
+        return round_sizes(self.part, self.walls, self.label, self.count)
+
+    def _families(self) -> Ints:
+        """(o,) the largest family of the material that shares an edge with each."""
+        piece = np.full(self.cells.surface.m, -1)
+        piece[self.face] = self.label
+        found = np.full(self.count, VOID)
+        f, g = (self.cells.surface.edges.pairs // 3).T
+        for here, there in ((f, g), (g, f)):
+            at = (piece[here] >= 0) & (piece[there] < 0)
+            np.maximum.at(found, piece[here[at]], self.cells.family[there[at]])
+        return found
+
+    @cached_property
+    def narrowness(self) -> Floats:
+        """(o,) how wide they are over the narrower of the two members beside them: half of their walls have less.
+
+        At least half of 4 area / perimeter, the width of a long slit: others are wide somewhere. With few opposite
+        walls, as in a triangle, the side of a square of the same area counts. Infinite where no member is beside them,
+        and for those with few opposite walls that the edge of the surface cuts open.
+        """
+        across, wall, member = self._across, np.flatnonzero(self.walls), self._members
+        label, known = self.label[across.face], ~np.isnan(self._ratio)
+        found = medians(self._ratio, across.weight, label, self.count)
+        told = np.bincount(label, across.weight * known, self.count)
+        found[told < TOLD * np.bincount(self._beside[wall], self._lengths[wall], self.count)] = np.inf
+        around = medians(member[self._edges[wall]], self._lengths[wall], self._beside[wall], self.count)
+        side = np.sqrt(np.bincount(self.label, self.part.areas, self.count))
+        enclosed = np.isfinite(self.round_sizes)
+        found = np.where(np.isinf(found) & enclosed & np.isfinite(around), side / around, found)
+        return np.where(enclosed, np.maximum(found, self.round_sizes / (2 * around)), found)
+
+    @cached_property
+    def slits(self) -> Bools:
+        """(o,) which of them are slits: those that are alike are or are not all together."""
+        return self.narrowness < limit(self.narrowness, NARROWER, ALIKE)
+
+    def slits_between(self, family: Bools) -> tuple[int, float]:
+        """How many slits lie between members of a family, material cells (m',) of the sheet; and the share of the
+        length of its walls from which it is too near to the next."""
+        own = np.zeros(len(self.cells.surface.edges.ends), dtype=bool)
+        own[self.cells.surface.edges.of[family]] = True
+        wall = self._across.walls[:, 0]
+        label, weight = self._beside[wall], self._across.weight
+        mine = np.bincount(label, weight * own[self._edges[wall]], self.count)
+        narrow = np.nan_to_num(self._ratio, nan=np.inf) < 1
+        near = float(weight @ (own[self._edges[wall]] & narrow & self.slits[label]))
+        share = near / float(mine.sum()) if mine.any() else 0.0
+        return int((self.slits & (mine > np.bincount(label, weight, self.count) / 2)).sum()), share
+
+    @cached_property
+    def _across(self) -> Crossings:
+        return crossings(self.part, self.walls, at=(MIDDLE,))
+
+    @cached_property
+    def _ratio(self) -> Floats:
+        """(k,) how long lines across are over the narrower of the two members at their ends; not a number without."""
+        return np.asarray(self._across.width / np.fmin(*self._members[self._edges[self._across.walls]].T))
+
+    @cached_property
+    def _edges(self) -> Ints:
+        """(e,) the edges of the whole sheet that those of `part` are."""
+        return whole_edges(self.part, self.cells.surface, self.face)
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        """(e,) of the edges, metres."""
+        ends = self.part.V[self.part.edges.ends]
+        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+
+    @cached_property
+    def _beside(self) -> Ints:
+        """(e,) the opening that each edge of `part` is of."""
+        found = np.empty(len(self.walls), dtype=np.int64)
+        found[self.part.edges.of] = self.label[:, None]
+        return found
+
+    @cached_property
+    def _members(self) -> Floats:
+        """(e',) widths of the members beyond the walls, by the edges of the whole sheet.
+
+        Not a number elsewhere; the median where material is too broad to be one member.
+        """
+        sheet = self.cells.surface
+        wanted = np.zeros(len(sheet.edges.ends), dtype=bool)
+        wanted[self._edges[self.walls]] = True
+        material, face = part_of(sheet, self.cells.material)
+        whole = whole_edges(material, sheet, face)
+        away = crossings(material, material.edges.boundary, wanted[whole], (MIDDLE,))
+        width = np.full(len(sheet.edges.ends), np.nan)
+        median = medians(away.width, away.weight, np.zeros_like(away.face), 1)
+        width[whole[away.walls[:, 0]]] = np.where(away.width < BROAD * median, away.width, median)
+        return width
+
+
+def filled_openings(cells: Sheet, size: float) -> tuple[Sheet, int]:
+    """The cells with every opening smaller than `size` metres made material, and how many there were.
+
+    An opening is void that material encloses. Its size is the width that half of its walls do not exceed, or 4 area /
+    perimeter if that is less. It takes the family of a material cell beside it.
+    """
+    every = Openings.of(cells)
+    if every is None or not (near := every.round_sizes < SLENDER * size).any():
+        return cells, 0
+    few = every.some(near)  # looking across those alone takes a tenth of the time
+    across = crossings(few.part, few.walls)
+    width = medians(across.width, across.weight, few.label[across.face], few.count)
+    small = np.minimum(width, few.round_sizes) < size
+    return few.filled(small), int(small.sum())
+
+
+def filled_slits(cells: Sheet) -> tuple[Sheet, int]:
+    """The cells with every slit made material, so that the members beside it are one; and how many there were.
+
+    What is beside a broader member may be a slit then: so often as there are any.
+    """
+    filled = 0
+    while (found := Openings.of(cells)) is not None and found.slits.any():
+        cells, filled = found.filled(found.slits), filled + int(found.slits.sum())
+    return cells, filled

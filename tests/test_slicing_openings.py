@@ -1,0 +1,119 @@
+"""Openings of a cut sheet: which are slits, what fills them, and which close as a whole."""
+
+import numpy as np
+import pytest
+
+from dsfab import load_preset
+from dsfab.pipeline.design import Design
+from dsfab.pipeline.measures import measured_pattern
+from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_slits
+from dsfab.slicing.openings import NARROWER
+from dsfab.surface import Surface
+from tests.meshes import mesh_file
+from tests.test_pattern_quality import plate
+
+
+def grid_of(surface: Surface, d: float, closed=None) -> Sheet:
+    """4 members .1 wide along x, half a metre apart, and 8 along y a quarter metre apart, of half-width d."""
+    x, y, _ = surface.V.T
+    fields = [np.stack([z + w, z - w], axis=1) for z, w in ((y / 0.5 + 0.5, 0.1), (x / 0.25 + 0.5, d))]
+    anchor = np.zeros(surface.n, dtype=bool)
+    tidy = None if closed is None else Tidy((True, True), (None, None), anchor, (None, closed))
+    return cut(surface, fields, [np.arange(-6.0, 8.0)] * 2, 0, tidy)
+
+
+@pytest.mark.parametrize("d", [0.24, 0.28, 0.4])
+def test_slits_are_openings_narrower_than_the_members_beside(d):
+    """7 times 5 openings between two members, of (1 - 2 d) to 2 d, those at the edge of the plate cut open."""
+    cells = grid_of(plate(), d)
+    found = Openings.of(cells)
+    wide = (1 - 2 * d) / (2 * d)
+    inner = np.abs(found.places[:, 0]) < 0.9
+    assert inner.sum() == 35
+    assert found.narrowness[inner] == pytest.approx(wide, rel=1e-6)
+    assert np.isinf(found.narrowness[~inner]).all()  # no member on the other side
+    slits = 35 * (wide < NARROWER)
+    assert found.slits.sum() == slits
+    both = [found.slits_between(cells.family == k) for k in (0, 1)]
+    assert [count for count, _ in both] == [0, slits]
+    assert (both[0][1], both[1][1]) == (0, pytest.approx(float(slits > 0)))
+
+
+def test_slits_are_filled_and_nothing_else():
+    surface = plate()
+    cells = grid_of(surface, 0.3)
+    filled, count = filled_slits(cells)
+    assert count == 35
+    assert filled.surface.areas[~filled.material].sum() == pytest.approx(2 * 0.05 * (2 - 4 * 0.1), rel=1e-6)
+    assert (filled.family[cells.material] == cells.family[cells.material]).all()
+    assert filled_slits(filled) == (filled, 0)
+    open_ = grid_of(surface, 0.2)
+    assert filled_slits(open_) == (open_, 0)
+    whole = Sheet(surface, np.arange(surface.m), np.zeros(surface.m), cut(surface, [surface.V[:, 0]], [[]]).weights)
+    assert Openings.of(whole) is None
+
+
+def test_openings_close_as_a_whole_by_the_mean_of_what_members_crowd():
+    """Where x > .1 in the mean: all openings right of that are material, those left of it as they were."""
+    surface = plate()
+    plain, closed = grid_of(surface, 0.2), grid_of(surface, 0.2, surface.V[:, 0] - 0.1)
+    right = closed.surface.centroids[:, 0] > 0.125
+    assert closed.material[right].all()
+    area = [
+        float(one.surface.areas[one.material & (one.surface.centroids[:, 0] < 0.1)].sum()) for one in (plain, closed)
+    ]
+    assert area[0] == pytest.approx(area[1], rel=1e-9)
+
+
+def test_openings_that_are_alike_close_alike():
+    """Those around x = 0 are .02 and less from where openings close: of one column, all of them do or none."""
+    surface = plate()
+    x, y, _ = surface.V.T
+    closed = grid_of(surface, 0.2, x + 0.02 * np.sign(y))
+    void = Openings.of(closed)
+    assert (np.abs(void.places[:, 0]) < 0.05).sum() in (0, 5)
+
+
+def built(name, **given):
+    """Metric and sheet of a preset."""
+    return Design.of(load_preset(name, given)).until("slicing")
+
+
+def test_the_crown_of_a_sphere_closes_as_a_whole():
+    """It had 18 ragged holes, of which two counted as slits: openings that closed from one end."""
+    made = built("sphere_graded")
+    quality = measured_pattern(made, symmetry=False)
+    assert (quality.dead_ends, quality.slits) == (0, 0)
+    top = Openings.of(made.slicing.cells).places[:, 2]
+    assert top.max() < 0.8
+    assert made.sheet.surface.area / made.surface.area == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["constant", "graded"])
+@pytest.mark.parametrize("name", ["barrel_vault", "dome", "globe", "snow_vault", "tower"])
+def test_no_preset_has_a_slit_or_a_dead_end_by_any_width(name, rule):
+    quality = measured_pattern(built(name, **{"pattern.width.rule": rule}), symmetry=False)
+    assert (quality.dead_ends, quality.slits) == (0, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "edge"),
+    [
+        ("barrel_vault.obj", 0),
+        ("Botanic.obj", 0),
+        ("BubbleShell.obj", 0),
+        ("canopy_quad.obj", 0.15),
+        ("halftunnel.obj", 0),
+        ("hypar.obj", 0.15),
+        ("roof_with_opening.obj", 0.15),
+        ("shell_tube.obj", 0.2),
+    ],
+)
+def test_no_roof_has_a_slit_or_a_dead_end(file, edge):
+    given = {"surface.file": str(mesh_file(file)), "surface.unit": "m"} | ({"surface.refine": edge} if edge else {})
+    made = built("roof", **given)
+    quality = measured_pattern(made, symmetry=False)
+    assert (quality.dead_ends, quality.slits) == (0, 0)
+    assert made.sheet.surface.area / made.surface.area == pytest.approx(0.5, abs=5e-3)
