@@ -12,6 +12,7 @@ from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import build, plan
+from dsfab.limits import OFF_SURFACE
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import THICKNESS, holed, thickened
 from tests.test_export import quick_step  # noqa: F401
@@ -76,7 +77,7 @@ def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_ste
     if budget == 650:  # the usual tolerance, a twentieth of the thickness, was not enough
         assert "simplified within 4.2 mm it would have about" in said[0]
         moved = float(said[0].split(" mm off at most")[0].split()[-1])
-        assert 4.2 < moved <= 1000 * ladder.FURTHER * simplify.SHARE * 0.1
+        assert 4.2 < moved <= 1000 * ladder.FURTHER * OFF_SURFACE * 0.1
 
 
 def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_path, unread):
@@ -124,7 +125,7 @@ def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, m
     """And not with the mesh, which is smaller."""
     found = {"solids": 1, "valid": True, "tessellates": True, "faces": 1}
     monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * build.made(part).volume})
-    monkeypatch.setattr(readback, "TOLERANCE", 1e-12)
+    monkeypatch.setattr(readback, "READ_BACK", 1e-12)
     (solid, curved), share = slow_vault, 1.0
     assert write(solid, tmp_path / "a.brep", step=StepOptions("smooth", curved=curved)).stat().st_size > 1000
     share = 1.01
