@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from dsfab.app.build import Files, PictureFlags, build
@@ -15,7 +16,7 @@ from dsfab.app.step_options import StepFlags
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export import StepOptions, ladder, step, step_check, write
-from dsfab.export.curves import Curve, curves_through, fitted, halves, turning
+from dsfab.export.curves import Curve, _least_squares, curves_through, fitted, halves, turning
 from dsfab.export.part import part_of
 from dsfab.export.plate import outlines_of, plate
 from dsfab.slicing import cut
@@ -280,7 +281,7 @@ def test_curves_do_not_cross_a_member_narrower_than_the_tolerance():
     gap, tolerance = 0.4, 3.0
     outlines = outlines_of(part_of(thickened(wavy_slits(gap / 1000)), "a", 99))
     shape = plate(outlines, np.zeros((0, 3)), tolerance)
-    _, below, above = ([c.at(np.linspace(c.knots[0], c.knots[-1], 4000)) for c in loop] for loop in shape.pieces[0])
+    _, below, above = ([c(np.linspace(c.knots[0], c.knots[-1], 4000)) for c in loop] for loop in shape.pieces[0])
     near = cKDTree(np.concatenate(below)).query(np.concatenate(above))[0].min()
     assert near >= 0.5 * gap * 0.9
     loose = [curves_through(loop, np.zeros(len(loop), dtype=bool), tolerance) for loop in outlines.pieces[0]]
@@ -313,8 +314,8 @@ def test_a_circle_closes_smoothly_and_converges():
     for tolerance in (0.4, 0.02):
         one, two = curves_through(loop, np.zeros(720, dtype=bool), tolerance)
         both = [
-            one.at(np.linspace(one.knots[0], one.knots[-1], 99)),
-            two.at(np.linspace(two.knots[0], two.knots[-1], 99)),
+            one(np.linspace(one.knots[0], one.knots[-1], 99)),
+            two(np.linspace(two.knots[0], two.knots[-1], 99)),
         ]
         assert np.abs(np.linalg.norm(np.concatenate(both), axis=1) - 40).max() < tolerance + 4e-4
         for a, b in ((one, two), (two, one)):
@@ -329,7 +330,7 @@ def test_halves_of_a_spline_are_the_spline():
     assert whole is not None
     for half in halves(whole):
         at = np.linspace(half.knots[0], half.knots[-1], 50)
-        assert half.at(at) == pytest.approx(whole.at(at), abs=1e-9)
+        assert half(at) == pytest.approx(whole(at), abs=1e-9)
     assert isinstance(whole, Curve)
     assert not whole.straight
 
@@ -349,7 +350,7 @@ def test_any_star_is_followed_within_the_tolerance_and_closed(radii, tolerance, 
     assert len(chain) >= 2
     for a, b in zip(chain, [*chain[1:], chain[0]], strict=True):
         assert a.poles[-1] == pytest.approx(b.poles[0], abs=1e-9)
-        points = a.at(np.linspace(a.knots[0], a.knots[-1], 300))
+        points = a(np.linspace(a.knots[0], a.knots[-1], 300))
         assert distances(points, loop).max() <= tolerance + 1e-9
     starts = np.array([c.poles[0] for c in chain])
     for corner in loop[np.abs(turning(loop)) > np.deg2rad(31)]:
@@ -378,3 +379,21 @@ def test_a_build_says_how_its_step_file_was_made(tmp_path, here):
     assert "export: STEP is planar, its outline within 0.25 mm of the mesh" in notes
     build("cantilever", **how, step=StepFlags("faceted"), quiet=True)
     assert "export: STEP is faceted" in json.loads((tmp_path / "design.json").read_text())["warnings"]
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_poles_are_those_of_dense_least_squares(smooth):
+    """Against numpy on all samples; a closed curve leaves as it arrives: one more unknown, outside of the band."""
+    x = np.linspace(0, 10, 81)
+    points = np.c_[np.cos(x * np.pi / 5), np.sin(x * np.pi / 5) + 0.1 * np.cos(3 * x)]
+    points[-1] = points[0]
+    knots = np.array([0.0] * 4 + [1.5, 4.0, 7.0, 8.0] + [10.0] * 4)
+    basis = BSpline.design_matrix(x, knots, 3).toarray()
+    fixed = np.zeros((8, 2))
+    fixed[[0, -1]] = points[[0, -1]]
+    free = np.eye(8)[:, 1:-1]
+    if smooth:
+        fixed[[1, -2]] = points[[0, -1]]
+        free = np.c_[np.eye(8)[:, 2:-2], np.r_[0, 1.5 / 3, np.zeros(4), -2.0 / 3, 0]]
+    expected = fixed + free @ np.linalg.lstsq(basis @ free, points - basis @ fixed, rcond=None)[0]
+    assert _least_squares(x, points, knots, smooth) == pytest.approx(expected, abs=1e-9)

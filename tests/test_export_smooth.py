@@ -16,7 +16,7 @@ from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import WALL, Run
 from dsfab.export.smooth.patch_fits import patch_through
 from dsfab.export.smooth.patches import Patch
-from dsfab.export.smooth.splines import Spline, basis, hats
+from dsfab.export.splines import Spline, basis, hats
 from dsfab.slicing import cut
 from dsfab.surface import Surface
 from dsfab.surface.shapes.roofs import barrel_vault

@@ -15,8 +15,8 @@ from dsfab.export.smooth.edges import Edge
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.plan import Plan
 from dsfab.export.smooth.solid import Piece, Skin
-from dsfab.export.smooth.splines import Spline, straight
 from dsfab.export.smooth.touching import crossings
+from dsfab.export.splines import Spline, straight
 from tests.presets import DOME_MODES
 
 

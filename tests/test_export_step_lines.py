@@ -25,7 +25,7 @@ def test_a_helix_becomes_one_spline_of_its_length(tmp_path, here):
     t = 3 * np.pi
     (curve,) = curves_along(1000 * helix(), 0.5)
     assert (curve.degree, curve.deviation) == (3, pytest.approx(0.25, abs=0.25))
-    x = curve.at(np.linspace(0, curve.knots[-1], 500))
+    x = curve(np.linspace(0, curve.knots[-1], 500))
     assert np.abs(np.hypot(x[:, 0], x[:, 1]) - 1000).max() < 0.6
     line = Line("centre", "major", 2, 1, helix(), polyline_length(helix()))
     path = write(FLAT[0], tmp_path / "a.lines.step", details=Details((line,), 5e-4))

@@ -10,10 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.sparse import csr_array, hstack
-from scipy.sparse.linalg import splu
 
-from dsfab.arrays import Bools, Floats, Ints, lock
+from dsfab.arrays import Bools, Floats
+from dsfab.export.splines import LeastSquares, Spline, hats
 
 SHARP = np.deg2rad(30.0)
 """An outline that turns by more than this at a vertex has a corner there."""
@@ -29,32 +28,18 @@ KNOT_DIGITS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
-    """A clamped B-spline, from its first pole to its last; a line has degree 1 and two poles.
+class Curve(Spline):
+    """A line or a cubic in the plane or in space; knots and poles in millimetres.
 
-    knots     : (p + degree + 1,) ascending, millimetres.
-    poles     : (p, 2) in the plane or (p, 3) in space, millimetres.
-    degree    : 1 or 3.
     deviation : largest distance between points of the curve and of the polyline at the same share of the length.
     """
 
-    knots: Floats
-    poles: Floats
-    degree: int
     deviation: float
-
-    def __post_init__(self) -> None:
-        lock(self, "knots", np.float64, (None,))
-        lock(self, "poles", np.float64, (None, None))
 
     @property
     def straight(self) -> bool:
         """Whether it is a line."""
         return self.degree == 1
-
-    def at(self, x: Floats) -> Floats:
-        """(k, 2) points of the curve at parameters x (k,)."""
-        return np.asarray(BSpline(self.knots, self.poles, self.degree)(x))
 
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
@@ -153,23 +138,18 @@ def _least_squares(x: Floats, points: Floats, knots: Floats, smooth: bool) -> Fl
     smooth : the derivatives at both ends are one unknown vector d: pole 1 is pole 0 + a d, the last but one is
              the last - b d, with a and b a third of the first and the last span.
     """
-    count = len(knots) - 4
-    basis = csr_array(BSpline.design_matrix(x, knots, 3))
-    ends: Ints = np.array([0, count - 1])
-    poles = np.zeros((count, points.shape[1]))
-    poles[ends] = points[[0, -1]]
-    inner = basis[:, 1:-1]
-    if smooth:
-        a, b = (knots[4] - knots[3]) / 3, (knots[-4] - knots[-5]) / 3
-        poles[[1, -2]] = points[[0, -1]]
-        tangent = a * basis[:, [1]] - b * basis[:, [count - 2]]
-        inner = hstack([tangent, basis[:, 2:-2]], format="csr")
-    rest = points - basis @ poles
-    solved = splu((inner.T @ inner).tocsc()).solve(np.asarray(inner.T @ rest))
+    first, values, _ = hats(x, knots)
+    n = len(knots) - 4
+    held = np.array([0, 1, n - 2, n - 1] if smooth else [0, n - 1])
+    start = np.zeros((n, points.shape[1]))
+    start[held] = np.repeat(points[[0, -1]], len(held) // 2, axis=0)
+    system = LeastSquares.of(values.T, first, np.zeros(1, dtype=np.int64), n, held)
+    poles = system.poles(points, start)
     if not smooth:
-        poles[1:-1] = solved
         return poles
-    poles[1] += a * solved[0]
-    poles[-2] -= b * solved[0]
-    poles[2:-2] += solved[1:]
-    return poles
+    # d joins the first poles with the last ones, outside of the band: it is taken out of the others, and solved for
+    tangent = np.zeros((n, 1))
+    tangent[[1, -2], 0] = (knots[4] - knots[3]) / 3, -(knots[-4] - knots[-5]) / 3
+    free = tangent - system.solved(system.hats.T @ (system.hats @ tangent))
+    along = system.hats @ free
+    return np.asarray(poles + free @ (along.T @ (points - system.hats @ poles)) / (along.T @ along))

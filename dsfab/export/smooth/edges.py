@@ -16,7 +16,7 @@ from dsfab.arrays import Floats
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import Run
-from dsfab.export.smooth.splines import Spline, straight
+from dsfab.export.splines import Spline, straight
 
 TIGHTER = (1.0, 0.2, 0.04)
 """Tolerances of a run that was refused so often."""

@@ -7,12 +7,10 @@ samples, take a third of it.
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats
 from dsfab.export.smooth.rows import Rows, Spans
-from dsfab.export.smooth.splines import Spline, hats_within, straight
+from dsfab.export.splines import LeastSquares, Spline, hats_within, straight
 
 SAMPLES_PER_SPAN = 6
 """Fewest samples for each span of a curve; with fewer, curves swing between them."""
@@ -108,27 +106,9 @@ def _least_squares(rows: Rows, spans: Spans) -> tuple[Floats, Floats]:
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
     first, size = spans.of + 3 * rows.row, spans.count + 3
     begin, n = np.cumsum(size) - size, int(size.sum())
-    around = (first[:, None] + np.arange(4)).ravel()
-    hats: csr_array = csr_array((values.T.ravel(), around, np.arange(0, len(around) + 1, 4)), shape=(len(first), n))
     ends = np.concatenate([begin, begin + size - 1])
-    poles = np.zeros((n, rows.Q.shape[1]))
-    poles[ends] = rows.Q[np.concatenate([rows.first, rows.last])]
-    right = hats.T @ (rows.Q - hats @ poles)
-    right[ends] = 0.0
-    poles += cho_solve_banded((cholesky_banded(_band(values, first, begin, ends, n), lower=True), True), right)
-    return poles, rows.away(hats @ poles)
-
-
-def _band(values: Floats, first: Ints, begin: Ints, ends: Ints, n: int) -> Floats:
-    """(4, n) the banded normal equations; those of the ends (2 r,) of rows say that they do not move."""
-    band = np.zeros((4, n))
-    for i in range(4):
-        for j in range(i, 4):
-            band[j - i] += np.bincount(first + i, values[i] * values[j], n)
-    band[0, ends] = 0.0
-    size = np.diff(np.append(begin, n))
-    band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], begin) / (size - 2), size)  # a span without a sample
-    band[0, ends] = 1.0
-    for below in range(1, 4):
-        band[below, ends] = band[below, ends - below] = 0.0  # before the first pole: of the last, which is not used
-    return band
+    start = np.zeros((n, rows.Q.shape[1]))
+    start[ends] = rows.Q[np.concatenate([rows.first, rows.last])]
+    system = LeastSquares.of(values, first, begin, n, ends)
+    poles = system.poles(rows.Q, start)
+    return poles, rows.away(system.hats @ poles)

@@ -10,7 +10,7 @@ from scipy.linalg import solveh_banded
 
 from dsfab.arrays import Bools, Floats, Ints, grouped
 from dsfab.export.smooth.patches import Patch
-from dsfab.export.smooth.splines import basis
+from dsfab.export.splines import basis
 
 SMOOTHING = 1e-5
 """Weight of the differences of poles against the distances from the points."""

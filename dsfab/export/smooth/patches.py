@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
-from dsfab.export.smooth.splines import basis, hats
+from dsfab.export.splines import basis, hats
 
 CLOSE = 1e-8
 """Nearest points are found to this share of a surface's size: a tenth of a micrometre on ten metres."""

@@ -9,7 +9,7 @@ from dsfab.export.smooth.edges import TIGHTER, Allowed, Asked, Edge, by_chart, e
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import Run, Sheet
-from dsfab.export.smooth.splines import Spline, straight
+from dsfab.export.splines import Spline, straight
 
 ON_SEAM = 1 / 1000
 """Tolerance of a seam over each of its charts, as a share of the thickness: what is left counts twice in the gap

@@ -21,7 +21,7 @@ from dsfab.export.plate_text import Entities, listed, references
 from dsfab.export.smooth.edges import Edge
 from dsfab.export.smooth.patches import Patch
 from dsfab.export.smooth.solid import Model, Piece, Skin
-from dsfab.export.smooth.splines import Spline, straight
+from dsfab.export.splines import Spline, straight
 
 ROUNDING = 3e-5
 """Coordinates are rounded to this share of the thickness, at most, and to 1e-6 mm at least."""
