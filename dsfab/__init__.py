@@ -140,4 +140,4 @@ def _public(name: str, /, *arguments: Any, **options: Any) -> Any:
 
 
 for _name in ("inline_picture", "save", "to_build123d", "write"):
-    ways_out.opened(_name, partial(_public, _name))
+    ways_out.open_way(_name, partial(_public, _name))

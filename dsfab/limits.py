@@ -27,7 +27,7 @@ PRECISE = 1e-8
 
 RESIDUAL = PRECISE if np.finfo(np.longdouble).eps < 1e-17 else 1e-6
 """Largest accepted residual. The same beam has 1e-6 after a solution in double precision and 1e-10 once refined with
-longer numbers (see `dsfab.statics.factor.refined`), where the machine has them."""
+longer numbers (see `dsfab.statics.factor.refined_solution`), where the machine has them."""
 
 CONVERGED = 0.02
 """A compliance counts as known within this bound, relative."""

@@ -15,7 +15,7 @@ from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Guide, Rule, Stripes, Widths
-from dsfab.preset_cases import case_mistakes, combines, followed
+from dsfab.preset_cases import case_mistakes, combines, follow_weights
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import Combination, Load
@@ -424,7 +424,7 @@ class Preset(Section):
     @property
     def followed(self) -> dict[str, float]:
         """Weights of the cases or combinations that the pattern follows, by name (see `dsfab.preset_cases`)."""
-        return followed(*self._cases)
+        return follow_weights(*self._cases)
 
     @property
     def combines(self) -> bool:

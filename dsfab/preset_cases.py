@@ -12,7 +12,7 @@ def combines(loads: Sequence[Load], follow: str | None) -> bool:
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
-def followed(
+def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
     """What the pattern follows, as name -> weight: one name, or what is combined.

@@ -15,7 +15,7 @@ from dsfab.preset_errors import mistakes
 from dsfab.preset_surface import Given, MeshSurface, missing_preset
 
 
-def shipped() -> dict[str, Path]:
+def shipped_presets() -> dict[str, Path]:
     """The presets that come with dsfab: name -> file, in alphabetical order."""
     package = Path(__file__).resolve().parent
     # in a wheel the presets lie in the package, in a checkout at the top level
@@ -113,7 +113,7 @@ def _find(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path
-    presets = shipped()
+    presets = shipped_presets()
     if str(name_or_path) in presets:
         return presets[str(name_or_path)]
     if path.is_dir():

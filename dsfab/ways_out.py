@@ -10,7 +10,7 @@ from typing import Any
 _WAYS: dict[str, Callable[..., Any]] = {}
 
 
-def opened(name: str, way: Callable[..., Any]) -> None:
+def open_way(name: str, way: Callable[..., Any]) -> None:
     """From now on `name` leads to `way`."""
     _WAYS[name] = way
 

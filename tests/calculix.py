@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsfab.export.calculix import Model, write_calculix
+from dsfab.export.calculix import CalculixModel, write_calculix
 
 CCX = shutil.which("ccx")
 needs_ccx = pytest.mark.skipif(CCX is None, reason="CalculiX is not installed: apt-get install calculix-ccx")
@@ -26,7 +26,7 @@ class Found:
     energy: float
 
 
-def ccx(model: Model, folder: Path) -> list[Found]:
+def ccx(model: CalculixModel, folder: Path) -> list[Found]:
     """What CalculiX finds, step by step."""
     return solved(write_calculix(model, folder / "job.inp"), len(model.nodes))
 

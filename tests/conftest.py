@@ -27,7 +27,7 @@ def here(monkeypatch):
     found: list = []
 
     def said(program, path, folder, deflection, limit):
-        found[:] = [dict(one) for one in check.inspected(path, folder, deflection)]
+        found[:] = [dict(one) for one in check.solid_findings(path, folder, deflection)]
         return [dict(one) for one in found]
 
     monkeypatch.setattr(occt_check, "_said", said)

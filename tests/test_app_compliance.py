@@ -17,7 +17,7 @@ from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset
 from dsfab.render.opengl import require_rendering
 from dsfab.report.compliance import findings, pictures, write_report
-from dsfab.report.compliance.document import Document, Paragraph, Section, Table
+from dsfab.report.compliance.document import Document, Paragraph, ReportSection, Table
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.html import page
 from dsfab.report.compliance.pdf import pdf
@@ -208,14 +208,14 @@ def test_pdf_says_the_same_as_html(told, read):
 
 
 def test_two_runs_of_one_document_give_the_same_bytes():
-    document = Document("Title", "Subject", [("a", "b")], [Section("One", [Paragraph("words")])], "foot")
+    document = Document("Title", "Subject", [("a", "b")], [ReportSection("One", [Paragraph("words")])], "foot")
     assert pdf(document) == pdf(document)
     assert page(document) == page(document)
 
 
 def test_letters_that_are_not_western_are_set_and_markup_is_escaped():
     table = Table("t", ("Ωμέγα", "<b>n</b>"), [("Кровля", "1")])
-    document = Document("Отчёт <i>", 'Δ "quoted" </style>', [], [Section("a < b", [table])], "foot & all")
+    document = Document("Отчёт <i>", 'Δ "quoted" </style>', [], [ReportSection("a < b", [table])], "foot & all")
     assert b"DejaVu" in pdf(document)
     reader = Reader()
     reader.feed(page(document))

@@ -19,7 +19,14 @@ from dsfab.pipeline import design as stages
 from dsfab.preset_file import load_preset, parse_override, preset_toml
 from dsfab.render.palette import PAPER
 from dsfab.report.contact_sheet import Tile, _label, columns, contact_sheet, page
-from dsfab.study.variations import best_order, combinations, expected_seconds, short_names, spelled, varied
+from dsfab.study.variations import (
+    best_order,
+    combinations,
+    expected_seconds,
+    parse_variations,
+    short_names,
+    spelled_value,
+)
 from tests.presets import DOME_MODES
 
 COARSE = ["--set", "surface.edge=0.9", "--size", "160x120"]
@@ -197,7 +204,7 @@ def test_a_mistake_in_vary_is_told_in_a_sentence(
 
 def test_the_same_key_twice_is_refused() -> None:
     with pytest.raises(DsfabError, match=r"diffusion\.r is there twice"):
-        varied(["diffusion.r=1,2", "diffusion.r=3"])
+        parse_variations(["diffusion.r=1,2", "diffusion.r=3"])
 
 
 def test_all_variants_impossible_is_a_refusal(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -252,7 +259,9 @@ def test_a_mistake_in_preview_is_told_in_a_sentence(
 
 
 def test_ranges_and_lists_are_what_they_say() -> None:
-    found = varied(["a.b=4:24:6", "a.c=0:1:5", "a.d=1,10,100", "e=plain,graded", "f=7:9:1", "g=0:10:4", "h=true,false"])
+    found = parse_variations(
+        ["a.b=4:24:6", "a.c=0:1:5", "a.d=1,10,100", "e=plain,graded", "f=7:9:1", "g=0:10:4", "h=true,false"]
+    )
     assert found["a.b"] == [4, 8, 12, 16, 20, 24]
     assert all(isinstance(value, int) for value in found["a.b"])
     assert found["a.c"] == [0, 0.25, 0.5, 0.75, 1]
@@ -262,11 +271,11 @@ def test_ranges_and_lists_are_what_they_say() -> None:
     assert found["g"] == [0, 3.333, 6.667, 10]
     assert found["h"] == [True, False]
     for values in found.values():  # what is spelled reads back as the same value
-        assert [parse_override(f"k={spelled(value)}")[1] for value in values] == values
+        assert [parse_override(f"k={spelled_value(value)}")[1] for value in values] == values
 
 
 def test_the_order_of_drawing_changes_early_stages_least() -> None:
-    values = varied(["pattern.major.phase=0,0.5", "diffusion.r=1,10", "statics.thickness=1,2"])
+    values = parse_variations(["pattern.major.phase=0,0.5", "diffusion.r=1,10", "statics.thickness=1,2"])
     listed = list(combinations(values))
     order = best_order(values)
     assert sorted(order) == list(range(8))

@@ -6,7 +6,7 @@ import pytest
 from dsfab import load_preset
 from dsfab.errors import DsfabError
 from dsfab.pipeline import Design, draft
-from dsfab.render.answers import MOVES, YIELDS, answered, asking, energy_label
+from dsfab.render.answers import MOVES, YIELDS, answer_colouring, asking, energy_label
 from dsfab.render.colouring import ANSWERS, coloured, force_label, rising
 from dsfab.render.crosses import crosses
 from dsfab.render.light import QUICK
@@ -28,7 +28,7 @@ def dome() -> Design:
 
 @pytest.mark.parametrize("show", ["vonmises", "energy"])
 def test_the_most_stressed_faces_are_darkest(dome, show):
-    shown = answered(dome, show)
+    shown = answer_colouring(dome, show)
     value = {"vonmises": dome.statics.answers.stress.largest, "energy": dome.statics.answers.stress.energy}[show]
     order = np.argsort(value)
     light = shown.face.astype(int).sum(axis=1)[order]
@@ -41,46 +41,46 @@ def test_the_most_stressed_faces_are_darkest(dome, show):
 
 
 def test_utilisation_is_a_percentage_and_faces_beyond_the_strength_stand_out(dome):
-    shown, stress = answered(dome, "utilisation"), dome.statics.answers.stress
+    shown, stress = answer_colouring(dome, "utilisation"), dome.statics.answers.stress
     assert f"largest {stress.peak.stress / 20e6:.0%}" in shown.words
     assert shown.bar.labels[2].endswith("%")
     assert not (shown.face == YIELDS).all(axis=1).any()
     weak = made(strength=float(np.median(stress.largest)))
-    beyond = (answered(weak, "utilisation").face == YIELDS).all(axis=1)
+    beyond = (answer_colouring(weak, "utilisation").face == YIELDS).all(axis=1)
     assert np.array_equal(beyond, weak.statics.answers.stress.largest > weak.preset.statics.strength)
     assert 0.4 < beyond.mean() < 0.6
 
 
 def test_shapes_are_exaggerated_to_a_share_of_the_size(dome):
     V, size = dome.surface.V, dome.surface.size
-    moved = answered(dome, "displacement")
+    moved = answer_colouring(dome, "displacement")
     u = dome.statics.answers.equilibrium.u
     factor = np.linalg.norm(moved.V - V, axis=1).max() / np.linalg.norm(u, axis=1).max()
     assert np.allclose(moved.V - V, factor * u)
     assert 0.4 * MOVES < np.linalg.norm(moved.V - V, axis=1).max() / size <= MOVES
     assert f"drawn {factor:,.0f} x" in moved.words
     for show in ("buckling", "frequency"):
-        mode = answered(dome, show)
+        mode = answer_colouring(dome, show)
         assert np.linalg.norm(mode.V - V, axis=1).max() == pytest.approx(MOVES * size)
         assert "exaggerated" in mode.words
-    down = answered(dome, "buckling").V - V
+    down = answer_colouring(dome, "buckling").V - V
     assert np.einsum("ni,ni->", down, dome.load.force) > 0  # the way the load pushes
-    assert f"{dome.statics.answers.buckling.factor[0]:.3g} x the load" in answered(dome, "buckling").words
+    assert f"{dome.statics.answers.buckling.factor[0]:.3g} x the load" in answer_colouring(dome, "buckling").words
 
 
 def test_what_was_not_asked_is_refused_in_a_sentence_or_asked_for(dome):
     plain = made()
     with pytest.raises(DsfabError, match="utilisation needs a strength"):
-        answered(plain, "utilisation")
+        answer_colouring(plain, "utilisation")
     for show, key in (("buckling", "buckling"), ("frequency", "frequencies")):
         with pytest.raises(DsfabError, match=f"ask for it with --set statics.{key}=1"):
-            answered(plain, show)
+            answer_colouring(plain, show)
         assert getattr(asking(plain.preset, show).statics, key) == 1
     assert asking(dome.preset, "buckling") is dome.preset
     assert asking(plain.preset, "vonmises") is plain.preset
     flapping = draft(load_preset("cantilever", {"surface.edge": 0.1, "statics.buckling": 1}))
     with pytest.raises(DsfabError, match="no shape of buckling to show: no buckling factors: the surface can turn"):
-        answered(flapping, "buckling")
+        answer_colouring(flapping, "buckling")
 
 
 @pytest.mark.parametrize("show", ANSWERS)

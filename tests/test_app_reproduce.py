@@ -272,11 +272,11 @@ def test_the_recorded_comparison_on_the_sphere_says_what_the_paper_claims():
 
 def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
     from dsfab.app.reproduce import _volumes
-    from dsfab.report.paper.page import About, page
+    from dsfab.report.paper.page import PageFacts, page
 
     folder = Path(__file__).parent.parent / "outputs" / "paper"
     rows = _volumes(folder)
-    text = page([], About(1.0, "a machine"), rows)
+    text = page([], PageFacts(1.0, "a machine"), rows)
     assert 'src="sphere_volumes.svg"' in text
     own, iso = (
         next(row["compliance_J"] for row in rows if row["name"] == name and row["volume"] == 0.5)
@@ -284,4 +284,4 @@ def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
     )
     assert f"{iso / own:.1f} times at 50%" in text
     assert _volumes(folder / "nowhere") == []
-    assert "sphere_volumes" not in page([], About(1.0, "a machine"))
+    assert "sphere_volumes" not in page([], PageFacts(1.0, "a machine"))

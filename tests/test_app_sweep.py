@@ -10,7 +10,7 @@ from PIL import Image
 from dsfab.app import sweep as command
 from dsfab.app.cli import main
 from dsfab.app.options import Source
-from dsfab.app.sweep_progress import Teller, duration
+from dsfab.app.sweep_progress import SweepProgress, duration
 from dsfab.app.sweep_vary import vary_tables, with_options
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
@@ -240,7 +240,7 @@ def test_the_metric_that_is_looked_at_first():
 
 
 def test_progress_tells_the_rate_and_the_best_so_far(capsys):
-    teller = Teller(
+    teller = SweepProgress(
         False, "compliance", plan_from({"preset": "dome", "vary": {"a": [1]}, "constraints": ["pieces == 1"]}).limits
     )
     progress = Progress(4, 0, 0)

@@ -10,7 +10,7 @@ from dsfab.preset_file import load_preset
 from dsfab.report.sweep_folder import page
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan_file import plan_from
-from dsfab.study.sweeps.store import Row
+from dsfab.study.sweeps.store import RunRow
 from tests.browser import browser, opened
 from tests.presets import DOME_MODES
 
@@ -27,7 +27,7 @@ ASKED = {
 """A sweep whose numbers are made up below: 5000 designs would take an hour."""
 
 
-def rows(count: int) -> list[Row]:
+def rows(count: int) -> list[RunRow]:
     """Every 50th failed, every 10th is in two pieces; run 7 is the stiffest, run 9 the lightest."""
     draw, found = np.random.default_rng(1), []
     for n in range(1, count + 1):
@@ -41,9 +41,9 @@ def rows(count: int) -> list[Row]:
         }
         values = {"compliance": compliance, "sheet_mass": mass, "pieces": 2.0 if n % 10 == 5 else 1.0}
         if n % 50 == 0:
-            found.append(Row(n, changes, "failed", {}, "the sheet </script> falls apart & carries <nothing>"))
+            found.append(RunRow(n, changes, "failed", {}, "the sheet </script> falls apart & carries <nothing>"))
         else:
-            found.append(Row(n, changes, "done", values, "", (f"pictures/{n:05}.png",), 0.5))
+            found.append(RunRow(n, changes, "done", values, "", (f"pictures/{n:05}.png",), 0.5))
     return found
 
 
@@ -65,8 +65,8 @@ def test_the_page_holds_every_run_and_asks_nobody_for_anything(tmp_path):
 
 
 def test_numbers_that_are_none_do_not_break_the_page(tmp_path):
-    odd = [Row(1, {"a.b": float("inf")}, "done", {"compliance": float("inf"), "sheet_mass": 1.0})]
-    text = page(folder_at(tmp_path), [Row(1, {"a.b": "x"}, "done", odd[0].metrics)], "compliance", "sheet_mass")
+    odd = [RunRow(1, {"a.b": float("inf")}, "done", {"compliance": float("inf"), "sheet_mass": 1.0})]
+    text = page(folder_at(tmp_path), [RunRow(1, {"a.b": "x"}, "done", odd[0].metrics)], "compliance", "sheet_mass")
     assert "Infinity" not in re.search(r'id="facts">(.*?)</script>', text, re.DOTALL)[1]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.errors import ExportError
-from dsfab.export.calculix import Model, cards, write_calculix
+from dsfab.export.calculix import CalculixModel, cards, write_calculix
 from dsfab.statics import Material, SheetModel, SpreadLoad
 from dsfab.study.finite_elements import axes_of_file, in_plane, nodal_forces, six_node_model, six_node_triangles
 from dsfab.surface import Surface
@@ -19,7 +19,7 @@ THICKNESS, PULL = 0.01, 3e3
 """Metres, and newtons per metre at the end of the strip."""
 
 
-def strip(element: str = "CPS6", axis: int = 2, **changes) -> Model:
+def strip(element: str = "CPS6", axis: int = 2, **changes) -> CalculixModel:
     """A strip pulled along its length: rollers at one end, and free to get narrower."""
     turn = np.argsort(axes_of_file(axis))
     surface = Surface(STRIP.V[:, turn], STRIP.F)
@@ -38,7 +38,7 @@ def strip(element: str = "CPS6", axis: int = 2, **changes) -> Model:
     return six_node_model(SheetModel(surface, MATERIAL, THICKNESS), element=element, axis=axis, **given)
 
 
-def text(model: Model) -> list[str]:
+def text(model: CalculixModel) -> list[str]:
     return "".join(cards(model)).splitlines()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
-from dsfab.delivery.files import delivered
+from dsfab.delivery.files import deliverable
 from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, step_check, step_lines, write
 from dsfab.export.along import CLOSEST, check_curves, curves_along, joined
@@ -18,7 +18,7 @@ from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from dsfab.slicing import cut
 from dsfab.slicing.lines import centre_lines, edge_lines
-from dsfab.surface.lines import Line, _from_segment, polyline_length
+from dsfab.surface.lines import StructureLine, _from_segment, polyline_length
 from tests.presets import DOME_MODES
 from tests.zoo import grid, lifted
 
@@ -116,7 +116,7 @@ def rhino_points(curve) -> list[np.ndarray]:
 
 
 def test_step_wires_are_near_the_exact_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_check.inspected(path))
+    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_check.step_facts(path))
     from build123d import import_step
 
     sheet, details = DOMED
@@ -153,7 +153,7 @@ def test_what_no_spline_follows_keeps_its_own_points():
 
 
 def test_a_line_that_lies_elsewhere_or_has_another_name_is_noticed():
-    line = Line("centre", "major", 1, 1, np.array([[0.0, 0, 0], [1, 0, 0]]), 1.0)
+    line = StructureLine("centre", "major", 1, 1, np.array([[0.0, 0, 0], [1, 0, 0]]), 1.0)
     part = part_of(FLAT[0], "a", 1)
     object.__setattr__(part, "details", Details((line,)).scaled(1000))
     points = part.details.lines[0].points
@@ -166,7 +166,7 @@ def test_a_line_that_lies_elsewhere_or_has_another_name_is_noticed():
 def test_a_design_gives_curves_its_exact_lines_and_tables_simplified_ones():
     design = run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {suffix for suffix, form in FORMATS.items() if form.curves} == {".dxf", ".3dm", ".lines.step"}
-    exact, fewer = (delivered(design, suffix)[1]["details"] for suffix in (".dxf", ".csv"))
+    exact, fewer = (deliverable(design, suffix)[1]["details"] for suffix in (".dxf", ".csv"))
     assert exact.tolerance == fewer.tolerance > 0
     assert [line.id for line in exact.lines] == [line.id for line in fewer.lines]
     for full, line in zip(exact.lines, fewer.lines, strict=True):

@@ -76,7 +76,7 @@ def test_estimates_say_what_cannot_be_and_what_is_too_much():
 
 def test_simplified_solids_are_closed_and_as_near_as_they_say():
     part = prepared(finely(torus(48, 24)))
-    simple = simplify.simplified(part, 5.0)
+    simple = simplify.simplified_part(part, 5.0)
     assert len(simple.F) < 0.3 * len(part.F)
     assert open_edges(simple.F) == 0
     assert simple.volume == pytest.approx(part.volume, rel=CHANGED_VOLUME)

@@ -106,10 +106,10 @@ def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
     monkeypatch.setattr(simplify, "_tried", lambda part, by: tries.append(by) or (true(part, by)[0], 1e9))
     part = ladder.prepare(part_of(saddle(), "a", 400))
     with pytest.raises(BudgetError, match=r"about \d+ planar faces, more than step_faces = 400"):
-        simplify.simplified(part, 4.0)
+        simplify.simplified_part(part, 4.0)
     assert len(tries) == 1
     with pytest.raises(ExportError, match="does not become simpler"):
-        simplify.simplified(ladder.replace(part, step_faces=STEP_FACES), 4.0)
+        simplify.simplified_part(ladder.replace(part, step_faces=STEP_FACES), 4.0)
     assert len(tries) == 1 + simplify.TRIES
 
 
@@ -124,7 +124,9 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
 def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, monkeypatch):
     """And not with the mesh, which is smaller."""
     found = {"solids": 1, "valid": True, "tessellates": True, "faces": 1}
-    monkeypatch.setattr(step, "inspection", lambda part, path: found | {"volume": share * build.made(part).volume})
+    monkeypatch.setattr(
+        step, "inspection", lambda part, path: found | {"volume": share * build.smooth_file(part).volume}
+    )
     monkeypatch.setattr(readback, "READ_BACK", 1e-12)
     (solid, curved), share = slow_vault, 1.0
     assert write(solid, tmp_path / "a.brep", step=StepOptions("smooth", curved=curved)).stat().st_size > 1000

@@ -22,7 +22,7 @@ from dsfab.pattern import Stripes
 from dsfab.slicing import cut
 from dsfab.slicing.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
-from dsfab.surface.lines import Line
+from dsfab.surface.lines import StructureLine
 from tests.zoo import grid, lifted, sphere
 
 LINES = [suffix for suffix, form in FORMATS.items() if form.takes == "lines"]
@@ -44,7 +44,7 @@ FLAT, ARCHED = striped(grid(16, 8, 2.0, 1.0)), striped(lifted(lambda x, y: 0.5 *
 @pytest.fixture(autouse=True)
 def _here(monkeypatch):
     """Inspect STEP curves in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_check.inspected(path))
+    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_check.step_facts(path))
 
 
 both = pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])
@@ -156,9 +156,9 @@ def test_every_view_lies_inside_the_frame_and_off_the_title_block():
 def test_the_far_side_of_a_sphere_is_hidden_and_the_near_side_is_not():
     """A ring about the middle, and a spot on each side: of the ring, the front sees half."""
     angle = np.linspace(0, 2 * np.pi, 721)
-    ring = Line("edge", "major", 1, 1, np.c_[np.cos(angle), np.sin(angle), 0 * angle], 2 * np.pi)
+    ring = StructureLine("edge", "major", 1, 1, np.c_[np.cos(angle), np.sin(angle), 0 * angle], 2 * np.pi)
     near, far = (
-        Line("edge", "keep", 0, k, np.array([[-0.1, 0.99 * y, 0.1], [0.1, 0.99 * y, 0.1]]), 0.2)
+        StructureLine("edge", "keep", 0, k, np.array([[-0.1, 0.99 * y, 0.1], [0.1, 0.99 * y, 0.1]]), 0.2)
         for k, y in ((1, -1), (2, 1))
     )
     part = part_of(sphere(4), "ball", 1)

@@ -9,12 +9,12 @@ import pytest
 from dsfab import load_preset, run
 from dsfab.app.cli import main
 from dsfab.delivery.fields import design_fields
-from dsfab.delivery.files import delivered
+from dsfab.delivery.files import deliverable
 from dsfab.delivery.lines import design_lines
 from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, step, step_check, write
 from dsfab.export.rhino import COLOURS
-from dsfab.surface.lines import Line
+from dsfab.surface.lines import StructureLine
 from tests.presets import DOME_MODES
 from tests.test_export import box
 from tests.test_export_lines import ARCHED, FLAT
@@ -36,7 +36,7 @@ def dome():
 @pytest.fixture
 def quick_step(monkeypatch):
     """Inspect BREP files in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(step, "inspection", lambda part, path: step_check.inspected(path))
+    monkeypatch.setattr(step, "inspection", lambda part, path: step_check.step_facts(path))
 
 
 def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
@@ -99,8 +99,8 @@ def test_occt_finds_the_solid_of_a_brep_file(tmp_path, quick_step, design):
     assert (len(shape.solids()), len(shape.faces()), shape.is_valid) == (1, 6, True)
     assert shape.volume == pytest.approx(0.2 * 0.3 * 0.05 * 1e9)
     told: list[str] = []
-    thing, how = delivered(design, ".brep")
-    plate = step_check.inspected(write(thing, tmp_path / "plate.brep", note=told.append, **how))
+    thing, how = deliverable(design, ".brep")
+    plate = step_check.step_facts(write(thing, tmp_path / "plate.brep", note=told.append, **how))
     assert plate["volume"] == pytest.approx(1e9 * design.solid.volume, rel=1e-3)
     assert told == [f"BREP is planar, its outline within {1000 * 0.01 / 40:.3g} mm of the mesh"]
 
@@ -120,7 +120,7 @@ def test_vtk_finds_every_field_on_the_uncut_surface_in_metres(which, request, tm
     import pyvista
 
     made = request.getfixturevalue(which)
-    thing, how = delivered(made, ".vtu")
+    thing, how = deliverable(made, ".vtu")
     grid_ = pyvista.read(write(thing, tmp_path / "a.vtu", **how))
     assert np.asarray(grid_.points) == pytest.approx(made.surface.V, rel=1e-12, abs=1e-12)
     assert (grid_.cells.reshape(-1, 4)[:, 1:] == made.surface.F).all()
@@ -208,14 +208,14 @@ def test_a_family_that_covers_everything_or_nothing_has_no_middles():
 
 def test_what_goes_into_which_format(design):
     for suffix, form in FORMATS.items():
-        thing, how = delivered(design, suffix)
+        thing, how = deliverable(design, suffix)
         expected = {"mesh": design.solid, "both": design.solid, "lines": design.sheet.surface, "fields": design.surface}
         assert thing is expected[form.takes], suffix
         details = how.get("details", Details())
         assert bool(details.lines) == (form.takes in ("lines", "both"))
         assert bool(details.values) == (form.takes == "fields")
         if details.lines:
-            assert isinstance(details.lines[0], Line)
+            assert isinstance(details.lines[0], StructureLine)
             assert details.tolerance == design.preset.statics.thickness / 40
 
 

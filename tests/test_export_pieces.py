@@ -48,7 +48,7 @@ def test_compressed_step_holds_the_same_file(tmp_path, quick_step):  # noqa: F81
 def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path, quick_step):  # noqa: F811
     said, solid = [], three()
     path = write(solid, tmp_path / "a.step", step="tessellated", note=said.append)
-    found = step_check.inspected(path)
+    found = step_check.step_facts(path)
     assert found["triangles"] == len(solid.F)
     assert found["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-8)
     assert said == ["STEP is tessellated: only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and "

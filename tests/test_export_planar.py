@@ -32,7 +32,7 @@ THICKNESS = 0.02
 def here(monkeypatch):
     """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
     found: dict = {}
-    monkeypatch.setattr(step, "inspection", lambda part, path: found.update(step_check.inspected(path)) or found)
+    monkeypatch.setattr(step, "inspection", lambda part, path: found.update(step_check.step_facts(path)) or found)
     return found
 
 
@@ -253,7 +253,7 @@ def test_a_refused_file_is_made_again_closer_and_then_faceted(tmp_path, monkeypa
 
     def doubtful(part, path):
         asked.append(part.step)
-        return step_check.inspected(path) | ({"valid": False} if len(asked) <= refusals else {})
+        return step_check.step_facts(path) | ({"valid": False} if len(asked) <= refusals else {})
 
     monkeypatch.setattr(step, "inspection", doubtful)
     lines: list[str] = []

@@ -21,7 +21,7 @@ import pytest
 
 from dsfab.delivery.files import curved_sheet
 from dsfab.export import Details, StepOptions, write
-from dsfab.surface.lines import Line
+from dsfab.surface.lines import StructureLine
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken
 from tests.smooth import THICKNESS, holed, thickened
@@ -221,7 +221,7 @@ def test_rhino3dm_reads_a_3dm_file_again(arch, tmp_path):
     import rhino3dm
 
     points = np.array([[0.0, 0, 0], [0.1, 0, 0.1], [0.2, 0, 0]])
-    line = Line("centre", "major", 1, 1, points, 0.2 * np.sqrt(2))
+    line = StructureLine("centre", "major", 1, 1, points, 0.2 * np.sqrt(2))
     model = rhino3dm.File3dm.Read(str(write(arch, tmp_path / "a.3dm", details=Details((line,)))))
     assert model.Settings.ModelUnitSystem == rhino3dm.UnitSystem.Millimeters
     assert sorted(layer.Name for layer in model.Layers) == ["centre-major", "sheet"]

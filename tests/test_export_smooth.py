@@ -13,7 +13,7 @@ from dsfab.export.smooth.dense import dense, excess, prisms
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.nodes import Nodes
-from dsfab.export.smooth.outline import WALL, Run
+from dsfab.export.smooth.outline import WALL, OutlineRun
 from dsfab.export.smooth.patch_fits import patch_through
 from dsfab.export.smooth.patches import Patch
 from dsfab.export.splines import Spline, basis, hats
@@ -139,7 +139,7 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
     x = np.linspace(0, 1000, 9)
     line = np.c_[x, 40 * (np.arange(9) % 2)]
     nodes = Nodes({}, {0: line}, {0: np.ones(9)}, [], {}, {})
-    run = Run(np.arange(9), WALL, 1e6)
+    run = OutlineRun(np.arange(9), WALL, 1e6)
     asked = [edges.Asked(run, 0, 0)]
     (whole,) = edges._parts(asked, nodes, edges.Allowed(60.0, 75.0, 0.0))
     assert len(whole) == 1
@@ -153,7 +153,10 @@ def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
 
 
 def test_the_sides_of_a_slit_keep_a_share_of_its_width_in_the_plane_and_in_space():
-    allowed, wide, slit = edges.Allowed(60.0, 3.0, 0.0), *(Run(np.arange(3), WALL, width) for width in (500.0, 0.5))
+    allowed, wide, slit = (
+        edges.Allowed(60.0, 3.0, 0.0),
+        *(OutlineRun(np.arange(3), WALL, width) for width in (500.0, 0.5)),
+    )
     assert [allowed.outline(wide, 1.0, 0), allowed.in_space(wide, 0)] == pytest.approx([1.65, 1.2])
     assert [allowed.outline(slit, 1.0, 0), allowed.in_space(slit, 0)] == pytest.approx([0.015, 0.015])
 
@@ -193,7 +196,7 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
 
     def harsh(self, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
-        return acceptance.Verdict("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
+        return acceptance.Acceptance("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
 
     monkeypatch.setattr(acceptance.Gate, "_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")

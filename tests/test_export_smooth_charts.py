@@ -13,7 +13,7 @@ from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import sheet_of
 from dsfab.export.smooth.patch_fits import fitted
 from dsfab.export.smooth.seams import run_key
-from dsfab.export.smooth.source import Divided
+from dsfab.export.smooth.source import DividedSheet
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import Surface
 from dsfab.thickening import offsets, thicken
@@ -100,7 +100,7 @@ def test_an_outline_that_touches_itself_is_cut_apart_there():
     cell = np.floor(flat.centroids[:, :2]).tolist()
     chart = np.array([int(at in ([1, 1], [2, 2])) for at in cell])
     boundary = np.flatnonzero(flat.edges.boundary[flat.edges.of.ravel()])
-    given = Divided(flat.V, flat.F, np.zeros((flat.n, 3)), chart, boundary, np.full(len(boundary), -1))
+    given = DividedSheet(flat.V, flat.F, np.zeros((flat.n, 3)), chart, boundary, np.full(len(boundary), -1))
     regions = sheet_of(given, 0).regions
     assert sorted((region.chart, len(region.loops)) for region in regions) == [(0, 3), (1, 1), (1, 1)]
     for region in regions:

@@ -18,7 +18,7 @@ from tests.smooth import holed, written
 def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     _, shape, _ = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step")
-    here = check.inspected(str(tmp_path / "a.step"))
+    here = check.solid_findings(str(tmp_path / "a.step"))
     there = json.loads(last_line(check.__file__, str(tmp_path / "a.step"), seconds=60))["solids"]
     assert there == here
     assert here[0]["volume"] == pytest.approx(shape.volume, rel=1e-3)
@@ -75,7 +75,7 @@ def test_what_other_readers_mend_is_refused(tmp_path, vault, what):
     flag = {".T.": ".F.", ".F.": ".T."}[found[0][-5:-2]]
     (tmp_path / "a.step").write_text(vault[: found.end() - 5] + flag + vault[found.end() - 2 :])
     assert import_step(tmp_path / "a.step").is_valid
-    assert [one["valid"] for one in check.inspected(str(tmp_path / "a.step"))] == [False]
+    assert [one["valid"] for one in check.solid_findings(str(tmp_path / "a.step"))] == [False]
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     file, alone, shared = tmp_path / "a.step", tmp_path / "alone", tmp_path / "shared"
     alone.mkdir()
     shared.mkdir()
-    here = check.inspected(str(file), str(alone), 1.0)
+    here = check.solid_findings(str(file), str(alone), 1.0)
     assert json.loads(last_line(check.__file__, str(file), str(shared), "1.0", seconds=60))["solids"] == here
     assert len({one["volume"] for one in here}) == len(here) >= 3
     files = [[path.read_bytes() for path in sorted(folder.iterdir())] for folder in (alone, shared)]

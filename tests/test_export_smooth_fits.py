@@ -6,13 +6,13 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
-from dsfab.export.plate_text import Entities, listed
+from dsfab.export.plate_text import Entities, step_list
 from dsfab.export.smooth import fits, layout, patch_fits, touching
 from dsfab.export.smooth.dense import prisms
 from dsfab.export.smooth.edges import by_chart, spread
 from dsfab.export.smooth.fits import splines_through
-from dsfab.export.smooth.occt_check import merged
-from dsfab.export.smooth.solid import Model
+from dsfab.export.smooth.occt_check import distinct_points
+from dsfab.export.smooth.solid import SmoothModel
 from dsfab.export.smooth.text import SmoothText
 from dsfab.surface.neighbours import faces_at
 from dsfab.surface.shapes.closed import sphere
@@ -133,7 +133,7 @@ def test_merged_points_are_numpys_unique_rows():
         np.zeros((0, 3)),
         np.array([[0.0, 1, 2], [-0.0, 1, 2]]),
     ):
-        V, number = merged(P)
+        V, number = distinct_points(P)
         wanted, inverse = np.unique(P, axis=0, return_inverse=True)
         assert V.tolist() == wanted.tolist()
         assert number.tolist() == inverse.ravel().tolist()
@@ -156,8 +156,8 @@ def test_points_are_written_as_lists_are():
     rng = np.random.default_rng(0)
     P = np.concatenate([rng.normal(size=(50, 3)) * 10.0 ** rng.integers(-8, 4, (50, 1)), [[-1e-9, 100, 0.5]]])
     new = Entities()
-    numbers = list(SmoothText(new, Model({}, None, [], 1.0))._points(P))  # type: ignore[arg-type]
-    wanted = [f"CARTESIAN_POINT('',{listed(p, 5)})" for p in P]
+    numbers = list(SmoothText(new, SmoothModel({}, None, [], 1.0))._points(P))  # type: ignore[arg-type]
+    wanted = [f"CARTESIAN_POINT('',{step_list(p, 5)})" for p in P]
     assert [new.text[k - numbers[0]] for k in numbers] == [
         f"#{k}={one};\n" for k, one in zip(numbers, wanted, strict=True)
     ]

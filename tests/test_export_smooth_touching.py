@@ -13,8 +13,8 @@ from dsfab.export.part import part_of
 from dsfab.export.smooth.build import astray, untangle
 from dsfab.export.smooth.edges import Edge
 from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.plan import Plan
-from dsfab.export.smooth.solid import Piece, Skin
+from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.export.smooth.solid import SmoothPiece, SmoothSkin
 from dsfab.export.smooth.touching import crossings
 from dsfab.export.splines import Spline, straight
 from tests.presets import DOME_MODES
@@ -27,7 +27,7 @@ def outline(*corners):
         a, b = (np.array(corners[j % n], dtype=float) for j in (i, i + 1))
         upper, lower = (straight(np.append(a, z), np.append(b, z)) for z in (10.0, 0.0))
         edges.append(Edge(i, (i + 1) % n, upper, lower, {0: straight(a, b)}, 0.0, True))
-    return Piece(edges=edges, skins=[Skin(0, (tuple((i, True) for i in range(n)),))])
+    return SmoothPiece(edges=edges, skins=[SmoothSkin(0, (tuple((i, True) for i in range(n)),))])
 
 
 def test_an_outline_that_does_not_cross_itself_has_no_place():
@@ -55,14 +55,14 @@ def test_two_curves_that_change_sides_just_before_they_meet(ahead, hook):
         edges.append(Edge(i, i + 1, upper, lower, {0: Spline(knots, poles, 3)}, 0.0, True))
     closing = outline((10, -1), (10, 1)).edges[0]
     loop = ((0, ahead[0]), (1, ahead[1]), (2, True))
-    found = crossings(Piece(edges=[*edges, closing], skins=[Skin(0, (loop,))]))
+    found = crossings(SmoothPiece(edges=[*edges, closing], skins=[SmoothSkin(0, (loop,))]))
     assert found.tolist() == ([[0, 0, 10], [0, 0, 10]] if hook < 0 else [])
 
 
 def test_corners_of_the_mesh_that_are_farther_from_an_edge_than_the_solid_may_be():
     """A millimetre is allowed, and the mesh's chord error: half of one to the left of x = 50."""
     lower, upper = (straight(np.array([0.0, 0, z]), np.array([100.0, 0, z])) for z in (0, 50))
-    piece = Piece(edges=[Edge(0, 1, upper, lower, {}, 0.0, True)])
+    piece = SmoothPiece(edges=[Edge(0, 1, upper, lower, {}, 0.0, True)])
     V = np.array([[-9.0, -9, 0], [50, -9, 0], [50, 9, 0], [-9, 9, 0], [120, -9, 0], [120, 9, 0]])
     F = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
     limits = Limits(20.0, 1.0, V, F, np.array([0.5, 0.5, 0, 0]), np.zeros(4))
@@ -85,5 +85,5 @@ def test_seams_that_cross_at_a_corner_of_the_domes_charts_are_followed_more_clos
 
 def plan_of(design):
     part = replace(prepare(part_of(design.solid, "dome", 10**6)), curved=partial(curved_design, design))
-    plan = Plan(part)
+    plan = SmoothPlan(part)
     return plan.built(next(plan.layouts()))

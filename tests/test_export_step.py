@@ -27,7 +27,7 @@ from tests.zoo import grid, sphere
 def here(monkeypatch):
     """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
     found: dict = {}
-    monkeypatch.setattr(step, "inspection", lambda part, path: found.update(step_check.inspected(path)) or found)
+    monkeypatch.setattr(step, "inspection", lambda part, path: found.update(step_check.step_facts(path)) or found)
     return found
 
 

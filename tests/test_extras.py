@@ -12,7 +12,7 @@ from dsfab.errors import PresetError, SolidError
 from dsfab.surface import Surface
 from dsfab.surface.mesh import closed_length
 from dsfab.surface.pickers import All, Ball, Side
-from dsfab.thickening import Base, Feet, Holes, Ring, Solid, Split, Trim, offsets, parts, thicken, with_extras
+from dsfab.thickening import Base, Feet, Holes, Ring, Solid, SplitBodies, Trim, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.bodies import ROUND
 from dsfab.thickening.intersect import intersecting_pairs
 from tests.zoo import grid, jittered, moebius, sphere
@@ -128,7 +128,7 @@ def test_a_ring_beam_runs_along_the_one_edge_of_a_moebius_strip():
 
 
 def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
-    solid = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02))
+    solid = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02))
     assert solid.pieces == 6
     assert solid.volume == pytest.approx(0.06, rel=1e-9)
     for part in trimesh.Trimesh(solid.V, solid.F, process=False).split():
@@ -137,7 +137,7 @@ def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
 
 
 def test_parts_are_solids_of_their_own(plate):
-    split = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
+    split = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
     found = parts(split)
     assert [part.pieces for part in found] == [1] * 6
     assert sum(part.volume for part in found) == pytest.approx(split.volume, rel=1e-12)
@@ -178,22 +178,22 @@ def test_a_build_writes_a_file_for_each_part(tmp_path, capsys):
 
 def test_dowels_are_drilled_into_every_cut_face(plate):
     """Two cuts across x with two faces each, one across y with three: seven, in both parts."""
-    solid = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
+    solid = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
     assert solid.volume == pytest.approx(0.06 - 7 * rod(0.01, 0.06), rel=1e-9)
     assert (solid.genus, solid.pieces) == (0, 6)
-    thick = made(plate, Split(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.02, deep=0.03))
+    thick = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.02, deep=0.03))
     assert thick.volume == pytest.approx(0.06, rel=1e-9)  # the faces are too narrow for these
 
 
 @pytest.mark.parametrize("bed", [(1.2, 2.0, 1.0), (3.0, 0.6, 1.0)])
 def test_dowels_sit_in_the_middle_of_the_thickness(plate, bed):
     off = Trim(low=(0.0, 0.0, -0.015), high=(2.0, 1.0, 0.005))
-    solid = made(plate, off, Split(bed=bed, apart=0.02, dowel=0.008, deep=0.03))
+    solid = made(plate, off, SplitBodies(bed=bed, apart=0.02, dowel=0.008, deep=0.03))
     assert solid.volume == pytest.approx(0.04 - rod(0.008, 0.06), rel=1e-9)
 
 
 def test_dowels_find_the_material_of_bent_faces(shell):
-    solid = made(shell, Split(bed=(1.5, 1.5, 1.5), apart=0.2, dowel=0.03, deep=0.05))
+    solid = made(shell, SplitBodies(bed=(1.5, 1.5, 1.5), apart=0.2, dowel=0.03, deep=0.05))
     assert shell[0].volume - solid.volume == pytest.approx(12 * rod(0.03, 0.1), rel=0.01)
     assert (solid.genus, solid.pieces) == (0, 8)
 
@@ -215,9 +215,9 @@ def test_extras_are_made_in_their_order(plate):
         (Trim(point=(0.0, 0.0, 0.0)), "needs point and normal"),
         (Trim(low=(0.0, 0.0, 0.0), high=(1.0, 0.0, 1.0)), "low must be below high"),
         (Trim(point=(-1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0)), "leaves nothing"),
-        (Split(bed=(1.0, 1.0, 1.0), apart=0.0), "apart must be a positive length"),
-        (Split(bed=(1.0, 0.0, 1.0), apart=0.1), "positive lengths"),
-        (Split(bed=(1.0, 1.0, 1.0), apart=0.1, dowel=0.01), "dowel and deep"),
+        (SplitBodies(bed=(1.0, 1.0, 1.0), apart=0.0), "apart must be a positive length"),
+        (SplitBodies(bed=(1.0, 0.0, 1.0), apart=0.1), "positive lengths"),
+        (SplitBodies(bed=(1.0, 1.0, 1.0), apart=0.1, dowel=0.01), "dowel and deep"),
         (Ring(width=0.0, height=0.1), "width must be a positive length"),
         (Ring(width=1.2, height=0.1), "would cross itself near"),
         (Ring(width=0.1, height=0.1, at=Ball(center=(1.0, 0.5, 0.0), radius=0.1)), "or picked; check at"),

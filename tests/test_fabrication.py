@@ -15,7 +15,7 @@ from dsfab.slicing import cut
 from dsfab.slicing.openings import filled_openings
 from dsfab.slicing.quality import quality
 from dsfab.study.fabrication import fabrication
-from dsfab.study.fix import fixed
+from dsfab.study.fix import fixed_design
 from tests.presets import GLOBE_MODES
 from tests.zoo import grid, jittered
 
@@ -148,7 +148,7 @@ def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monke
 def test_fix_meets_the_limits_and_names_what_it_changed(plate):
     before = with_limits(plate, min_member=0.03, min_gap=0.02)
     assert fabrication(before).failed
-    done = fixed(before)
+    done = fixed_design(before)
     assert not done.made.failed
     assert done.made.features.member.size >= 0.03
     assert done.made.features.gap is None or done.made.features.gap.size >= 0.02
@@ -156,7 +156,7 @@ def test_fix_meets_the_limits_and_names_what_it_changed(plate):
     again = dsfab.run(overridden(before.preset, {key: new for key, (_, new) in done.changes.items()}))
     assert np.array_equal(again.solid.V, done.design.solid.V)
     assert all(old != new for old, new in done.changes.values())
-    assert fixed(done.design).changes == {}
+    assert fixed_design(done.design).changes == {}
 
 
 @pytest.mark.parametrize(
@@ -165,13 +165,13 @@ def test_fix_meets_the_limits_and_names_what_it_changed(plate):
 )
 def test_fix_says_what_no_pattern_can_change(plate, limits, words):
     with pytest.raises(PatternError, match=words):
-        fixed(with_limits(plate, **limits))
+        fixed_design(with_limits(plate, **limits))
 
 
 def test_fix_ends_with_a_sentence():
     coarse = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.1, "fabrication.min_gap": 3.0}))
     try:
-        done = fixed(coarse)
+        done = fixed_design(coarse)
     except PatternError as error:
         assert "did not meet" in str(error) or "cannot keep" in str(error)  # noqa: PT017
     else:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.preset_file import headline, shipped
+from dsfab.preset_file import headline, shipped_presets
 from dsfab.study.paper import FIGURES
 
 COARSER = 2.2
@@ -50,13 +50,13 @@ def test_presets_hold_the_row_of_table_1(figure):
 def test_table_1_has_sixteen_rows_and_every_figure_its_preset():
     assert sum(f.row is not None for f in FIGURES) == 16
     assert len({f.preset for f in FIGURES}) == len(FIGURES) == 17
-    assert {f.preset for f in FIGURES} <= set(shipped())
+    assert {f.preset for f in FIGURES} <= set(shipped_presets())
     assert len({f.timings for f in FIGURES}) == 12
 
 
 @pytest.mark.parametrize("figure", [f for f in FIGURES if "mesh" in f.stand_in], ids=lambda f: f.preset)
 def test_a_stand_in_says_so_in_the_preset(figure):
-    file = shipped()[figure.preset]
+    file = shipped_presets()[figure.preset]
     assert "stand-in" in headline(file)
     assert f"({figure.timings.vertices})" in file.read_text(encoding="utf-8")
 

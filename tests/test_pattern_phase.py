@@ -22,7 +22,7 @@ from dsfab.pattern import (
 )
 from dsfab.pattern.corners import _carry
 from dsfab.pattern.density import weighted_quantile
-from dsfab.pattern.phase import powered
+from dsfab.pattern.phase import krylov_power
 from dsfab.surface import Surface
 from dsfab.surface.hats import hat_gradients
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
@@ -124,7 +124,7 @@ def test_powers_of_a_matrix_are_those_of_its_products():
     x = rng.normal(size=n)
     expected = np.linalg.matrix_power(B, 20) @ x
     expected /= np.sqrt(expected @ (mass * expected))
-    off = [np.abs(powered(lambda y: B @ y, x, mass, 20, count) - expected).max() for count in (20, 14, 8, 1)]
+    off = [np.abs(krylov_power(lambda y: B @ y, x, mass, 20, count) - expected).max() for count in (20, 14, 8, 1)]
     assert off[0] < 1e-11
     assert off[0] < off[1] < 1e-3 < off[2] < off[3]
 
@@ -133,9 +133,9 @@ def test_powers_end_where_products_tell_nothing_new():
     """Two eigenvectors in the start: two products say all."""
     D = np.array([3.0, 2.0, 1.0, 0.5])
     x = np.array([1.0, 1.0, 0.0, 0.0])
-    found = powered(lambda y: D * y, x, np.ones(4), 20, 12)
+    found = krylov_power(lambda y: D * y, x, np.ones(4), 20, 12)
     assert found == pytest.approx(D**20 * x / np.linalg.norm(D**20 * x), abs=1e-12)
-    one = powered(lambda y: 2 * y, x, np.ones(4), 20, 12)
+    one = krylov_power(lambda y: 2 * y, x, np.ones(4), 20, 12)
     assert one == pytest.approx(x / np.sqrt(2), abs=1e-15)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import dsfab
 from dsfab import pipeline
-from dsfab.delivery.archive import keep, kept
+from dsfab.delivery.archive import read_archive, write_archive
 from dsfab.delivery.lines import design_lines
 from dsfab.diffusion import symmetry_of
 from dsfab.errors import DsfabError, PatternError
@@ -25,9 +25,9 @@ from dsfab.results import CaseResult, StaticsResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.slicing.pattern_quality import pattern_quality
 from dsfab.statics import Equilibrium
-from dsfab.study.baselines import Brief
+from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.striped import isotropic
-from dsfab.study.sweeps.metrics import measured
+from dsfab.study.sweeps.metrics import metric_value
 from dsfab.surface import All, Ball, LoadCase, Surface
 from tests.presets import DOME_MODES
 from tests.test_pattern_even_invariance import TURN, Case, difference
@@ -415,7 +415,7 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     assert table.head == ("Measure", "Minor members")
     assert {len(row) for row in table.rows} == {2}
     member = float(next(n.text.split()[2] for n in ribs.notes if n.text.startswith("members are")))
-    assert 0.6 * member < measured("min_width", Design.of(ribs.preset)) < 1.05 * member  # thinner where they crowd
+    assert 0.6 * member < metric_value("min_width", Design.of(ribs.preset)) < 1.05 * member  # thinner where they crowd
     assert not ribs.pattern.tidy
 
 
@@ -423,8 +423,8 @@ def test_the_archive_and_the_preset_give_the_same_design_back(ribs, tmp_path):
     path = tmp_path / "again.toml"
     path.write_text(preset_toml(ribs.preset))
     assert load_preset(path) == ribs.preset
-    keep(ribs, tmp_path)
-    back = kept(tmp_path, ribs.preset)
+    write_archive(ribs, tmp_path)
+    back = read_archive(tmp_path, ribs.preset)
     assert back is not None
     assert back.pattern.names == ribs.pattern.names
     for one, two in zip(back.pattern.fields, ribs.pattern.fields, strict=True):
@@ -435,7 +435,7 @@ def test_the_archive_and_the_preset_give_the_same_design_back(ribs, tmp_path):
     lines = [(line.id, line.points.tobytes()) for line in design_lines(ribs)]
     assert [(line.id, line.points.tobytes()) for line in design_lines(back)] == lines
     other = overridden(ribs.preset, {"pattern.rotate": 21})
-    assert kept(tmp_path, other) is None
+    assert read_archive(tmp_path, other) is None
 
 
 def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
@@ -533,9 +533,9 @@ def test_auto_leaves_modes_out_where_they_cannot_follow():
 
 def test_competitors_on_modes_know_nothing_of_guides():
     made = drafted(rotate=45, guide=[{"at": {"pick": "all"}, "direction": [1, 0, 0]}])
-    given = Brief.of(made, 60.0).on_modes
+    given = ComparisonTask.of(made, 60.0).on_modes
     assert (given.pattern.rotate, given.pattern.guide, given.pattern.method) == (0.0, (), "modes")
     assert overridden(given, {"pattern.width.solid_fraction": 0.3}).pattern.method == "modes"
-    assert [one.says for one in isotropic(Brief.of(made, 60.0))][:2] == ["modes 1, 1", "modes 1, 2"]
-    ribs = Brief.of(drafted(families="minor"), 60.0)
+    assert [one.says for one in isotropic(ComparisonTask.of(made, 60.0))][:2] == ["modes 1, 1", "modes 1, 2"]
+    ribs = ComparisonTask.of(drafted(families="minor"), 60.0)
     assert [one.says for one in isotropic(ribs)] == ["modes 1, 1", "modes 1, 2", "modes 1, 3"]

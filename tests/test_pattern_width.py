@@ -12,7 +12,7 @@ from dsfab.errors import PatternError, PresetError
 from dsfab.pattern import (
     CornerPhase,
     EvenFamily,
-    Family,
+    ModeFamily,
     Stripes,
     Widths,
     mean_duty_factor,
@@ -92,7 +92,7 @@ def test_members_on_a_plate_have_the_asked_width(angle, member):
     """z = f (x cos + y sin): lines 1/f apart; every boundary of material inside lies member / 2 from one of them."""
     plate, f = jittered(grid(9, 6, 2.0, 1.0)), 5.3
     along = np.array([np.cos(angle), np.sin(angle), 0])
-    family = Family.on(plate, "major", Stripes(f, 0.31), plate.V @ along)
+    family = ModeFamily.on(plate, "major", Stripes(f, 0.31), plate.V @ along)
     sheet = sheet_of(plate, family.layers(Widths("constant", member=member))[0])
     kept = sheet.kept().surface
     border = kept.V[kept.edges.ends[kept.edges.boundary]]
@@ -109,7 +109,7 @@ def test_members_on_a_plate_have_the_asked_width(angle, member):
 def test_members_keep_their_width_where_the_mode_flattens():
     """x = cos(pi s / 2) on 0 < s < 2: plain members swell towards s = 0 and 2, constant ones do not."""
     plate = grid(400, 2, 2.0, 0.02)
-    family = Family.on(plate, "major", Stripes(6.0, 0.5), np.cos(np.pi * plate.V[:, 0] / 2))
+    family = ModeFamily.on(plate, "major", Stripes(6.0, 0.5), np.cos(np.pi * plate.V[:, 0] / 2))
 
     def widths(rule):
         kept = sheet_of(plate, family.layers(rule)[0]).kept().surface
@@ -131,7 +131,7 @@ def test_graded_share_is_proportional_to_the_stress():
     plate = grid(40, 4, 2.0, 1.0)
     stress = 1 + 3 * plate.V[:, 0]
     for q in (0.5, 1.0, 2.0):
-        family = Family.on(plate, "major", Stripes(20.0, 0.1, 0.5), plate.V[:, 1], stress)
+        family = ModeFamily.on(plate, "major", Stripes(20.0, 0.1, 0.5), plate.V[:, 1], stress)
         widths = Widths("graded", q=q)
         factor = mean_duty_factor(plate, [family], widths)
         sheet = sheet_of(plate, family.layers(widths, factor)[0])
@@ -147,7 +147,7 @@ def test_families_share_the_material_as_their_stresses_and_thresholds_ask():
     plate = grid(4, 4, 1.0, 1.0)
     stress = relative_stresses(plate, np.tile([-3.0, 1.0], (plate.m, 1)))
     assert stress == pytest.approx(np.tile([1.5, 0.5], (plate.n, 1)))
-    one, two = (Family.on(plate, "a", Stripes(5.0, 0.0, 0.6), plate.V[:, 0], s) for s in stress.T)
+    one, two = (ModeFamily.on(plate, "a", Stripes(5.0, 0.0, 0.6), plate.V[:, 0], s) for s in stress.T)
     factor = mean_duty_factor(plate, [one, two], Widths("graded"))
     d = [2 * family.half_widths(Widths("graded"), factor) for family in (one, two)]
     assert d[0] == pytest.approx(np.full(plate.n, 0.3))  # mean duty (1 - 0.6) / 2, at the ratio 3 : 1
@@ -164,7 +164,7 @@ def test_stress_that_is_nowhere_cannot_be_followed():
         relative_stresses(plate, np.zeros((plate.m, 2)))
     corner = np.zeros(plate.n)
     corner[0] = 1
-    family = Family.on(plate, "major", Stripes(5.0), plate.V[:, 0], corner)
+    family = ModeFamily.on(plate, "major", Stripes(5.0), plate.V[:, 0], corner)
     with pytest.raises(PatternError, match=r"cannot keep 50\.0% .*at most 3\.\d%"):
         mean_duty_factor(plate, [family], Widths("graded"))
 
@@ -184,7 +184,7 @@ def test_widths_in_metres_stay_within_their_bounds_and_grow_with_the_factor(name
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size + 0.1 * np.sin(9 * surface.V[:, 1] / surface.size)
     stress = np.random.default_rng(3).exponential(size=surface.n)
-    family = Family.on(surface, "major", Stripes(7.0, 0.2, 0.1), x, stress)
+    family = ModeFamily.on(surface, "major", Stripes(7.0, 0.2, 0.1), x, stress)
     size = surface.size
     widths = Widths(rule, member=0.03 * size, min_width=low * size, max_width=(low + span) * size)
     less, more = (family.half_widths(widths, f) for f in sorted(factors))
@@ -200,7 +200,7 @@ def test_gaps_are_filled_where_they_are_narrower_than_asked():
     """Stress s from 0 to 2 along stripes 0.1 apart, d = s / 4 periods: the gap 0.1 (1 - s / 2) is filled under 0.03."""
     plate = grid(100, 20, 2.0, 1.0)
     s = plate.V[:, 0]
-    family = Family.on(plate, "major", Stripes(10.0, 0.03, 0.0), plate.V[:, 1], s)
+    family = ModeFamily.on(plate, "major", Stripes(10.0, 0.03, 0.0), plate.V[:, 1], s)
     widths = Widths("graded", min_gap=0.03)
     d = family.half_widths(widths)
     assert (d[s > 1.401] == 0.5).all()
@@ -214,7 +214,7 @@ def test_gaps_are_filled_where_they_are_narrower_than_asked():
 def test_plain_widths_without_bounds_are_the_thresholds(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size
-    family = Family.on(surface, "major", Stripes(7.0, 0.2, 0.35), x)
+    family = ModeFamily.on(surface, "major", Stripes(7.0, 0.2, 0.35), x)
     layer = family.layers(Widths())[0]
     assert np.array_equal(layer.field, x)
     assert np.array_equal(layer.levels, Stripes(7.0, 0.2, 0.35).levels(x))

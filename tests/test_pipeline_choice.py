@@ -7,7 +7,7 @@ import pytest
 
 import dsfab
 from dsfab.errors import PatternError, PresetError
-from dsfab.pattern import Family, Layer, Stripes, Widths, face_points, material_points
+from dsfab.pattern import Layer, ModeFamily, Stripes, Widths, face_points, material_points
 from dsfab.pipeline import choice as choosing
 from dsfab.pipeline import draft
 from dsfab.pipeline.choice import Trial
@@ -49,8 +49,8 @@ def test_counted_material_is_near_what_is_cut(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size + 0.1 * np.sin(9 * surface.V[:, 1] / surface.size)
     stress = 1 + np.abs(surface.V[:, 2]) / surface.size
-    plain = Family.on(surface, "major", Stripes(5.0, 0.2, 0.3), x).layers(Widths())[0]
-    graded = Family.on(surface, "minor", Stripes(6.0, 0.1, 0.1), surface.V[:, 1] / surface.size, stress)
+    plain = ModeFamily.on(surface, "major", Stripes(5.0, 0.2, 0.3), x).layers(Widths())[0]
+    graded = ModeFamily.on(surface, "minor", Stripes(6.0, 0.1, 0.1), surface.V[:, 1] / surface.size, stress)
     layers = [plain, graded.layers(Widths("graded"))[0]]
     rim = Layer("rim", -x, np.array([0.0]), stress)
     for some in ([rim], layers[:1], layers[1:], [rim, *layers]):

@@ -8,7 +8,7 @@ import pytest
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.process import carried
-from dsfab.delivery.archive import keep, kept
+from dsfab.delivery.archive import read_archive, write_archive
 from dsfab.errors import PatternError, PresetError
 from dsfab.pipeline import Design, draft
 from dsfab.preset_file import load_preset, overridden
@@ -107,8 +107,8 @@ def test_it_goes_to_another_process_without_who_is_told_of_it(whole: Design) -> 
 
 
 def test_a_folder_reads_back_as_a_design(whole: Design, tmp_path: Path) -> None:
-    keep(whole, tmp_path)
-    back = kept(tmp_path, whole.settled)
+    write_archive(whole, tmp_path)
+    back = read_archive(tmp_path, whole.settled)
     assert isinstance(back, Design)
     assert back.mass == pytest.approx(whole.mass)
     assert (back.sheet.surface.V == whole.sheet.surface.V).all()

@@ -7,10 +7,10 @@ import pytest
 
 from dsfab.errors import DsfabError, PresetError
 from dsfab.preset import STAGES, Preset
-from dsfab.preset_file import headline, load_preset, parse_override, preset_from, preset_toml, shipped
+from dsfab.preset_file import headline, load_preset, parse_override, preset_from, preset_toml, shipped_presets
 from dsfab.preset_surface import FileSurface
 
-SHIPPED = sorted(shipped())
+SHIPPED = sorted(shipped_presets())
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -18,8 +18,8 @@ def test_shipped_presets_are_valid_described_and_named_after_their_file(name):
     preset = load_preset(name)
     assert preset.name == name
     assert len(preset.description) > 20
-    assert headline(shipped()[name]) == preset.description.split("\n")[0]
-    text = shipped()[name].read_text(encoding="utf-8")
+    assert headline(shipped_presets()[name]) == preset.description.split("\n")[0]
+    text = shipped_presets()[name].read_text(encoding="utf-8")
     sections = [line.strip("[]").split(".")[0] for line in text.splitlines() if line.startswith("[")]
     order = [STAGES.index(section) for section in sections]
     assert order == sorted(order), "sections stand in the order of the stages"
@@ -38,7 +38,7 @@ def test_a_complete_preset_written_and_read_again_is_the_same(name, tmp_path):
 
 
 def test_a_shipped_preset_by_path_is_the_one_by_name():
-    assert load_preset(shipped()["dome"]) == load_preset("dome")
+    assert load_preset(shipped_presets()["dome"]) == load_preset("dome")
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_a_mesh_takes_the_place_of_a_shape_and_keeps_supports_and_loads(tmp_path
 
 
 def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
-    (tmp_path / "mine.toml").write_text(shipped()["figurine"].read_text())
+    (tmp_path / "mine.toml").write_text(shipped_presets()["figurine"].read_text())
     assert load_preset(tmp_path / "mine.toml").surface.file == tmp_path / "bob.obj"
 
 
@@ -192,4 +192,4 @@ def test_presets_are_values():
     assert issubclass(PresetError, DsfabError)
     assert preset_from(preset.model_dump(mode="json", exclude_none=True)) == preset
     assert isinstance(preset, Preset)
-    assert Path(shipped()["dome"]).suffix == ".toml"
+    assert Path(shipped_presets()["dome"]).suffix == ".toml"

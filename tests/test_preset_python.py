@@ -15,7 +15,7 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.process import carried
 from dsfab.app.editor.source import Opened
-from dsfab.delivery.archive import MESH, kept
+from dsfab.delivery.archive import MESH, read_archive
 from dsfab.errors import DsfabError, PresetError, SurfaceError
 from dsfab.preset_file import overridden, preset_from, preset_toml
 from dsfab.preset_surface import FileSurface, MeshSurface
@@ -199,7 +199,7 @@ def test_a_saved_design_builds_again_with_the_command_line(tmp_path: Path) -> No
     read = dsfab.load_preset(moved / "preset.toml")
     assert read.surface.file == moved / MESH
     assert np.array_equal(read.surface.build().V, design.surface.V)
-    found = kept(moved, read)
+    found = read_archive(moved, read)
     assert found is not None, "what is in the folder is what its preset makes"
     assert np.array_equal(found.solid.V, design.solid.V)
     assert main(["build", str(moved / "preset.toml"), "-o", str(tmp_path / "again"), "--no-preview", "-q"]) == 0

@@ -10,7 +10,7 @@ from dsfab.errors import PatternError
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.clean import Snapping, clean_split
-from dsfab.slicing.cut import filled
+from dsfab.slicing.cut import filled_polygons
 from dsfab.slicing.triangulate import LARGEST, triangulate
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
@@ -426,4 +426,4 @@ def test_impossible_requests_are_refused():
         cut(surface, [x, x], [[0.1]])
     line = np.c_[np.arange(4.0), np.zeros((4, 2))]
     with pytest.raises(PatternError, match=r"2 of 2 cells have no area \(in faces 7\)"):
-        filled(Cells(np.array([0, 4]), np.arange(4)), line, np.array([7]))
+        filled_polygons(Cells(np.array([0, 4]), np.arange(4)), line, np.array([7]))

@@ -10,7 +10,7 @@ from dsfab.slicing import cut
 from dsfab.slicing.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.hats import hat_gradients
-from dsfab.surface.lines import chains, level_lines, polyline_length, simplified
+from dsfab.surface.lines import chains, level_lines, polyline_length, simplified_line
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
 
 
@@ -45,7 +45,7 @@ def test_stripes_on_a_plate_are_straight_and_as_long_as_it_is_wide():
     for line in centre:
         assert line.length == pytest.approx(1.0, rel=1e-12)
         assert line.points[:, 0] == pytest.approx((line.number - 0.5) / 2)
-        assert len(simplified(line.points, 1e-9)) == 2
+        assert len(simplified_line(line.points, 1e-9)) == 2
     inner = [line for line in edges if line.family == "major"]
     assert sorted({round(x, 9) for line in inner for x in line.points[:, 0]}) == [
         *(0.125, 0.375, 0.625, 0.875, 1.125, 1.375, 1.625, 1.875),
@@ -165,7 +165,7 @@ def test_a_simplified_circle_stays_within_the_tolerance_and_closed():
     circle = np.c_[np.cos(angle), np.sin(angle), 0 * angle]
     circle[-1] = circle[0]
     for tolerance in (1e-2, 1e-3):
-        few = simplified(circle, tolerance)
+        few = simplified_line(circle, tolerance)
         assert (few[0] == few[-1]).all()
         middle = np.linalg.norm((few[1:] + few[:-1]) / 2, axis=1)
         assert 1 - middle.min() <= tolerance

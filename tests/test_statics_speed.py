@@ -14,7 +14,7 @@ from dsfab.errors import DsfabError
 from dsfab.sparse.pardiso import Pardiso
 from dsfab.statics import PAPER, Elements, SheetModel, bending_stiffness, factor, membrane_stiffness, sheet_stiffness
 from dsfab.statics.elements import assembled, edge_frames
-from dsfab.statics.factor import factored, refined
+from dsfab.statics.factor import factored, refined_solution
 from tests.test_statics import STEEL
 from tests.zoo import ZOO, zoo
 
@@ -75,7 +75,7 @@ def test_refinement_reaches_what_double_precision_cannot():
     b = rng.standard_normal((40, 2))
     plain = solver(b)
     plain += solver(b - K @ plain)  # a step of refinement with a residual in double precision
-    x, residual = refined(K, b, solver)
+    x, residual = refined_solution(K, b, solver)
     long = K.astype(np.longdouble)
     off, told = (factor._energy_share(*true_residual(long, solver, b, y), b, y) for y in (plain, x))
     assert residual.shape == (2,)
@@ -93,7 +93,7 @@ def test_good_solutions_are_solved_for_twice_only():
         calls.append(b)
         return b / np.arange(1.0, 5.0)
 
-    x, residual = refined(K, np.ones(4), exact)
+    x, residual = refined_solution(K, np.ones(4), exact)
     assert_allclose(x, 1 / np.arange(1.0, 5.0))
     assert residual < 1e-15
     assert len(calls) == 2

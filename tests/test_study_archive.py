@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.delivery.archive import LAYOUT, MADE_BY, NAME, keep, kept
-from dsfab.delivery.files import delivered
+from dsfab.delivery.archive import LAYOUT, MADE_BY, NAME, read_archive, write_archive
+from dsfab.delivery.files import deliverable
 from dsfab.export import FORMATS, write
 from dsfab.pipeline import design as stages
 from dsfab.pipeline import run
@@ -60,8 +60,8 @@ def same(one: object, two: object) -> None:
 
 
 def test_what_was_kept_comes_back(design, tmp_path):
-    path = keep(design, tmp_path)
-    back = kept(tmp_path, design.preset)
+    path = write_archive(design, tmp_path)
+    back = read_archive(tmp_path, design.preset)
     assert path == tmp_path / NAME
     assert back is not None
     for ours, theirs in ((design.surface, back.surface), (design.sheet.surface, back.sheet.surface)):
@@ -85,16 +85,16 @@ def test_what_was_kept_comes_back(design, tmp_path):
 
 def test_the_same_design_gives_the_same_archive(design, tmp_path):
     (tmp_path / "a").mkdir()
-    assert keep(design, tmp_path).read_bytes() == keep(design, tmp_path / "a").read_bytes()
+    assert write_archive(design, tmp_path).read_bytes() == write_archive(design, tmp_path / "a").read_bytes()
 
 
 @pytest.mark.parametrize("suffix", [s for s in FORMATS if s not in (".stp", ".stpz", ".brep", ".ifc", ".lines.step")])
 def test_the_folder_delivers_what_the_design_does(suffix, design, tmp_path):
-    keep(design, tmp_path)
-    back = kept(tmp_path, design.preset)
+    write_archive(design, tmp_path)
+    back = read_archive(tmp_path, design.preset)
     assert back is not None
     if suffix in (".step", ".3dm", ".dxf"):  # slow, or with random identifiers
-        (one, how), (two, other) = (delivered(x, suffix) for x in (design, back))
+        (one, how), (two, other) = (deliverable(x, suffix) for x in (design, back))
         same(one.V, two.V)
         assert how.keys() == other.keys()
         for ours, theirs in zip(how["details"].lines, other["details"].lines, strict=True):
@@ -103,10 +103,10 @@ def test_the_folder_delivers_what_the_design_does(suffix, design, tmp_path):
         return
     files = []
     for name, source in (("a", design), ("b", back)):
-        thing, how = delivered(source, suffix)
+        thing, how = deliverable(source, suffix)
         files.append(write(thing, tmp_path / f"{name}{suffix}", name="x", **how))
     if suffix == ".vtu":
-        numbers = [delivered(source, suffix)[1]["details"].values for source in (design, back)]
+        numbers = [deliverable(source, suffix)[1]["details"].values for source in (design, back)]
         assert list(numbers[0]) == list(numbers[1])
         for name, values in numbers[0].items():
             assert numbers[1][name] == pytest.approx(values, rel=1e-6, abs=1e-30), name
@@ -159,9 +159,9 @@ def spoilt(path, spoil):
 def test_without_a_good_archive_the_design_is_made_again(spoil, folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "copy")
     given = load_preset(copy / "preset.toml")
-    assert kept(copy, given) is not None
+    assert read_archive(copy, given) is not None
     spoil(copy / NAME)
-    assert kept(copy, given) is None
+    assert read_archive(copy, given) is None
     assert main(["export", str(copy), "--to", "stl", "-q", "-o", str(tmp_path / "again.stl")]) == 0
     assert (tmp_path / "again.stl").read_bytes() == (folder / "cantilever.stl").read_bytes()
 

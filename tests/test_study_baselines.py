@@ -8,9 +8,9 @@ from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Layer, solved_factor
 from dsfab.pipeline import draft
 from dsfab.study import compare_at
-from dsfab.study.baselines import BASELINES, SAME_MASS, Brief, Structure
-from dsfab.study.baselines.matching import area_share, matched, sliced
-from dsfab.study.baselines.striped import principal_axes, scaled, turned
+from dsfab.study.baselines import BASELINES, SAME_MASS, ComparisonTask, Structure
+from dsfab.study.baselines.matching import area_share, matched_structure, sliced_structure
+from dsfab.study.baselines.striped import principal_axes, scaled_field, turned_tensors
 from dsfab.surface.hats import voronoi_mass
 from tests.presets import SPHERE_GRADED_MODES
 
@@ -24,7 +24,7 @@ def made():
 
 @pytest.fixture(scope="module")
 def brief(made):
-    return Brief.of(made, 0.45 * made.surface.area)
+    return ComparisonTask.of(made, 0.45 * made.surface.area)
 
 
 def stiff(variants) -> Structure:
@@ -51,12 +51,12 @@ def test_every_baseline_has_the_mass_asked_for_and_what_is_kept(brief, name):
 
 def test_tensors_turn_in_the_tangent_plane_and_keep_their_values(brief):
     tensors, surface = brief.diffusion.tensors, brief.surface
-    once = turned(surface, tensors, np.pi / 4)
-    twice = turned(surface, once, np.pi / 4)
+    once = turned_tensors(surface, tensors, np.pi / 4)
+    twice = turned_tensors(surface, once, np.pi / 4)
     assert twice.major == pytest.approx(tensors.minor, abs=1e-9)  # a quarter turn swaps the families
     assert np.linalg.eigvalsh(once.major) == pytest.approx(np.linalg.eigvalsh(tensors.major), abs=1e-9)
     assert np.abs(once.major @ surface.normals[:, :, None]).max() < 1e-9
-    third = turned(surface, tensors, np.pi / 6).major
+    third = turned_tensors(surface, tensors, np.pi / 6).major
     c, t = np.cos(np.pi / 6), np.sin(np.pi / 6)
     R = np.array([[c, -t, 0.0], [t, c, 0.0], [0.0, 0.0, 1.0]])
     assert third == pytest.approx(R @ tensors.major @ R.T, abs=1e-9)  # the plate's normals point up
@@ -66,20 +66,20 @@ def test_tensors_turn_in_the_tangent_plane_and_keep_their_values(brief):
 
 def test_tensors_turn_on_curved_surfaces_too():
     ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
-    once = turned(ball.surface, ball.diffusion.tensors, np.pi / 4)
+    once = turned_tensors(ball.surface, ball.diffusion.tensors, np.pi / 4)
     assert np.abs(once.major @ ball.surface.normals[:, :, None]).max() < 1e-9
-    assert turned(ball.surface, once, np.pi / 4).major == pytest.approx(ball.diffusion.tensors.minor, abs=1e-9)
+    assert turned_tensors(ball.surface, once, np.pi / 4).major == pytest.approx(ball.diffusion.tensors.minor, abs=1e-9)
 
 
 def test_a_grid_follows_the_longest_axis_first_and_the_load_where_there_is_none(brief):
     assert np.abs(principal_axes(brief)) == pytest.approx(np.eye(3)[:2], abs=1e-3)
     ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
-    assert np.abs(principal_axes(Brief.of(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)
+    assert np.abs(principal_axes(ComparisonTask.of(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)
 
 
 def test_a_scaled_field_counts_as_a_mode_does(brief):
     surface = brief.surface
-    x, mass = scaled(surface, 7 + 3 * surface.V[:, 0]), voronoi_mass(surface)
+    x, mass = scaled_field(surface, 7 + 3 * surface.V[:, 0]), voronoi_mass(surface)
     assert mass @ x == pytest.approx(0, abs=1e-12)
     assert mass @ x**2 == pytest.approx(surface.area / (4 * np.pi))
 
@@ -96,19 +96,19 @@ def test_more_is_drawn_where_loose_pieces_are_dropped(brief):
 
         return layers(solved_factor(lambda x: area_share(brief, layers(x)), share, tolerance))
 
-    structure = matched(brief, drawing)
+    structure = matched_structure(brief, drawing)
     assert structure.sheet.surface.area == pytest.approx(brief.area, rel=SAME_MASS)
     assert structure.loose == pytest.approx(np.pi * 0.01 / (brief.area + np.pi * 0.01), rel=0.1)
     assert structure.pieces == 1
-    assert sliced(brief, drawing(brief, brief.share, 1e-4)).sheet.surface.area < (1 - SAME_MASS) * brief.area
+    assert sliced_structure(brief, drawing(brief, brief.share, 1e-4)).sheet.surface.area < (1 - SAME_MASS) * brief.area
     with pytest.raises(PatternError, match="falls apart: without its loose pieces its mass is"):
-        matched(brief, lambda brief, share, tolerance: drawing(brief, 0.3, 1e-4))
+        matched_structure(brief, lambda brief, share, tolerance: drawing(brief, 0.3, 1e-4))
 
 
 def test_a_brief_of_chosen_modes_has_no_more_to_choose():
     auto = {"pattern.major.phase": "auto", "surface.edge": 0.12}
     made = draft(dsfab.load_preset("cantilever", auto))
-    assert Brief.of(made, 1.0).preset.pattern.major.phase == made.pattern.phase[0]
+    assert ComparisonTask.of(made, 1.0).preset.pattern.major.phase == made.pattern.phase[0]
 
 
 def test_more_material_is_stiffer_for_all_and_all_have_the_same(made):

@@ -10,8 +10,8 @@ from dsfab.pipeline import draft
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.patterns import striped_families
 from dsfab.preset_file import load_preset, overridden
-from dsfab.study.baselines import Brief
-from dsfab.study.baselines.matching import striped
+from dsfab.study.baselines import ComparisonTask
+from dsfab.study.baselines.matching import striped_structure
 from dsfab.study.judging import quick
 from tests.canopy import canopy
 
@@ -40,8 +40,8 @@ def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
         if halve is not None:
             own = overridden(preset, {"pattern.method": "stripes", "pattern.halve": halve, **apart})
             even = even_stripes(own, surface, statics)
-        brief = Brief(own, surface, statics, diffusion, made.pattern.frequency, SHARE * surface.area, even)
-        structure = striped(brief, own, diffusion, even)
+        brief = ComparisonTask(own, surface, statics, diffusion, made.pattern.frequency, SHARE * surface.area, even)
+        structure = striped_structure(brief, own, diffusion, even)
         assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
         found[halve] = quick(brief, structure).compliance
     assert found[True] < 0.47 * found[None]

@@ -15,7 +15,7 @@ from dsfab.pipeline.handover import lost_load, sheet_load
 from dsfab.slicing import cut
 from dsfab.statics import Ask, Elements, SheetModel, solve_statics
 from dsfab.study import compare_at
-from dsfab.study.baselines import Brief, Structure
+from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.comparison import comparison
 from dsfab.study.judging import quick
 from dsfab.surface import LoadCase
@@ -191,7 +191,7 @@ def test_a_name_of_no_competitor_is_refused(cantilever):
 def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
     """The most accurate elements answer for both; buckling differs by the membrane stress of the quick ones."""
     made = draft(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "statics.frequencies": 1, "statics.buckling": 1}))
-    brief = Brief.of(made, made.surface.area / 2)
+    brief = ComparisonTask.of(made, made.surface.area / 2)
     whole = Structure.uncut(made.surface, made.preset.statics.thickness)
     (case,) = quick(brief, whole, Ask(frequencies=1, buckling=1)).cases.values()
     known = made.statics.answers

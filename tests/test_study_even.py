@@ -11,9 +11,9 @@ import pytest
 import dsfab
 from dsfab import pipeline
 from dsfab.arrays import from_segments
-from dsfab.delivery.archive import keep, kept
+from dsfab.delivery.archive import read_archive, write_archive
 from dsfab.delivery.fields import design_fields
-from dsfab.delivery.files import delivered
+from dsfab.delivery.files import deliverable
 from dsfab.delivery.lines import design_lines
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
@@ -21,10 +21,10 @@ from dsfab.pattern import frequency_for
 from dsfab.pipeline.design import Design
 from dsfab.preset_file import load_preset, overridden, preset_toml
 from dsfab.study import compare_at
-from dsfab.study.baselines import Brief
+from dsfab.study.baselines import ComparisonTask
 from dsfab.study.fabrication import fabrication
 from dsfab.study.fix import _coarser
-from dsfab.study.sweeps.metrics import measured
+from dsfab.study.sweeps.metrics import metric_value
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.6, "pattern.method": "stripes", "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.0}
@@ -130,7 +130,7 @@ def test_lines_of_a_design_have_names_of_their_own(dome):
 )
 def test_every_format_of_lines_takes_them(suffix, dome, tmp_path):
     """Each is read back as it is written; of two the layers are counted again here."""
-    thing, how = delivered(dome, suffix)
+    thing, how = deliverable(dome, suffix)
     path = write(thing, tmp_path / f"dome{suffix}", name="dome", **how)
     counts = Counter(line.layer for line in how["details"].lines)
     assert counts["centre-major"] >= 4
@@ -162,8 +162,8 @@ def test_fields_have_one_value_at_each_vertex(dome):
 
 
 def test_the_archive_keeps_every_array(dome, tmp_path):
-    keep(dome, tmp_path)
-    back = kept(tmp_path, dome.preset)
+    write_archive(dome, tmp_path)
+    back = read_archive(tmp_path, dome.preset)
     assert back is not None
     ours, theirs = dome.pattern.even, back.pattern.even
     assert theirs is not None
@@ -230,7 +230,7 @@ def test_stripes_come_back_after_modes(dome):
 
 
 def test_competitors_share_the_mean_distance(dome):
-    brief = Brief.of(dome, 60.0)
+    brief = ComparisonTask.of(dome, 60.0)
     assert brief.even is dome.pattern.even
     pairs = ((dome.diffusion.major, 1.6), (dome.diffusion.minor, 1.0))
     asked = [frequency_for(dome.surface, modes.mode(1), spacing) for modes, spacing in pairs]
@@ -238,7 +238,7 @@ def test_competitors_share_the_mean_distance(dome):
     given = brief.on_modes.pattern
     assert (given.method, given.major.spacing, given.minor.spacing) == ("modes", 1.6, 1.0)
     assert given.width == dome.preset.pattern.width
-    on_modes = Brief.of(pipeline.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)
+    on_modes = ComparisonTask.of(pipeline.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)
     assert on_modes.on_modes is on_modes.preset
 
 
@@ -259,7 +259,7 @@ def test_a_sweep_varies_the_distance_and_measures_widths():
         preset = load_preset(DOME_MODES, SMALL | {"pattern.major.spacing": spacing, "pattern.width.solid_fraction": 0.0,
                                               "pattern.width.member": 0.3})  # fmt: skip
         made = Design.of(preset, made)
-        width.append(measured("min_width", made))
+        width.append(metric_value("min_width", made))
         assert made.pattern.even is not None
     assert width == pytest.approx([0.3, 0.3], rel=0.1)
 

@@ -13,8 +13,8 @@ from dsfab.pipeline.patterns import striped_families
 from dsfab.pipeline.stressing import stressed_step
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden
-from dsfab.study.baselines import Brief
-from dsfab.study.baselines.matching import striped, widened
+from dsfab.study.baselines import ComparisonTask
+from dsfab.study.baselines.matching import striped_structure, widened_structure
 from dsfab.study.judging import quick
 from tests.meshes import mesh_file
 from tests.presets import ROOF_MODES
@@ -45,9 +45,9 @@ def on_modes(chosen: Modes) -> Design:
     return draft(load_preset(ROOF_MODES, given))
 
 
-def brief_of(made: Design, preset: Preset, even=None) -> Brief:
+def brief_of(made: Design, preset: Preset, even=None) -> ComparisonTask:
     frequency, area = made.pattern.frequency, SHARE * made.surface.area
-    return Brief(preset, made.surface, made.statics, made.diffusion, frequency, area, even)
+    return ComparisonTask(preset, made.surface, made.statics, made.diffusion, frequency, area, even)
 
 
 @cache
@@ -58,7 +58,7 @@ def modes(chosen: Modes) -> float:
     for rule in ("constant", "graded"):
         own = overridden(made.settled, {"pattern.width.rule": rule})
         brief = brief_of(made, own)
-        found.append(quick(brief, striped(brief, own, made.diffusion)).compliance)
+        found.append(quick(brief, striped_structure(brief, own, made.diffusion)).compliance)
     return min(found)
 
 
@@ -76,10 +76,10 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
     even = even_stripes(own, surface, statics)
     brief = brief_of(made, own, even)
     if rule != "stressed":
-        structure = striped(brief, own, diffusion, even)
+        structure = striped_structure(brief, own, diffusion, even)
     else:
         grading = stressed_step(own, made.stressed, Log(None), even=even)
-        structure = widened(brief, own, striped_families(own, made.stressed, 0.0, grading, even))
+        structure = widened_structure(brief, own, striped_families(own, made.stressed, 0.0, grading, even))
     assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
     return quick(brief, structure).compliance
 

@@ -10,8 +10,8 @@ from dsfab.errors import StaticsError
 from dsfab.pipeline import draft
 from dsfab.pipeline.handover import sheet_load
 from dsfab.statics import Elements, FaceStiffness, Material, SheetModel, solve_statics
-from dsfab.study.baselines import Brief
-from dsfab.study.baselines.optimised import level_line, optimised
+from dsfab.study.baselines import ComparisonTask
+from dsfab.study.baselines.optimised import level_line, optimised_densities
 from dsfab.study.simp import Simp, densities, face_filter
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import grid, lifted
@@ -147,8 +147,8 @@ def test_simp_on_the_cantilever_cut_along_its_level_line_is_1_58_times_as_soft_a
     disc = {"kind": "force", "at": {"pick": "ball", "center": [1.0, 0.0, 0.0], "radius": 0.1}, "force": [0, -1000.0, 0]}
     changes = {"surface.edge": 0.04, "surface.load": [disc], "pattern": {"keep": 0.01}}
     made = draft(dsfab.load_preset("cantilever", changes))
-    brief = Brief.of(made, made.surface.area / 2)
-    structure = level_line(brief, optimised(brief, Simp(radius=0.04)).density)
+    brief = ComparisonTask.of(made, made.surface.area / 2)
+    structure = level_line(brief, optimised_densities(brief, Simp(radius=0.04)).density)
     assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
     assert structure.pieces == 1
     cut = (structure.sheet.surface, sheet_load(made.surface, structure.sheet, made.load))

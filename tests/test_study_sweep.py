@@ -8,7 +8,7 @@ import dsfab
 from dsfab.errors import PresetError, StaticsError
 from dsfab.pipeline.design import Design
 from dsfab.study.sweeps import BASIC, METRICS
-from dsfab.study.sweeps.cut_sheet import carried
+from dsfab.study.sweeps.cut_sheet import cut_equilibria
 from dsfab.study.verdict import check
 from tests.presets import DOME_MODES
 
@@ -172,9 +172,9 @@ def test_several_load_cases_count_as_in_the_comparison():
     force = {"kind": "force", "at": {"pick": "nearest", "points": [[0.0, 0.0, 4.0]]}}
     loads = [{**force, "case": "down", "force": [0.0, 0.0, -5e4]}, {**force, "case": "aside", "force": [4e4, 0.0, 0.0]}]
     made = Design.of(dsfab.load_preset(DOME_MODES, {**COARSE_KEYS, "surface.load": loads}))
-    found = carried(made, "displacement")
+    found = cut_equilibria(made, "displacement")
     assert set(found) == {"down", "aside"}
     assert METRICS["compliance"](made) == comparison(made, against=()).design.compliance
     assert METRICS["displacement"](made) == max(
-        answer.largest_displacement for answer in carried(made, "displacement").values()
+        answer.largest_displacement for answer in cut_equilibria(made, "displacement").values()
     )

@@ -12,8 +12,8 @@ from dataclasses import replace
 import pytest
 
 from dsfab.errors import DsfabError
-from dsfab.study.sweeps.cluster import DaskFleet
-from dsfab.study.sweeps.folder import SweepFolder, made, prepare
+from dsfab.study.sweeps.cluster import DaskWorkers
+from dsfab.study.sweeps.folder import SweepFolder, prepare, sweep_folder
 from dsfab.study.sweeps.lock import only_coordinator
 from dsfab.study.sweeps.worker import execute
 from tests.presets import ROOF_MODES
@@ -61,7 +61,7 @@ def cluster(folder):
 def test_without_a_scheduler_it_says_so(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.study.sweeps.cluster.SECONDS", 0.3)
     with pytest.raises(DsfabError, match="no Dask scheduler answers at tcp://127"):
-        DaskFleet(None, "tcp://127.0.0.1:9")
+        DaskWorkers(None, "tcp://127.0.0.1:9")
 
 
 @pytest.mark.slow
@@ -69,10 +69,10 @@ def test_without_a_scheduler_it_says_so(tmp_path, monkeypatch):
 def test_a_cluster_gives_what_this_machine_gives_and_survives_the_death_of_a_worker(tmp_path):
     many = plan(vary={"diffusion.r": [10.0, 30.0], "pattern.major.phase": [i / 10 for i in range(10)]})
     swept(tmp_path / "here", many)
-    folder = made(tmp_path / "there")
+    folder = sweep_folder(tmp_path / "there")
     with cluster(tmp_path) as (address, workers), only_coordinator(folder):
         found = prepare(many, folder)
-        fleet = DaskFleet(found.job(ship_mesh=True), address)
+        fleet = DaskWorkers(found.job(ship_mesh=True), address)
         begun = set()
 
         def kill_one(progress):
@@ -101,7 +101,7 @@ def test_a_mesh_travels_to_workers_that_cannot_read_it(tmp_path):
         set={"surface.unit": "mm", "pattern.keep": 0.3},
         vary={"pattern.major.phase": [0.0, 0.5]},
     )
-    found = prepare(asked, made(tmp_path / "s"))
+    found = prepare(asked, sweep_folder(tmp_path / "s"))
     job = found.job(ship_mesh=True)
     content = path.read_bytes()
     path.unlink()

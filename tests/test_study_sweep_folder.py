@@ -16,14 +16,14 @@ import pytest
 
 from dsfab.errors import DsfabError, PresetError
 from dsfab.study.sweeps import local
-from dsfab.study.sweeps.folder import SweepFolder, made, prepare
-from dsfab.study.sweeps.local import LocalFleet, cores, free_memory
+from dsfab.study.sweeps.folder import SweepFolder, prepare, sweep_folder
+from dsfab.study.sweeps.local import LocalWorkers, cores, free_memory
 from dsfab.study.sweeps.lock import only_coordinator
 from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.plan_file import load_plan, plan_from
 from dsfab.study.sweeps.results import best, pareto, records, write_tables
 from dsfab.study.sweeps.scheduler import TRIES
-from dsfab.study.sweeps.store import Row, Store
+from dsfab.study.sweeps.store import RunRow, Store
 from dsfab.study.sweeps.worker import Outcome, execute
 from tests.presets import DOME_MODES
 
@@ -74,7 +74,7 @@ class Hands:
 
 def swept(folder: Path, asked: Plan, fate=lambda number: None, extend=False) -> list[int]:
     """Make a sweep with a fleet of threads; returns the numbers of the runs that were begun."""
-    with only_coordinator(made(folder)):
+    with only_coordinator(sweep_folder(folder)):
         found = prepare(asked, folder, extend)
         fleet = Hands(found.job(), fate=fate)
         try:
@@ -160,7 +160,7 @@ def test_it_goes_on_where_it_was_interrupted(tmp_path):
         if progress.last is not None and next(count) == 2:
             raise KeyboardInterrupt
 
-    folder = made(tmp_path / "broken")
+    folder = sweep_folder(tmp_path / "broken")
     found = prepare(plan(), folder)
     fleet = Hands(found.job())
     with pytest.raises(KeyboardInterrupt):
@@ -323,7 +323,7 @@ def test_the_lock_of_a_coordinator_that_was_killed_is_open(tmp_path):
 
 
 def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path):
-    found = prepare(plan(vary={"pattern.major.phase": [i / 200 for i in range(200)]}, keep=[]), made(tmp_path))
+    found = prepare(plan(vary={"pattern.major.phase": [i / 200 for i in range(200)]}, keep=[]), sweep_folder(tmp_path))
     with Store.open(tmp_path) as store:
         pages = store._db.execute("PRAGMA page_count").fetchone()[0]
         store._db.execute(f"PRAGMA max_page_count = {pages}")
@@ -353,8 +353,8 @@ def test_a_store_of_another_version_is_refused(tmp_path):
         Store.open(tmp_path)
 
 
-def row(number: int, state="done", **metrics) -> Row:
-    return Row(number, {"pattern.major.phase": number / 10}, state, metrics)
+def row(number: int, state="done", **metrics) -> RunRow:
+    return RunRow(number, {"pattern.major.phase": number / 10}, state, metrics)
 
 
 def test_the_best_and_the_front():
@@ -379,7 +379,7 @@ def test_points_that_are_equal_in_one_are_judged_by_the_other():
 
 def test_parquet_holds_what_the_csv_holds(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow (dsfab[tables]) is not installed")
-    rows = [row(1, area=2.5), row(2, "failed"), Row(3, {"pattern.width.rule": "graded"}, "done", {"area": 3.0})]
+    rows = [row(1, area=2.5), row(2, "failed"), RunRow(3, {"pattern.width.rule": "graded"}, "done", {"area": 3.0})]
     table = records(rows, ["area"], [])
     write_tables(tmp_path, table)
     assert parquet.read_table(tmp_path / "results.parquet").to_pylist() == table
@@ -388,7 +388,7 @@ def test_parquet_holds_what_the_csv_holds(tmp_path):
 def test_as_many_workers_as_memory_allows(monkeypatch):
     monkeypatch.setattr(local, "cores", lambda: 16)
     monkeypatch.setattr(local, "free_memory", lambda: 10_000)
-    fleet = LocalFleet(None)
+    fleet = LocalWorkers(None)
     assert len(fleet.workers()) == 1  # until one run has shown what it needs
     fleet.learn(Outcome(1, peak=1000))
     assert len(fleet.workers()) == 8
@@ -396,7 +396,7 @@ def test_as_many_workers_as_memory_allows(monkeypatch):
     assert len(fleet.workers()) == 2
     fleet.learn(Outcome(3, peak=90_000))
     assert len(fleet.workers()) == 1
-    assert len(LocalFleet(None, workers=5).workers()) == 5
+    assert len(LocalWorkers(None, workers=5).workers()) == 5
     monkeypatch.undo()
     assert cores() >= 1
     assert free_memory() > 0 or not sys.platform.startswith("linux")
@@ -405,9 +405,9 @@ def test_as_many_workers_as_memory_allows(monkeypatch):
 @pytest.mark.slow
 def test_processes_give_what_threads_give_and_survive_a_kill(tmp_path):
     swept(tmp_path / "threads", plan())
-    with only_coordinator(made(tmp_path / "processes")):
+    with only_coordinator(sweep_folder(tmp_path / "processes")):
         found = prepare(plan(), tmp_path / "processes")
-        fleet = LocalFleet(found.job(), 2)
+        fleet = LocalWorkers(found.job(), 2)
         killed = []
 
         def kill_one(progress):
@@ -450,7 +450,7 @@ def test_40_runs_survive_kills_of_the_coordinator_and_of_a_worker(tmp_path):
     count = int(os.environ.get("DSFAB_KILLED_RUNS", "40"))
     many = plan(vary={"diffusion.r": [10.0, 30.0], "pattern.major.phase": [i / count for i in range(count // 2)]})
     swept(tmp_path / "calm", many)
-    rough, draw = made(tmp_path / "rough"), random.Random(17)
+    rough, draw = sweep_folder(tmp_path / "rough"), random.Random(17)
     prepare(many, rough)
     target = 0
     for _ in range(3):
@@ -494,7 +494,7 @@ def children(parent: int) -> list[int]:
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send")
 def test_ctrl_c_is_one_sentence_and_the_sweep_goes_on(tmp_path):
     many = plan(vary={"diffusion.r": [10.0, 30.0], "pattern.major.phase": [i / 20 for i in range(20)]})
-    prepare(many, made(tmp_path))
+    prepare(many, sweep_folder(tmp_path))
     process = begun(tmp_path)
     until(tmp_path, 3, process)
     process.send_signal(signal.SIGINT)

@@ -11,7 +11,7 @@ from dsfab.study.sweeps.plan_file import plan_from
 from dsfab.study.sweeps.results import best
 from dsfab.study.sweeps.sampling import digest
 from dsfab.study.sweeps.search import FAILED, MISSED, NOT_MADE, cost, search
-from dsfab.study.sweeps.store import Row
+from dsfab.study.sweeps.store import RunRow
 from tests.test_study_sweep_folder import Hands, measured, plan, swept
 
 SPACE = {"a": {"from": 0.0, "to": 1.0}, "b": {"from": 0.01, "to": 100.0, "log": True}, "n": {"from": 1, "to": 6}}
@@ -26,7 +26,7 @@ class Landscape:
     """Numbers in place of designs: the valley is at a = 0.3, b = 1, n = 4; pieces is n."""
 
     def __init__(self, fails=lambda changes: False):
-        self.rows: dict[str, Row] = {}
+        self.rows: dict[str, RunRow] = {}
         self.fails = fails
 
     def make(self, proposed):
@@ -39,10 +39,10 @@ class Landscape:
             value = exp(8 * (a - 0.3) ** 2 + log10(b) ** 2 + 0.3 * (n - 4) ** 2)
             state = "failed" if self.fails(changes) else "done"
             metrics = {} if self.fails(changes) else {"compliance": value, "pieces": float(n)}
-            self.rows[digest(changes)] = Row(len(self.rows) + 1, changes, state, metrics)
+            self.rows[digest(changes)] = RunRow(len(self.rows) + 1, changes, state, metrics)
         return self.rows
 
-    def best(self, limits=()) -> Row:
+    def best(self, limits=()) -> RunRow:
         return best(self.rows.values(), "compliance", limits)[0]
 
 
@@ -67,17 +67,17 @@ def test_it_keeps_to_constraints_and_passes_failures_by(seed):
 
 
 def test_it_looks_for_more_where_more_is_better():
-    rows = [Row(n, {}, "done", {"buckling": float(n), "pieces": 1.0}) for n in (1, 2)]
+    rows = [RunRow(n, {}, "done", {"buckling": float(n), "pieces": 1.0}) for n in (1, 2)]
     assert cost(rows[1], "buckling", []) < cost(rows[0], "buckling", [])
     assert cost(rows[0], "pieces", []) == cost(rows[1], "pieces", []) == 0.0
 
 
 def test_what_is_worse_than_what():
     one = Constraint.parsed("pieces == 1")
-    good = cost(Row(1, {}, "done", {"compliance": 1e30, "pieces": 1.0}), "compliance", [one])
-    near = cost(Row(2, {}, "done", {"compliance": 1e-30, "pieces": 2.0}), "compliance", [one])
-    far = cost(Row(3, {}, "done", {"compliance": 1e-30, "pieces": 9.0}), "compliance", [one])
-    failed = cost(Row(4, {}, "failed", {"pieces": 1.0}), "compliance", [one])
+    good = cost(RunRow(1, {}, "done", {"compliance": 1e30, "pieces": 1.0}), "compliance", [one])
+    near = cost(RunRow(2, {}, "done", {"compliance": 1e-30, "pieces": 2.0}), "compliance", [one])
+    far = cost(RunRow(3, {}, "done", {"compliance": 1e-30, "pieces": 9.0}), "compliance", [one])
+    failed = cost(RunRow(4, {}, "failed", {"pieces": 1.0}), "compliance", [one])
     assert good < MISSED < near < far < failed == FAILED < cost(None, "compliance", [one]) == NOT_MADE
 
 

@@ -10,14 +10,14 @@ import dsfab
 from dsfab.app.verify import verify
 from dsfab.slicing import cut
 from dsfab.statics import Material
-from dsfab.study.verdict import Setting, Sheeting, check, whole_sheet
+from dsfab.study.verdict import LoadedSurface, SheetMaterial, check, whole_sheet
 from dsfab.study.verdict.calibration import read_table, shipped_table, summary, table_text
 from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import MAIN, level
-from dsfab.study.verdict.loaded_surface import attached
+from dsfab.study.verdict.loaded_surface import attached_material
 from dsfab.study.verdict.rules import QUICK, estimate
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.trials import KINDS, calibrate, measured, random_design
+from dsfab.study.verdict.trials import KINDS, calibrate, measured_trial, random_design
 from dsfab.surface import LoadCase, Surface, shapes
 from tests.zoo import grid, jittered, lifted, moebius, sphere
 
@@ -31,7 +31,7 @@ def plate(cells=10, pressure=1e3, thickness=0.01):
     edge[surface.edges.ends[surface.edges.boundary]] = True
     force = np.outer(surface.vertex_areas, [0.0, 0.0, -pressure])
     load = LoadCase(np.repeat(edge[:, None], 3, axis=1), force, np.zeros(surface.n, dtype=bool))
-    return Setting(surface, Sheeting(STEEL, thickness), {"load": load})
+    return LoadedSurface(surface, SheetMaterial(STEEL, thickness), {"load": load})
 
 
 def navier(pressure, thickness):
@@ -81,7 +81,9 @@ def test_a_strip_that_is_pulled_is_known_to_the_floor_of_the_bound():
     fixed = np.zeros((surface.n, 3), dtype=bool)
     fixed[x < 0.01, 0] = True
     fixed[0] = True
-    setting = Setting(surface, Sheeting(Material(1e9, 0.0, 1.0), 0.01), {"load": LoadCase(fixed, force, x > 1.99)})
+    setting = LoadedSurface(
+        surface, SheetMaterial(Material(1e9, 0.0, 1.0), 0.01), {"load": LoadCase(fixed, force, x > 1.99)}
+    )
     verdict = check(setting, whole_sheet(surface))
     # the load is spread over the last cells and its middle lies a third of a cell before the end: up to L / 24 less
     assert verdict.value == pytest.approx(1e6 * 2.0 / (1e9 * 1.0 * 0.01), rel=0.08)
@@ -109,10 +111,10 @@ def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
     fixed = np.repeat((x < x.min() + 0.15 * np.ptp(x))[:, None], 3, axis=1)
     ways = {"along": [0.0, -1.0, 0.0], "across": [0.0, 0.0, -1.0]}
     cases = {way: LoadCase(fixed, np.outer(surface.vertex_areas, load), free) for way, load in ways.items()}
-    setting = Setting(surface, Sheeting(Material(1e9, 0.3, 1.0), surface.size / 100), cases)
+    setting = LoadedSurface(surface, SheetMaterial(Material(1e9, 0.3, 1.0), surface.size / 100), cases)
     found = []
     for material in (whole_sheet(surface), whole):
-        sheet, dropped, loads = attached(setting, material)
+        sheet, dropped, loads = attached_material(setting, material)
         assert dropped == ()
         given = on_mesh(surface, sheet, setting.loads, shares(sheet, loads))
         found.append(level(sheet.surface, setting.made, *given, (MAIN,)))
@@ -122,8 +124,8 @@ def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
 
 
 def test_finer_meshes_carry_exactly_the_load_and_hold_the_same_vertices(cantilever):
-    setting = Setting.of(cantilever)
-    sheet, _, loads = attached(setting, cantilever.slicing.cells.kept())
+    setting = LoadedSurface.of(cantilever)
+    sheet, _, loads = attached_material(setting, cantilever.slicing.cells.kept())
     forces, total = shares(sheet, loads), cantilever.load.force.sum(axis=0)
     for _, mesh in zip(range(3), meshes(sheet, SmoothSurface.through(cantilever.surface)), strict=False):
         cases, spreads = on_mesh(cantilever.surface, mesh, setting.loads, forces)
@@ -288,7 +290,7 @@ def test_the_shipped_table_keeps_what_the_bounds_promise():
 @pytest.mark.parametrize("kind", ["cantilever", "vault", "sphere"])
 def test_designs_of_the_table_are_found_again(kind):
     row = next(row for row in shipped_table() if row.kind == kind)
-    again = measured(kind, row.seed, 2)
+    again = measured_trial(kind, row.seed, 2)
     assert again.triangles == row.triangles
     assert again.compliance == pytest.approx(row.compliance[:2], rel=1e-3)
     assert again.recovery == pytest.approx(row.recovery[:2], rel=1e-2)

@@ -7,20 +7,20 @@ import pytest
 
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
-from dsfab.thickening import Layer, apart, offsets, thicken
+from dsfab.thickening import OffsetLayer, apart, offsets, thicken
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from tests.test_thickening_sides import torus_of
 from tests.zoo import grid, jittered, lifted, moebius, projective_plane, sphere
 
 
-def cut_layer(surface: Surface, D: np.ndarray, side: str = "mid", lines: int = 6) -> tuple[Layer, np.ndarray]:
+def cut_layer(surface: Surface, D: np.ndarray, side: str = "mid", lines: int = 6) -> tuple[OffsetLayer, np.ndarray]:
     """A surface with two families of stripes, and which of its cells are material."""
     x, y, z = (surface.V / surface.size).T
     fields = [x + 0.3 * y * z, y - 0.4 * x + 0.2 * z**2]
     cells = cut(surface, fields, [np.linspace(f.min(), f.max(), 2 * lines + 2)[1:-1] for f in fields])
     cells = resolve_pinches(cells, np.linalg.norm(D, axis=1).mean()).sheet
-    return Layer(surface, D, cells.surface, cells.carry(D), cells.parent, side), cells.material
+    return OffsetLayer(surface, D, cells.surface, cells.carry(D), cells.parent, side), cells.material
 
 
 def joined(*parts: Surface) -> Surface:

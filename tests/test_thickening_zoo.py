@@ -9,7 +9,7 @@ import trimesh
 
 import dsfab
 from dsfab.errors import PatternError
-from dsfab.preset_file import shipped
+from dsfab.preset_file import shipped_presets
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
@@ -53,7 +53,7 @@ SHAPES: dict[str, Callable[[], Surface]] = {
     "creased box": creased_box,
 }
 
-SHAPE_OF = {name: dsfab.load_preset(name).surface.model_dump().get("shape") for name in sorted(shipped())}
+SHAPE_OF = {name: dsfab.load_preset(name).surface.model_dump().get("shape") for name in sorted(shipped_presets())}
 PRESETS = [name for name in SHAPE_OF if name not in ("roof", "camel_ears", "camel_none", "camel_nose")]
 """Presets but `roof`, which waits for a mesh of the user's, and those on the surface of another one."""
 

@@ -134,7 +134,7 @@ def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
     """One run in this process: seconds per row, peak memory in MiB, and the sizes."""
-    from dsfab.delivery.files import delivered
+    from dsfab.delivery.files import deliverable
     from dsfab.export import write
     from dsfab.pipeline import run
 
@@ -144,7 +144,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
         begin = time.perf_counter()
         for suffix in design.preset.export.formats:
             if step or suffix != "step":
-                thing, how = delivered(design, f".{suffix}")
+                thing, how = deliverable(design, f".{suffix}")
                 write(thing, Path(folder) / f"bench.{suffix}", **how)
         export = time.perf_counter() - begin
     seconds = {**dict.fromkeys(ROWS), **design.seconds, "export": export, "total": time.perf_counter() - start}

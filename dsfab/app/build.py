@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.step_options import NO_FLAGS, StepFlags, estimated
+from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
 from dsfab.wording import size
@@ -85,7 +85,7 @@ def build(
     _require(given.export.formats)
     reporter = Reporter(quiet)
     if step.estimate:
-        return estimated(given, reporter)
+        return estimate_step(given, reporter)
     drawn, folder = pictures.possible(reporter), files.output or Path("outputs") / given.name
     try:
         design = run(given, reporter)
@@ -106,9 +106,9 @@ def build(
 
 def _fixed(design: "Design", reporter: Reporter) -> "Design":
     """The design as `--fix` changes it, every change told."""
-    from dsfab.study.fix import fixed
+    from dsfab.study.fix import fixed_design
 
-    done = fixed(design, reporter)
+    done = fixed_design(design, reporter)
     reporter.done()
     for key, (old, new) in done.changes.items():
         reporter.say(f"fix         {key}: {old} -> {new}")

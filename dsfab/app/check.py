@@ -15,7 +15,7 @@ from dsfab.wording import length, mass
 if TYPE_CHECKING:
     from dsfab.arrays import Floats
     from dsfab.pipeline.design import Design
-    from dsfab.study.file_check import Checked, Clearance, Finding
+    from dsfab.study.file_check import Clearance, FileCheck, Finding
 
 FAULTS = {
     "open": "{} edges have one triangle only: there is a hole in the skin",
@@ -102,7 +102,7 @@ def check(
     return 0 if checked.passed else 1
 
 
-def facts(checked: "Checked", preset: str | None = None) -> dict[str, Any]:
+def facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:
     """What was found as plain data, SI units; null where it was not or could not be measured."""
     sound, near = checked.soundness, checked.clearances
     return {
@@ -130,7 +130,7 @@ def facts(checked: "Checked", preset: str | None = None) -> dict[str, Any]:
     }
 
 
-def _distance(checked: "Checked") -> dict[str, Any] | None:
+def _distance(checked: "FileCheck") -> dict[str, Any] | None:
     if (apart := checked.distance) is None:
         return None
     return {
@@ -145,7 +145,7 @@ def _distance(checked: "Checked") -> dict[str, Any] | None:
     }
 
 
-def _compliance(checked: "Checked") -> dict[str, Any] | None:
+def _compliance(checked: "FileCheck") -> dict[str, Any] | None:
     if (carries := checked.carrying) is None:
         return None
     return {
@@ -163,7 +163,7 @@ def _clearance(found: "Clearance | None") -> dict[str, Any] | None:
     return None if found is None else {"m": found.size, "at_m": found.place.tolist()}
 
 
-def lines(checked: "Checked", preset: str | None = None) -> Iterator[str]:
+def lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str]:
     """The same for people: the verdicts first, then the numbers."""
     rows = [(QUESTIONS[f.name], f.verdict, _reason(f, checked)) for f in checked.findings]
     width = max(len(question) for question, _, _ in rows)
@@ -178,7 +178,7 @@ def lines(checked: "Checked", preset: str | None = None) -> Iterator[str]:
         yield f"  {label:<{width}}  {value}"
 
 
-def _numbers(checked: "Checked") -> Iterator[tuple[str, str]]:
+def _numbers(checked: "FileCheck") -> Iterator[tuple[str, str]]:
     found, sound, near, apart = checked.found, checked.soundness, checked.clearances, checked.distance
     low, high = sound.box
     yield "unit", f"{found.unit}, " + ("named by the file" if found.declared else "by convention: STL names none")
@@ -212,7 +212,7 @@ def _at(place: "tuple[float, float, float] | list[float] | Floats") -> str:
     return "(" + ", ".join(f"{x:.4g}" for x in place) + ") m"
 
 
-def _reason(finding: "Finding", checked: "Checked") -> str:
+def _reason(finding: "Finding", checked: "FileCheck") -> str:
     """Why a verdict is what it is, a short sentence; empty where the numbers below say it."""
     if finding.verdict == "unknown":
         return finding.reason + ("; not run" if finding.name == "compliance" and checked.carrying is None else "")
@@ -226,7 +226,7 @@ def _reason(finding: "Finding", checked: "Checked") -> str:
     return ""
 
 
-def _unit_reason(checked: "Checked") -> str:
+def _unit_reason(checked: "FileCheck") -> str:
     read = checked.found.unit
     if checked.distance is not None:
         apart = checked.distance

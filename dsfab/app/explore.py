@@ -12,7 +12,7 @@ from dsfab.export.folder import whole_or_nothing
 from dsfab.preset_file import overridden
 from dsfab.render.answers import asking
 from dsfab.render.palette import PAPER
-from dsfab.study.variations import spelled, varied
+from dsfab.study.variations import parse_variations, spelled_value
 from dsfab.wording import size
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def explore(
     from dsfab.render.opengl import require_rendering
     from dsfab.report.film import check_film
 
-    given, pixels, values = asking(source.read(preset), tile.show), picture_size(tile.size_), varied(vary)
+    given, pixels, values = asking(source.read(preset), tile.show), picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
         for value in listed:  # each alone: what is wrong with a value is said before anything is made
             overridden(given, {key: value})
@@ -119,7 +119,7 @@ def _write(tiles: "list[Tile]", variants: "Variants", folder: Path) -> None:
     values, pixels = variants.values, variants.pixels
     across = columns(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
     title = f"{variants.preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"
-    line = "   ·   ".join(f"{key} = {', '.join(map(spelled, listed))}" for key, listed in values.items())
+    line = "   ·   ".join(f"{key} = {', '.join(map(spelled_value, listed))}" for key, listed in values.items())
     contact_sheet(tiles, title, line, across, SHOWN_WIDE, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
     (folder / PAGE_NAME).write_text(page(tiles, title, line, across, PAPER), encoding="utf-8")
     save(tiles, folder)

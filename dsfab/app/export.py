@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.step_options import NO_FLAGS, StepFlags, estimated
+from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
 from dsfab.wording import length, size
@@ -33,7 +33,7 @@ Which = Literal["uncut", "cut"]
 
 
 @dataclass(frozen=True)
-class Ask:
+class ExportRequest:
     """What is wanted: the format by its suffix, the file, and which sheet (None: the solid; for calculix the uncut)."""
 
     suffix: str
@@ -66,7 +66,7 @@ def export(
     given, folder = _source(preset, source.also(*step.overrides()))
     reporter, built = Reporter(quiet), _built(preset, given)
     if step.estimate:
-        return estimated(given, reporter, built)
+        return estimate_step(given, reporter, built)
     ask = _asked(to, output, folder, given.name, sheet)
     try:
         told = _model(given, ask, reporter) if ask.suffix == SUFFIX else _mesh(given, built, ask, reporter)
@@ -82,12 +82,12 @@ def export(
 
 def _source(name: str, source: Source) -> tuple["Preset", Path]:
     """The preset, and the folder its files go to: the folder that was named, or that of `dsfab build`."""
-    from dsfab.preset_file import shipped
+    from dsfab.preset_file import shipped_presets
 
     folder = Path(name)
     if (folder / "preset.toml").is_file():
         return source.read(str(folder / "preset.toml")), folder
-    if folder.is_dir() and name not in shipped():
+    if folder.is_dir() and name not in shipped_presets():
         raise ExportError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")
     given = source.read(name)
     return given, Path("outputs") / given.name
@@ -95,12 +95,12 @@ def _source(name: str, source: Source) -> tuple["Preset", Path]:
 
 def _built(name: str, given: "Preset") -> "Design | None":
     """What the folder that was named holds of such a design, which is then not made again."""
-    from dsfab.delivery.archive import kept
+    from dsfab.delivery.archive import read_archive
 
-    return kept(Path(name), given) if (Path(name) / "preset.toml").is_file() else None
+    return read_archive(Path(name), given) if (Path(name) / "preset.toml").is_file() else None
 
 
-def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> Ask:
+def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> ExportRequest:
     """Check what was asked for before any work begins."""
     from dsfab.export.formats import FORMATS, suffix_of
 
@@ -123,7 +123,7 @@ def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: 
         if sheet is not None and FORMATS[suffix].takes != "mesh":
             raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
         FORMATS[suffix].ready()
-    return Ask(suffix, path, sheet)
+    return ExportRequest(suffix, path, sheet)
 
 
 def _make_folder(path: Path) -> None:
@@ -133,7 +133,7 @@ def _make_folder(path: Path) -> None:
         raise ExportError(f"cannot make the folder {path.parent}: {error.strerror}; choose another with -o") from None
 
 
-def _model(given: "Preset", ask: Ask, reporter: Reporter) -> list[str]:
+def _model(given: "Preset", ask: ExportRequest, reporter: Reporter) -> list[str]:
     """Write the .inp file; returns what to tell about it."""
     from dsfab.export.calculix import write_calculix
     from dsfab.pipeline import run
@@ -146,7 +146,7 @@ def _model(given: "Preset", ask: Ask, reporter: Reporter) -> list[str]:
     return _told(made, ask)
 
 
-def _told(made: "CheckModel", ask: Ask) -> list[str]:
+def _told(made: "CheckModel", ask: ExportRequest) -> list[str]:
     model = made.model
     lines = [f"warning: {text}" for text in made.warnings]
     kind = "six-node shells" if model.element == "S6" else "six-node triangles in plane stress"
@@ -164,9 +164,9 @@ def _told(made: "CheckModel", ask: Ask) -> list[str]:
     return lines
 
 
-def _mesh(given: "Preset", built: "Design | None", ask: Ask, reporter: Reporter) -> list[str]:
+def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter: Reporter) -> list[str]:
     """Write the solid or a sheet, of what was built or made now; returns what to tell about it."""
-    from dsfab.delivery.files import delivered
+    from dsfab.delivery.files import deliverable
     from dsfab.export import write
     from dsfab.pipeline import run
 
@@ -177,7 +177,7 @@ def _mesh(given: "Preset", built: "Design | None", ask: Ask, reporter: Reporter)
         thing: Solid | Surface = built.surface if built else given.surface.build()
     else:
         design = built or run(given, reporter)
-        thing, how = delivered(design, ask.suffix)
+        thing, how = deliverable(design, ask.suffix)
         thing = design.sheet.surface if ask.sheet == "cut" else thing
         how["note"] = told.append
     reporter("export", f"writing and reading back {ask.path.name}")

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 def presets() -> int:
     """List the presets that come with dsfab."""
-    from dsfab.preset_file import headline, shipped
+    from dsfab.preset_file import headline, shipped_presets
 
-    found = shipped()
+    found = shipped_presets()
     width = max(map(len, found), default=0)
     for name, path in found.items():
         out(f"{name:<{width}}  {headline(path)}")
@@ -47,10 +47,10 @@ def inspect(
     file
         OBJ, PLY, STL, OFF, GLB or 3MF; a preset (a name or a TOML file); or a folder of results.
     """
-    from dsfab.preset_file import shipped
+    from dsfab.preset_file import shipped_presets
     from dsfab.surface import describe
 
-    if file.is_dir() or file.suffix == ".toml" or (str(file) in shipped() and not file.exists()):
+    if file.is_dir() or file.suffix == ".toml" or (str(file) in shipped_presets() and not file.exists()):
         built = _built(file) if file.is_dir() else None
         if built is None or output is not None:
             built = _made(str(file if built is None else file / "preset.toml"), output)

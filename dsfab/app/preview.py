@@ -17,7 +17,7 @@ from dsfab.wording import size
 
 if TYPE_CHECKING:
     from dsfab.preset import Preset
-    from dsfab.render.previewers import Studio
+    from dsfab.render.previewers import Previewers
 
 FINISHED = "fabrication"
 """The one picture that needs the finished solid."""
@@ -115,7 +115,7 @@ def preview(
         Name of a shipped preset (see `dsfab presets`) or a TOML file.
     """
     from dsfab.render.opengl import require_rendering
-    from dsfab.render.previewers import Studio
+    from dsfab.render.previewers import Previewers
 
     given = source.read(preset)
     page = picture.page(given)
@@ -123,7 +123,7 @@ def preview(
         raise DsfabError(f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first")
     require_rendering()
     reporter = Reporter(quiet)
-    with Studio(show=page.names[0], **page.options) as studio:
+    with Previewers(show=page.names[0], **page.options) as studio:
 
         def draw(preset: "Preset") -> None:
             _draw(studio, preset, page, reporter)
@@ -151,7 +151,7 @@ def _layers(text: str) -> tuple[str, ...]:
     return names
 
 
-def _draw(studio: "Studio", preset: "Preset", page: Page, reporter: Reporter) -> None:
+def _draw(studio: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
     """One picture, or several on one page, into one file."""
     from dsfab.render.panels import panels
     from dsfab.render.png import write_png

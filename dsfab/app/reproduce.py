@@ -16,8 +16,8 @@ from dsfab.report.design.facts import versions
 from dsfab.wording import size
 
 if TYPE_CHECKING:
-    from dsfab.report.paper.figures import Made
-    from dsfab.study.paper import Figure
+    from dsfab.report.paper.figures import FigurePictures
+    from dsfab.study.paper import PaperFigure
 
 FOLDER = Path("outputs/paper")
 """Where the page goes unless a folder is named."""
@@ -67,7 +67,7 @@ def reproduce(
     return 0
 
 
-def choose(names: tuple[str, ...]) -> "list[Figure]":
+def choose(names: tuple[str, ...]) -> "list[PaperFigure]":
     """The figures of these names, in the paper's order; all for none. Raises DsfabError for a name that is none."""
     from dsfab.study.paper import FIGURES
 
@@ -81,22 +81,22 @@ def choose(names: tuple[str, ...]) -> "list[Figure]":
 
 
 def _write(
-    chosen: "list[Figure]", folder: Path, coarser: float, reporter: Reporter, volumes: bool = False
-) -> "list[Made]":
+    chosen: "list[PaperFigure]", folder: Path, coarser: float, reporter: Reporter, volumes: bool = False
+) -> "list[FigurePictures]":
     """Make the figures one by one, then the page; pictures of an earlier page that are gone are removed."""
-    from dsfab.report.paper.figures import made
-    from dsfab.report.paper.page import PAGE_NAME, About, page, pictures_of
+    from dsfab.report.paper.figures import make_figure
+    from dsfab.report.paper.page import PAGE_NAME, PageFacts, page, pictures_of
 
-    figures: list[Made] = []
+    figures: list[FigurePictures] = []
     with whole_or_nothing(folder) as partial:
         for number, figure in enumerate(chosen, start=1):
             reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
-            figures.append(made(figure, partial, coarser))
+            figures.append(make_figure(figure, partial, coarser))
         if volumes:
             from dsfab.report.paper.volumes import sphere_volumes
 
             sphere_volumes(partial, reporter, coarser)
-        text = page(figures, About(coarser, _machine()), _volumes(partial) or _volumes(folder))
+        text = page(figures, PageFacts(coarser, _machine()), _volumes(partial) or _volumes(folder))
         (partial / PAGE_NAME).write_text(text, encoding="utf-8")
         stale = pictures_of(folder) - pictures_of(partial)
     for name in stale:
@@ -123,7 +123,7 @@ def _machine() -> str:
     )
 
 
-def _summary(figures: "list[Made]", folder: Path) -> None:
+def _summary(figures: "list[FigurePictures]", folder: Path) -> None:
     for made in figures:
         out(f"{made.figure.preset}: {made.carried or 'not made'}")
     written = sum(path.stat().st_size for path in folder.iterdir() if path.suffix in (".webp", ".html"))

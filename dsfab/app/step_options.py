@@ -48,7 +48,7 @@ NO_FLAGS = StepFlags()
 """STEP as the preset says."""
 
 
-def estimated(given: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
+def estimate_step(given: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
     """Make the design, unless it was built, and say what its STEP file would cost; nothing is written."""
     from dsfab.pipeline import run
 
@@ -66,10 +66,10 @@ def estimated(given: "Preset", reporter: Reporter, built: "Design | None" = None
 
 def estimate_lines(design: "Design") -> Iterator[str]:
     """A row for each way, the way that would be taken, and why not otherwise."""
-    from dsfab.delivery.files import delivered
+    from dsfab.delivery.files import deliverable
     from dsfab.export import step_estimates
 
-    thing, how = delivered(design, ".step")
+    thing, how = deliverable(design, ".step")
     how.pop("details", None)  # what the file says beside its shape weighs nothing
     found = step_estimates(thing, name=design.preset.name, **how)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")

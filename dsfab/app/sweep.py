@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dsfab.study.sweeps.plan import Plan
     from dsfab.study.sweeps.scheduler import Progress
     from dsfab.study.sweeps.worker import Drawer
-    from dsfab.study.sweeps.workers import Fleet
+    from dsfab.study.sweeps.workers import Workers
 
 
 @Parameter(name="*")
@@ -162,9 +162,9 @@ def _is_sweep(path: Path) -> bool:
 
 
 def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
-    from dsfab.app.sweep_progress import Teller
+    from dsfab.app.sweep_progress import SweepProgress
     from dsfab.report.sweep_folder import headline, summary
-    from dsfab.study.sweeps.folder import checked, made, prepare
+    from dsfab.study.sweeps.folder import checked_plan, prepare, sweep_folder
     from dsfab.study.sweeps.lock import only_coordinator
     from dsfab.study.sweeps.plan_file import plan_from
 
@@ -172,10 +172,10 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
         raise DsfabError(f"--workers {work.workers} must be 1 or more")
     plan = plan_from(values, title)
     draw = _drawer(plan)
-    known = checked(plan)
+    known = checked_plan(plan)
     folder = folder if folder is not None else Path("outputs") / f"{known[0].name}-sweep"
-    teller = Teller(quiet, headline(plan), plan.limits)
-    with only_coordinator(made(folder)):
+    teller = SweepProgress(quiet, headline(plan), plan.limits)
+    with only_coordinator(sweep_folder(folder)):
         found = prepare(plan, folder, work.extend, known)
         for row in found.rows():
             if row.state == "done":
@@ -188,11 +188,11 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
     return 130 if stopped else 0
 
 
-def _conducted(found: "SweepFolder", fleet: "Fleet", teller: Any) -> bool:
+def _conducted(found: "SweepFolder", fleet: "Workers", teller: Any) -> bool:
     """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
-    from dsfab.report.sweep_folder import Shown
+    from dsfab.report.sweep_folder import SweepPages
 
-    shown, stopped = Shown(found), False
+    shown, stopped = SweepPages(found), False
 
     def told(progress: "Progress") -> None:
         teller(progress)
@@ -224,11 +224,11 @@ def _drawer(plan: "Plan") -> "Drawer | None":
     return SheetDrawer(size, plan.view)
 
 
-def _fleet(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Fleet":
+def _fleet(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
     if scheduler is not None:
-        from dsfab.study.sweeps.cluster import DaskFleet
+        from dsfab.study.sweeps.cluster import DaskWorkers
 
-        return DaskFleet(found.job(draw, ship_mesh=True), scheduler)
-    from dsfab.study.sweeps.local import LocalFleet
+        return DaskWorkers(found.job(draw, ship_mesh=True), scheduler)
+    from dsfab.study.sweeps.local import LocalWorkers
 
-    return LocalFleet(found.job(draw), workers)
+    return LocalWorkers(found.job(draw), workers)

@@ -7,8 +7,8 @@ from dsfab.errors import DsfabError
 from dsfab.report.sweep_folder import headline
 from dsfab.study.sweeps.folder import PRESET, SweepFolder
 from dsfab.study.sweeps.results import best as best_of
-from dsfab.study.sweeps.store import Row
-from dsfab.study.variations import short_names, spelled
+from dsfab.study.sweeps.store import RunRow
+from dsfab.study.variations import short_names, spelled_value
 from dsfab.wording import table
 
 
@@ -24,7 +24,7 @@ def ask(path: Path, best: int | None, by: str | None, number: int | None, quiet:
     changes = next((row.changes for row in found.rows() if row.number == number), None)
     if changes is None:
         raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(found.rows())}")
-    sets = tuple(f"{key}={spelled(value)}" for key, value in changes.items())
+    sets = tuple(f"{key}={spelled_value(value)}" for key, value in changes.items())
     folder = path / "built" / f"{number:05}"
     return build(str(path / PRESET), source=Source(sets), files=Files(folder), quiet=quiet)
 
@@ -46,8 +46,8 @@ def _best(found: SweepFolder, count: int, by: str | None) -> str:
     short = short_names(keys)
     metrics = [metric, *(name for name in plan.measured if name != metric)]
 
-    def line(row: Row) -> list[str]:
+    def line(row: RunRow) -> list[str]:
         numbers = [f"{row.metrics.get(name, float('nan')):.4g}" for name in metrics]
-        return [str(row.number), *numbers, *(spelled(row.changes.get(key)) for key in keys)]
+        return [str(row.number), *numbers, *(spelled_value(row.changes.get(key)) for key in keys)]
 
     return table(["run", *metrics, *(short[key] for key in keys)], [line(row) for row in chosen])

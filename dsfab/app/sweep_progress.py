@@ -18,7 +18,7 @@ LONGEST = 110
 """Characters of a failure's reason that are shown; its log has all of it."""
 
 
-class Teller:
+class SweepProgress:
     """Says on standard error where a sweep stands. `metric`: of which the best so far is told."""
 
     def __init__(self, quiet: bool, metric: str, limits: Sequence[Constraint] = ()) -> None:

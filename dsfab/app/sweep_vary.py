@@ -6,7 +6,7 @@ from typing import Any
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.errors import DsfabError
 from dsfab.study.sweeps.values import number
-from dsfab.study.variations import varied
+from dsfab.study.variations import parse_variations
 
 Tables = dict[str, Any]
 
@@ -30,7 +30,7 @@ def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
             continue
         if keys[0] in vary:
             raise DsfabError(f"--vary {keys[0]} is there twice; give all of its values at once")
-        vary[keys[0]] = _span(text, values) if _is_span(values) else varied([text])[keys[0]]
+        vary[keys[0]] = _span(text, values) if _is_span(values) else parse_variations([text])[keys[0]]
     return vary, linked
 
 
@@ -56,7 +56,7 @@ def _span(text: str, values: str) -> Tables:
 
 
 def _together(text: str, keys: list[str], values: str) -> Tables:
-    rows = [varied([f"{key}={one}"])[key] for key, one in zip(keys, values.split(";"), strict=False)]
+    rows = [parse_variations([f"{key}={one}"])[key] for key, one in zip(keys, values.split(";"), strict=False)]
     if len(values.split(";")) != len(keys):
         raise DsfabError(
             f"--vary {text!r} links {len(keys)} keys and needs as many lists, as in "

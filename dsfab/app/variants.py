@@ -12,9 +12,9 @@ from dsfab.preset import Preset
 from dsfab.preset_file import overridden
 from dsfab.render import light
 from dsfab.render.png import png
-from dsfab.render.previewers import Studio
+from dsfab.render.previewers import Previewers
 from dsfab.report.contact_sheet import Tile
-from dsfab.study.variations import Values, best_order, combinations, count, expected_seconds, short_names, spelled
+from dsfab.study.variations import Values, best_order, combinations, count, expected_seconds, short_names, spelled_value
 from dsfab.wording import size
 
 ASKS = 200
@@ -46,11 +46,11 @@ class Variants:
             raise DsfabError(f"none of the {total} variants can be drawn; the first: {done[0].error}")
         return [done[index] for index in range(total)]
 
-    def _studio(self) -> Studio:
-        return Studio(view=self.view, show=self.show, marks=self.show == "loads")
+    def _studio(self) -> Previewers:
+        return Previewers(view=self.view, show=self.show, marks=self.show == "loads")
 
-    def _tile(self, number: int, changes: Mapping[str, Any], studio: Studio) -> Tile:
-        texts = {key: spelled(value) for key, value in changes.items()}
+    def _tile(self, number: int, changes: Mapping[str, Any], studio: Previewers) -> Tile:
+        texts = {key: spelled_value(value) for key, value in changes.items()}
         sets = [f"{key}={text}" for key, text in texts.items()]
         words = [*self.base, *(word for text in sets for word in ("--set", text))]
         command = shlex.join([*words, "-o", f"outputs/{self.preset.name}-{number:03}"])

@@ -10,7 +10,7 @@ from dsfab.app.terminal import Reporter, out
 from dsfab.wording import table
 
 if TYPE_CHECKING:
-    from dsfab.study.verdict.calibration import Row
+    from dsfab.study.verdict.calibration import TrialRow
 
 HEAD = (
     "design",
@@ -49,7 +49,7 @@ def calibrate(folder: Path, as_json: bool) -> int:
     return int(summary(rows).inside < 0.95)
 
 
-def summary_text(rows: "Sequence[Row]") -> str:
+def summary_text(rows: "Sequence[TrialRow]") -> str:
     """One sentence about a table."""
     from dsfab.study.verdict.calibration import summary
 
@@ -61,18 +61,18 @@ def summary_text(rows: "Sequence[Row]") -> str:
     )
 
 
-def _by_kind(rows: "Sequence[Row]") -> Iterator[str]:
+def _by_kind(rows: "Sequence[TrialRow]") -> Iterator[str]:
     for kind in dict.fromkeys(row.kind for row in rows):
         yield f"{kind}: {summary_text([row for row in rows if row.kind == kind])}"
 
 
-def _record(row: "Row") -> dict[str, Any]:
+def _record(row: "TrialRow") -> dict[str, Any]:
     found = row.estimate
     told = {"value": found.value, "bound": found.bound, "levels": row.levels, "truth": row.truth, "inside": row.inside}
     return {**asdict(row), **told, "error": row.error, "quick_error": row.quick_error}
 
 
-def _cells(row: "Row") -> tuple[str, ...]:
+def _cells(row: "TrialRow") -> tuple[str, ...]:
     return (
         f"{row.kind} {row.seed}",
         row.width,

@@ -60,7 +60,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
     return preset.model_copy(update={"surface": there})
 
 
-def keep(design: Design, folder: Path, preset: Preset | None = None) -> Path:
+def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
     """Write the archive of a design into a folder, as made by `preset` (its own where left out); returns its path."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
@@ -92,7 +92,7 @@ def keep(design: Design, folder: Path, preset: Preset | None = None) -> Path:
     return path
 
 
-def kept(folder: Path, preset: Preset) -> Design | None:
+def read_archive(folder: Path, preset: Preset) -> Design | None:
     """The design that a folder holds, or None where it holds none that this preset would make."""
     try:
         with open(folder / NAME, "rb") as file, np.load(file) as archive:

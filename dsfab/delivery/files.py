@@ -15,7 +15,7 @@ from dsfab.errors import ExportError
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, format_of, suffix_of
-from dsfab.export.smooth.source import Curved, Divided
+from dsfab.export.smooth.source import Curved, DividedSheet
 from dsfab.limits import OUTLINE
 from dsfab.pipeline.design import Design
 from dsfab.preset import Export
@@ -46,7 +46,7 @@ def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: 
     if not isinstance(thing, Design):
         return written(thing.surface if isinstance(thing, Sheet) else thing, path, **options)
     format_of(Path(path))
-    part, how = delivered(thing, suffix_of(Path(path)))
+    part, how = deliverable(thing, suffix_of(Path(path)))
     if isinstance(route := options.get("step"), str) and "step" in how:
         options["step"] = replace(how["step"], route=route)
     return written(part, path, **{"name": thing.preset.name, **how, **options})
@@ -63,7 +63,7 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
         return build123d.import_step(write(thing, Path(folder) / "shape.step"))
 
 
-def delivered(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
+def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
     The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines; the
@@ -129,7 +129,7 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
     return Curved(surface.V, surface.F, D, SHIFT[side], lambda fields: divided(surface, sheet, D, fields))
 
 
-def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> Divided:
+def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> DividedSheet:
     """The kept sheet cut along the upper envelope of fields (n, c) on the uncut surface."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
@@ -141,7 +141,7 @@ def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> Divide
         sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights)
         chart = _where_largest(sheet.carry(fields), sheet.surface.F, chart)
     labels = outline_labels(sheet, surface)
-    return Divided(sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family)
+    return DividedSheet(sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family)
 
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:

@@ -7,13 +7,13 @@ import numpy as np
 from dsfab.pipeline.design import Design
 from dsfab.slicing.lines import STRIPES, CornerLines, Phase, centre_lines, chart_lines, edge_lines
 from dsfab.surface.corner_field import CornerField
-from dsfab.surface.lines import Line, simplified
+from dsfab.surface.lines import StructureLine, simplified_line
 
 FULL = 0.5
 """Half-width in periods at which the stripes of a family touch everywhere: one sheet, without members."""
 
 
-def design_lines(design: Design, tolerance: float = 0.0) -> tuple[Line, ...]:
+def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Edges of the kept sheet by family, then the middles of its members; metres, on the middle surface.
 
     tolerance : metres that points left out may be off the polylines; lengths are those of all points.
@@ -32,7 +32,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[Line, ...]:
             lines += chart_lines(sheet, surface, pattern.names, name, pattern.even.chart, d)
         else:
             lines += centre_lines(sheet, name, z, d)
-    return tuple(replace(line, points=simplified(line.points, tolerance)) for line in lines)
+    return tuple(replace(line, points=simplified_line(line.points, tolerance)) for line in lines)
 
 
 def stripe_phase(design: Design, k: int) -> Phase:

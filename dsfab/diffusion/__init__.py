@@ -3,7 +3,7 @@
 from dsfab.diffusion.frame import CLEAR, reference_axes
 from dsfab.diffusion.modes import Modes, diffusion_modes, family_modes
 from dsfab.diffusion.operators import diffusion_operator
-from dsfab.diffusion.symmetry import Symmetry, generated, symmetry_group, symmetry_of
+from dsfab.diffusion.symmetry import Symmetry, generated_group, symmetry_group, symmetry_of
 from dsfab.diffusion.symmetry_search import found_symmetry
 from dsfab.diffusion.tensors import DiffusionTensors, Labelling, combined_stress, diffusion_tensors, principal_stresses
 
@@ -19,7 +19,7 @@ __all__ = [
     "diffusion_tensors",
     "family_modes",
     "found_symmetry",
-    "generated",
+    "generated_group",
     "principal_stresses",
     "reference_axes",
     "symmetry_group",

@@ -166,12 +166,12 @@ def _generator(word: str) -> Floats:
 def symmetry_group(words: Sequence[str]) -> Floats:
     """(g, 3, 3) all products of what the words name, the identity first; raises PatternError for other words."""
     try:
-        return generated([_generator(word) for word in words])
+        return generated_group([_generator(word) for word in words])
     except OverflowError:
         raise PatternError(f"symmetry = {list(words)} makes over {LARGEST} images; ask for fewer") from None
 
 
-def generated(generators: Sequence[Floats]) -> Floats:
+def generated_group(generators: Sequence[Floats]) -> Floats:
     """(g, 3, 3) all products of rotations and mirrors, the identity first; raises OverflowError for too many."""
     found = [np.eye(3)]
     for R in found:  # grows while it is walked

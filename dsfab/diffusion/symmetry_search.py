@@ -24,7 +24,7 @@ from dsfab.diffusion.symmetry import (
     Symmetry,
     face_tree,
     far_off,
-    generated,
+    generated_group,
     symmetry_under,
 )
 from dsfab.errors import PatternError
@@ -58,13 +58,13 @@ def found_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) ->
     if not generators:
         return None
     with suppress(PatternError, OverflowError):
-        return glance.full(generated(generators))
+        return glance.full(generated_group(generators))
     sound: list[Floats] = []
     for R in generators:
         with suppress(PatternError, OverflowError):
-            glance.full(generated([*sound, R]))
+            glance.full(generated_group([*sound, R]))
             sound.append(R)
-    return glance.full(generated(sound)) if sound else None
+    return glance.full(generated_group(sound)) if sound else None
 
 
 @dataclass(frozen=True, eq=False)

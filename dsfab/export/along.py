@@ -14,7 +14,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.errors import ExportError
 from dsfab.export.curves import SHARP, Curve, fitted
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, differs
+from dsfab.export.readback import ReadBack, differs
 from dsfab.limits import READ_BACK
 from dsfab.surface.lines import polyline_length
 
@@ -84,7 +84,7 @@ def sampled(knots: Floats) -> Floats:
     return np.append(inner.ravel(), breaks[-1])
 
 
-def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> Found:
+def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> ReadBack:
     """What was found; raises ExportError unless the lines of a part, and no other, were found as curves.
 
     found : for each id, the curves that make up the line, as points (k, 3) along them, millimetres. Together they must
@@ -101,7 +101,7 @@ def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> Found:
                 f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from where it is; "
                 "write another format"
             )
-    return Found(len(found), "lines", off, "length")
+    return ReadBack(len(found), "lines", off, "length")
 
 
 def check_length(part: Part, found: float) -> float:

@@ -11,15 +11,15 @@ from pathlib import Path
 from dsfab.errors import ExportError
 from dsfab.export import ladder, step
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, check_measure, differs
+from dsfab.export.readback import ReadBack, check_measure, differs
 from dsfab.export.shells import solids_of
-from dsfab.export.smooth.build import made
+from dsfab.export.smooth.build import smooth_file
 from dsfab.limits import READ_BACK
 
 
-def told(part: Part, refused: Sequence[ExportError]) -> str:
+def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     """As for STEP."""
-    return ladder.told(part, refused).replace("STEP", "BREP", 1)
+    return ladder.route_sentence(part, refused).replace("STEP", "BREP", 1)
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -37,7 +37,7 @@ def encode(part: Part) -> Iterator[bytes]:
         yield path.read_bytes()
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with build123d, in a process with a time limit: as many solids, all valid, with the part's volume."""
     found, solids = step.inspection(part, path), len(solids_of(part)[1])
     if found["solids"] != solids:
@@ -45,8 +45,10 @@ def check(part: Part, path: Path) -> Found:
     if not (found["valid"] and found["tessellates"]):
         raise ExportError(f"build123d finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
     if part.step != "smooth":
-        return Found(found["faces"], "faces", check_measure(part, found["volume"]))
-    smooth = made(part)  # its pieces were measured one by one; the mesh is smaller, since it cuts its curves short
+        return ReadBack(found["faces"], "faces", check_measure(part, found["volume"]))
+    smooth = smooth_file(
+        part
+    )  # its pieces were measured one by one; the mesh is smaller, since it cuts its curves short
     if smooth.smooth == smooth.pieces and not abs(found["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
         raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
-    return Found(found["faces"], "faces", found["volume"] / part.volume - 1)
+    return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)

@@ -37,7 +37,7 @@ NEGLIGIBLE = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class CalculixModel:
     """A sheet of six-node triangles, what holds it and what presses on it.
 
     nodes     : (p, 3) metres.
@@ -96,7 +96,7 @@ class Model:
             raise ExportError("CPS6 triangles lie in the plane z = 0 and these do not; write S6 shells")
 
 
-def write_calculix(model: Model, path: str | Path) -> Path:
+def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     """Write a model to an .inp file, whole or not at all; returns the path.
 
     `ccx NAME` (the name without .inp) then leaves NAME.frd, to look at, and NAME.dat: for every step the displacements
@@ -112,7 +112,7 @@ def write_calculix(model: Model, path: str | Path) -> Path:
     return path
 
 
-def cards(model: Model) -> Iterator[str]:
+def cards(model: CalculixModel) -> Iterator[str]:
     """The file's text in pieces. The same model gives the same text."""
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
@@ -129,7 +129,7 @@ def cards(model: Model) -> Iterator[str]:
         yield from _step(model, k, name, force)
 
 
-def _header(model: Model) -> Iterator[str]:
+def _header(model: CalculixModel) -> Iterator[str]:
     kind = "six-node shells (S6)" if model.element == "S6" else "six-node triangles in plane stress (CPS6)"
     lines = (
         f"{model.name}: {len(model.triangles)} {kind}, {len(model.nodes)} nodes, written by dsfab {__version__}",
@@ -140,7 +140,7 @@ def _header(model: Model) -> Iterator[str]:
     yield "".join(f"** {one_line(line)}\n" for line in lines)
 
 
-def _section(model: Model) -> Iterator[str]:
+def _section(model: CalculixModel) -> Iterator[str]:
     yield f"*MATERIAL, NAME=SHEET\n*ELASTIC\n{model.young:.12g}, {model.poisson:.12g}\n"
     if model.density:
         yield f"*DENSITY\n{model.density:.12g}\n"
@@ -148,7 +148,7 @@ def _section(model: Model) -> Iterator[str]:
     yield f"{card}, ELSET=SHEET, MATERIAL=SHEET\n{model.thickness:.12g}\n"
 
 
-def _supports(model: Model) -> Iterator[str]:
+def _supports(model: CalculixModel) -> Iterator[str]:
     """A node set for each support, and its held directions; across their plane CPS6 triangles need none."""
     axes = range(3 if model.element == "S6" else 2)
     for name, held in model.supports.items():
@@ -165,7 +165,7 @@ def _supports(model: Model) -> Iterator[str]:
         yield "*BOUNDARY\nCLAMPED, 4, 6\n"
 
 
-def _springs(model: Model) -> Iterator[str]:
+def _springs(model: CalculixModel) -> Iterator[str]:
     """Springs to the ground, one set of elements for each stiffness and direction."""
     count, group = len(model.triangles), 0
     for axis in range(3 if model.element == "S6" else 2):
@@ -179,7 +179,7 @@ def _springs(model: Model) -> Iterator[str]:
             count += len(at)
 
 
-def _step(model: Model, k: int, name: str, force: Floats) -> Iterator[str]:
+def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
     yield f"** LOAD CASE {k}: {one_line(name)}\n"
     yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW: the loads of the step before are gone
     node, axis = np.nonzero(_acting(force))

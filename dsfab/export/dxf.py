@@ -21,10 +21,10 @@ from dsfab.errors import ExportError
 from dsfab.export.along import check_curves, curves_along, joined, sampled, within
 from dsfab.export.curves import Curve
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, with_lines
+from dsfab.export.readback import ReadBack, with_lines
 from dsfab.export.text import one_line
-from dsfab.export.views import View, views
-from dsfab.surface.lines import Line, simplified
+from dsfab.export.views import DrawingView, views
+from dsfab.surface.lines import StructureLine, simplified_line
 
 APPLICATION = "DSFAB"
 GAP = 0.15
@@ -76,7 +76,7 @@ def _beside(document: Any, part: Part) -> None:
         at = at + [view.extent[0] + 2 * gap, 0.0]
 
 
-def _curves(space: Any, line: Line, flat: bool, layer: str, tolerance: float) -> Iterator[Any]:
+def _curves(space: Any, line: StructureLine, flat: bool, layer: str, tolerance: float) -> Iterator[Any]:
     """What a line is drawn with, its splines and its straight runs."""
     for run in joined(curves_along(line.points, tolerance)):
         if isinstance(run, Curve):
@@ -86,10 +86,10 @@ def _curves(space: Any, line: Line, flat: bool, layer: str, tolerance: float) ->
             yield _drawn(space, run, flat, layer)
 
 
-def _placed(document: Any, view: View, shift: Floats, height: float, tolerance: float, name: str) -> None:
+def _placed(document: Any, view: DrawingView, shift: Floats, height: float, tolerance: float, name: str) -> None:
     space, prefix = document.modelspace(), view.title.split()[0].upper() + "-"
     for line, run in view.runs:
-        run = simplified(run, tolerance)
+        run = simplified_line(run, tolerance)
         flat = np.c_[run + shift, np.zeros(len(run))]
         _drawn(space, flat, True, _layer(document, line, prefix))
     if prefix + "TEXT" not in document.layers:
@@ -107,7 +107,7 @@ def _drawn(space: Any, points: Floats, flat: bool, layer: str) -> Any:
     return space.add_lwpolyline(points[:, :2].tolist(), close=closed, dxfattribs=attributes)
 
 
-def _layer(document: Any, line: Line, prefix: str = "") -> str:
+def _layer(document: Any, line: StructureLine, prefix: str = "") -> str:
     """The layer of a line, made when it is first asked for."""
     name = prefix + line.layer.upper()
     if name not in document.layers:
@@ -130,7 +130,7 @@ def _same_bytes() -> Iterator[None]:
         ezdxf.options.write_fixed_meta_data_for_testing = before
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back by ezdxf with its auditor: no error, millimetres, every line in place."""
     import ezdxf
 

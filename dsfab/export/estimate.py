@@ -17,7 +17,7 @@ from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import usual_tolerance
-from dsfab.export.smooth.build import drafted
+from dsfab.export.smooth.build import first_draft
 from dsfab.export.step_text import faceted_bytes
 
 
@@ -112,7 +112,9 @@ def _planar(part: Part) -> tuple[int, float, str]:
 def _smooth(part: Part) -> tuple[int, float, str]:
     if default := ladder.default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
-    return *drafted(part), "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
+    return *first_draft(
+        part
+    ), "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
 
 
 def _faceted(part: Part) -> tuple[int, float, str]:

@@ -33,7 +33,7 @@ from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate, estimates
 from dsfab.export.part import Details, Part, Route, StepOptions, part_of
-from dsfab.export.readback import Found
+from dsfab.export.readback import ReadBack
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
@@ -48,7 +48,7 @@ class Format:
 
     prepare: Callable[[Part], Part]
     encode: Callable[[Part], Iterator[bytes]]
-    check: Callable[[Part, Path], Found]
+    check: Callable[[Part, Path], ReadBack]
     sheets: bool
     """Whether the format can hold an open sheet."""
     attempts: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
@@ -73,7 +73,7 @@ class Written:
     path: Path
     size: int
     seconds: float
-    found: Found
+    found: ReadBack
 
     @property
     def told(self) -> str:
@@ -88,7 +88,7 @@ _STEP = Format(
     step_format.check,
     sheets=False,
     attempts=ladder.attempts,
-    told=ladder.told,
+    told=ladder.route_sentence,
     refusal=ladder.refusal,
 )
 
@@ -101,7 +101,7 @@ FORMATS: dict[str, Format] = {
     ".lines.step": Format(
         step_lines.prepare, step_lines.encode, step_lines.check, sheets=True, takes="lines", curves=True
     ),
-    ".brep": replace(_STEP, encode=brep.encode, check=brep.check, told=brep.told),
+    ".brep": replace(_STEP, encode=brep.encode, check=brep.check, told=brep.route_sentence),
     ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.ready),
     ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
     ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
@@ -195,7 +195,7 @@ def _with_options(part: Part, step: StepOptions | str, details: Details | None) 
     )
 
 
-def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportError], Found]:
+def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportError], ReadBack]:
     """Write the first way that reads back as it should; returns it, why the ways before it were refused, and what was
     read."""
     refused = list[ExportError]()

@@ -14,7 +14,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import Found, check_mesh, read_with_trimesh
+from dsfab.export.readback import ReadBack, check_mesh, read_with_trimesh
 from dsfab.export.text import one_line
 from dsfab.units import MM_PER_M
 
@@ -37,7 +37,7 @@ def encode(part: Part) -> Iterator[bytes]:
     yield len(buffer).to_bytes(4, "little") + b"BIN\0" + buffer
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh, and back to millimetres."""
     V, F = read_with_trimesh(path)
     return check_mesh(part, V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M, F)

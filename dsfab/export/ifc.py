@@ -18,7 +18,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.ifc_text import beginning, building, element
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, check_mesh, differs
+from dsfab.export.readback import ReadBack, check_mesh, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name
 from dsfab.surface import signed_volume, total_area
@@ -81,7 +81,7 @@ def identifier(name: str, what: str) -> str:
     return "".join(digits[(value >> (6 * k)) & 63] for k in range(21, -1, -1))
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with ifcopenshell: lengths in millimetres, every triangle, closed, the part's volume."""
     import ifcopenshell
     import ifcopenshell.util.unit

@@ -15,10 +15,10 @@ import numpy as np
 from dsfab.errors import ExportError
 from dsfab.export import tessellated
 from dsfab.export.budget import BudgetError, none_within
-from dsfab.export.part import Part, settled
+from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
-from dsfab.export.simplify import simplified, usual_tolerance
-from dsfab.export.smooth.build import made
+from dsfab.export.simplify import simplified_part, usual_tolerance
+from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
 from dsfab.limits import OUTLINE
 from dsfab.surface.topology import edge_table, half_edges
@@ -38,7 +38,7 @@ def prepare(part: Part) -> Part:
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
     V[short] = coarse[short]  # they become one, the others stay where planes are found
-    part = settled(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
+    part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
         raise ExportError(
@@ -108,7 +108,7 @@ def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
 def simpler(part: Part, tolerance: float) -> Part:
     """The part simplified within a tolerance, in millimetres; raises ExportError where it cannot be, or helps little,
     and BudgetError where it does not help enough."""
-    return prepare(simplified(replace(part, tolerance=tolerance), tolerance))
+    return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
 
 
 def default_tolerance(part: Part) -> float:
@@ -119,7 +119,7 @@ def default_tolerance(part: Part) -> float:
         return 0.0
 
 
-def told(part: Part, refused: Sequence[ExportError]) -> str:
+def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     """How the file was made, and why not in the ways that were refused before."""
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused[-1]})" if refused else ""
@@ -129,7 +129,7 @@ def told(part: Part, refused: Sequence[ExportError]) -> str:
     if part.step == "smooth":
         over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
         slow = f"; made however long it took, since {over}" if over and not part.hurry else ""
-        return f"STEP is smooth, {made(part).told}{slow}"
+        return f"STEP is smooth, {smooth_file(part).told}{slow}"
     why = "; ".join(reasons(refused))
     note = f", {part.note}" if part.note else ""
     return f"STEP is faceted{note}" + (f": {why}" if why else "")

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.export.part import Part
-from dsfab.export.views import View, views
+from dsfab.export.views import DrawingView, views
 
 PAPER = (420.0, 297.0)
 """A3, millimetres."""
@@ -24,7 +24,7 @@ STEPS = (1.0, 2.0, 2.5, 5.0)
 class Placed:
     """A view on paper: its upper left corner and its size, millimetres from the paper's upper left corner."""
 
-    view: View
+    view: DrawingView
     corner: tuple[float, float]
     scale: float
 
@@ -51,7 +51,7 @@ def arranged(part: Part, title: tuple[float, float]) -> tuple[float, list[Placed
     return scale, _placed([row for row in choices[chosen] if row], scale, title)
 
 
-def _scale(rows: list[list[View]], title: tuple[float, float]) -> float:
+def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
     """The first of the usual scales at which the rows fit above the title block, or beside it in the last row."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
@@ -62,7 +62,7 @@ def _scale(rows: list[list[View]], title: tuple[float, float]) -> float:
         power *= 10
 
 
-def _fits(rows: list[list[View]], scale: float, title: tuple[float, float]) -> bool:
+def _fits(rows: list[list[DrawingView]], scale: float, title: tuple[float, float]) -> bool:
     wide, high = PAPER[0] - 2 * MARGIN, PAPER[1] - 2 * MARGIN
     sizes = [_row_size(row, scale) for row in rows if row]
     if any(width > wide for width, _ in sizes):
@@ -71,12 +71,12 @@ def _fits(rows: list[list[View]], scale: float, title: tuple[float, float]) -> b
     return sum(height for _, height in sizes) <= (high if beside else high - title[1])
 
 
-def _row_size(row: list[View], scale: float) -> tuple[float, float]:
+def _row_size(row: list[DrawingView], scale: float) -> tuple[float, float]:
     width = sum(float(view.extent[0]) / scale + ROOM[0] + ROOM[2] for view in row)
     return width, max(float(view.extent[1]) / scale for view in row) + ROOM[1] + ROOM[3]
 
 
-def _placed(rows: list[list[View]], scale: float, title: tuple[float, float]) -> list[Placed]:
+def _placed(rows: list[list[DrawingView]], scale: float, title: tuple[float, float]) -> list[Placed]:
     """Rows from the top, the free height shared out between them; views of a row stand on one line."""
     sizes = [_row_size(row, scale) for row in rows]
     total = sum(height for _, height in sizes)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dsfab import __version__
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, check_mesh, read_with_trimesh
+from dsfab.export.readback import ReadBack, check_mesh, read_with_trimesh
 from dsfab.export.text import one_line, rows
 
 
@@ -22,6 +22,6 @@ def encode(part: Part) -> Iterator[bytes]:
     yield from (text.encode("ascii") for text in rows("3 %d %d %d\n", *part.F.T))
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh."""
     return check_mesh(part, *read_with_trimesh(path))

@@ -14,7 +14,7 @@ from dsfab.errors import ExportError
 from dsfab.export.smooth.source import Curved
 from dsfab.limits import READ_BACK
 from dsfab.surface import Surface, box, signed_volume, total_area
-from dsfab.surface.lines import Line
+from dsfab.surface.lines import StructureLine
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
@@ -38,7 +38,7 @@ class Details:
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
     """
 
-    lines: tuple[Line, ...] = ()
+    lines: tuple[StructureLine, ...] = ()
     tolerance: float = 0.0
     values: Mapping[str, Floats] = field(default_factory=dict)
     facts: tuple[str, ...] = ()
@@ -150,7 +150,7 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
     return part
 
 
-def settled(part: Part, V: Floats, holding: str) -> Part:
+def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """The part on the rounded vertices V (n, 3): edges that lost their length are contracted, with their triangles.
 
     Reading programs merge equal points themselves and are left with triangles that have collapsed; some call that a
@@ -179,8 +179,8 @@ def settled(part: Part, V: Floats, holding: str) -> Part:
 
 
 def in_single_precision(part: Part) -> Part:
-    """The part as formats, or their readers, with 32-bit numbers hold it; raises ExportError like `settled`."""
-    return settled(part, part.V.astype(np.float32).astype(np.float64), "numbers of single precision")
+    """The part as formats, or readers, with 32-bit numbers hold it; raises ExportError like `without_collapsed`."""
+    return without_collapsed(part, part.V.astype(np.float32).astype(np.float64), "numbers of single precision")
 
 
 def open_edges(F: Ints) -> int:

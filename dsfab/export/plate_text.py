@@ -46,11 +46,11 @@ class Entities:
 
     def point(self, p: Floats) -> int:
         """The number of a point p (3,), millimetres."""
-        return self.once(f"CARTESIAN_POINT('',{listed(p, DIGITS)})")
+        return self.once(f"CARTESIAN_POINT('',{step_list(p, DIGITS)})")
 
     def direction(self, d: Floats) -> int:
         """The number of a direction d (3,) of any length."""
-        return self.once(f"DIRECTION('',{listed(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
+        return self.once(f"DIRECTION('',{step_list(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
 
     def line(self, p: Floats, along: Floats) -> int:
         """The number of a new line through p (3,), millimetres, along a direction (3,)."""
@@ -133,7 +133,7 @@ def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bo
     counts = ",".join(str(k) for k in times.tolist())
     return new.add(
         f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{curve.degree},{through},.UNSPECIFIED.,.F.,.F.,({counts}),"
-        f"{listed(knots, DIGITS)},.UNSPECIFIED.)"
+        f"{step_list(knots, DIGITS)},.UNSPECIFIED.)"
     )
 
 
@@ -145,7 +145,7 @@ def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats)
     return new.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{vector})")
 
 
-def listed(values: Floats, digits: int) -> str:
+def step_list(values: Floats, digits: int) -> str:
     """The values (k,) as '(1.5,0.,-2.)': without the zeros at the end of each."""
     text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
     return TRAILING_ZEROS.sub(r"\1", f"({text})")

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, check_mesh, read_with_trimesh
+from dsfab.export.readback import ReadBack, check_mesh, read_with_trimesh
 from dsfab.surface import ply_chunks
 
 
@@ -18,6 +18,6 @@ def encode(part: Part) -> Iterator[bytes]:
     return ply_chunks(part.V, part.F, "millimetre")
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh."""
     return check_mesh(part, *read_with_trimesh(path))

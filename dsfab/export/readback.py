@@ -15,7 +15,7 @@ from dsfab.surface.lines import polyline_length
 
 
 @dataclass(frozen=True)
-class Found:
+class ReadBack:
     """What a reader found in a file: how many of `what`, and by what share the measure is off, NaN if nothing was.
 
     measure : volume of a solid, area of a sheet, length of lines.
@@ -45,7 +45,7 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 
-def check_mesh(part: Part, V: Floats, F: Ints) -> Found:
+def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     """What was found; raises ExportError unless V (n, 3), millimetres, and F (m, 3) have the part's triangles, box
     and volume and is closed."""
     if len(F) != len(part.F):
@@ -62,7 +62,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> Found:
     if part.is_solid and open_edges(F):
         raise ExportError(f"{part.name!r} reads back open at {open_edges(F)} edges; write another format")
     off = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))
-    return Found(len(F), "triangles", off, "volume" if part.is_solid else "area")
+    return ReadBack(len(F), "triangles", off, "volume" if part.is_solid else "area")
 
 
 def check_measure(part: Part, found: float) -> float:
@@ -77,7 +77,7 @@ def check_measure(part: Part, found: float) -> float:
     return found / expected - 1
 
 
-def check_lines(part: Part, found: Sequence[Floats]) -> Found:
+def check_lines(part: Part, found: Sequence[Floats]) -> ReadBack:
     """What was found; raises ExportError unless as many polylines (k, 3) were found, as long together to 0.1 %."""
     lines = part.details.lines
     if len(found) != len(lines):
@@ -88,7 +88,7 @@ def check_lines(part: Part, found: Sequence[Floats]) -> Found:
             f"the lines of {part.name!r} read back {there:.6g} mm long instead of {expected:.6g} mm; "
             "write another format"
         )
-    return Found(len(found), "lines", there / expected - 1, "length")
+    return ReadBack(len(found), "lines", there / expected - 1, "length")
 
 
 def with_lines(part: Part, format_name: str) -> Part:
@@ -103,7 +103,7 @@ def differs(part: Part, what: str, expected: int, found: int) -> ExportError:
     return ExportError(f"{part.name!r} reads back with {found} {what} instead of {expected}; write another format")
 
 
-def merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
+def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
     """The mesh V (n, 3), F (m, 3) with vertices at exactly equal positions made one."""
     points, of = distinct(V)
     return points, of[F]

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab import __version__
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, check_lines, with_lines
+from dsfab.export.readback import ReadBack, check_lines, with_lines
 
 
 def prepare(part: Part) -> Part:
@@ -33,7 +33,7 @@ def encode(part: Part) -> Iterator[bytes]:
     yield b"]}\n"
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back as a whole."""
     lines = json.loads(path.read_text(encoding="utf-8"))["lines"]
     return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])

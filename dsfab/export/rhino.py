@@ -20,9 +20,9 @@ from dsfab.errors import ExportError
 from dsfab.export.along import check_curves, curves_along, joined, sampled, within
 from dsfab.export.curves import Curve
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import Found, check_mesh
+from dsfab.export.readback import ReadBack, check_mesh
 from dsfab.export.text import one_line
-from dsfab.surface.lines import Line
+from dsfab.surface.lines import StructureLine
 
 VERSION = 7
 """Of Rhino: the oldest in wide use; newer ones read it."""
@@ -84,7 +84,7 @@ def _mesh(part: Part) -> Any:
     return mesh
 
 
-def _curve(line: Line, tolerance: float) -> Any:
+def _curve(line: StructureLine, tolerance: float) -> Any:
     """A NURBS curve, a polyline, or one after the other."""
     import rhino3dm
 
@@ -107,7 +107,7 @@ def _curve(line: Line, tolerance: float) -> Any:
     return whole
 
 
-def _about(line: Line, layer: int, tolerance: float) -> Any:
+def _about(line: StructureLine, layer: int, tolerance: float) -> Any:
     import rhino3dm
 
     about = rhino3dm.ObjectAttributes()
@@ -119,7 +119,7 @@ def _about(line: Line, layer: int, tolerance: float) -> Any:
     return about
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with rhino3dm, the only reader there is: one mesh and as many curves, valid, in millimetres."""
     import rhino3dm
 

@@ -33,7 +33,7 @@ def usual_tolerance(part: Part) -> float:
     return OFF_SURFACE * 2 * part.volume / part.area
 
 
-def simplified(part: Part, tolerance: float) -> Part:
+def simplified_part(part: Part, tolerance: float) -> Part:
     """The solid with fewer triangles, none of its points farther than `tolerance` (mm) from the other's surface.
 
     `note` of the result says the distance that was measured and the change of volume. Raises ExportError when no try

@@ -38,9 +38,9 @@ from dsfab.export.planar import polyhedron
 from dsfab.export.plate import outlines_of, plate
 from dsfab.export.plate_text import plate_entities
 from dsfab.export.program import ProgramError, last_line
-from dsfab.export.readback import Found, check_measure, differs
+from dsfab.export.readback import ReadBack, check_measure, differs
 from dsfab.export.shells import solids_of
-from dsfab.export.smooth.build import made
+from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import entities, faceted_bytes
 
 CHECK_SECONDS = 120
@@ -64,7 +64,7 @@ def _planar(part: Part) -> tuple[int, float, Iterable[str]]:
 
 
 def _smooth(part: Part) -> tuple[int, float, Iterable[str]]:
-    return made(part).faces, len(made(part).text), [made(part).text]
+    return smooth_file(part).faces, len(smooth_file(part).text), [smooth_file(part).text]
 
 
 def _tessellated(part: Part) -> tuple[int, float, Iterable[str]]:
@@ -99,17 +99,17 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
         yield chunk
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with build123d: as many solids and faces, all valid, with the part's volume.
 
     Smooth pieces were read back and measured before, one by one; if all are smooth, what is on the disk must be that
     file.
     """
     if part.step == "smooth":
-        if path.read_bytes() != made(part).text.encode("ascii"):
+        if path.read_bytes() != smooth_file(part).text.encode("ascii"):
             raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
-        if made(part).smooth == made(part).pieces:
-            return Found(made(part).faces, "faces", made(part).volume / part.volume - 1)
+        if smooth_file(part).smooth == smooth_file(part).pieces:
+            return ReadBack(smooth_file(part).faces, "faces", smooth_file(part).volume / part.volume - 1)
     found = inspection(part, path)
     if part.step == "tessellated":
         return tessellated.check(part, found)
@@ -128,7 +128,7 @@ def check(part: Part, path: Path) -> Found:
             f"build123d makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
         )
     off = found["volume"] / part.volume - 1
-    return Found(faces, "faces", off if part.step == "smooth" else check_measure(part, found["volume"]))
+    return ReadBack(faces, "faces", off if part.step == "smooth" else check_measure(part, found["volume"]))
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:

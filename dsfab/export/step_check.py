@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 
-def inspected(path: Path) -> dict[str, Any]:
+def step_facts(path: Path) -> dict[str, Any]:
     """Number of solids and faces, OCCT's validity check, and the volume of all solids together."""
     from build123d import import_brep, import_step
     from OCP.Message import Message
@@ -97,4 +97,4 @@ def _volume(shape: Any) -> float:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(json.dumps(inspected(Path(sys.argv[1]))) + "\n")
+    sys.stdout.write(json.dumps(step_facts(Path(sys.argv[1]))) + "\n")

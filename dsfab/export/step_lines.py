@@ -12,11 +12,11 @@ from dsfab.export.along import check_length, curves_along, within
 from dsfab.export.curves import halves
 from dsfab.export.part import Part
 from dsfab.export.plate_text import Entities, curve_entity
-from dsfab.export.readback import Found, differs, with_lines
+from dsfab.export.readback import ReadBack, differs, with_lines
 from dsfab.export.step import inspection
 from dsfab.export.step_pieces import quoted
 from dsfab.export.step_text import header
-from dsfab.surface.lines import Line
+from dsfab.surface.lines import StructureLine
 
 COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
 """By family; others are black."""
@@ -50,7 +50,7 @@ def encode(part: Part) -> Iterator[bytes]:
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-def _line(new: Entities, line: Line, tolerance: float) -> int:
+def _line(new: Entities, line: StructureLine, tolerance: float) -> int:
     """A curve, or a composite of several; OCCT wants two of a closed one."""
     chain = curves_along(line.points, tolerance)
     chain = halves(chain[0]) if line.closed and len(chain) == 1 else chain
@@ -70,9 +70,9 @@ def _style(new: Entities, colour: tuple[float, float, float]) -> int:
     return new.add(f"PRESENTATION_STYLE_ASSIGNMENT((#{style}))")
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with OCCT: no line missing, and as long as they are to the tolerance at their bends."""
     found = inspection(part, path)
     if found["lines"] != len(part.details.lines):
         raise differs(part, "lines", len(part.details.lines), found["lines"])
-    return Found(found["lines"], "lines", check_length(part, found["length"]), "length")
+    return ReadBack(found["lines"], "lines", check_length(part, found["length"]), "length")

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab import __version__
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import Found, check_mesh, merged, read_with_trimesh
+from dsfab.export.readback import ReadBack, check_mesh, merged_mesh, read_with_trimesh
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
@@ -16,7 +16,7 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 def prepare(part: Part) -> Part:
     """The part in single precision. A file without indices joins vertices by their position, and so is it judged."""
     part = in_single_precision(part)
-    V, F = merged(part.V, part.F)
+    V, F = merged_mesh(part.V, part.F)
     return replace(part, V=V, F=F)
 
 
@@ -36,6 +36,6 @@ def encode(part: Part) -> Iterator[bytes]:
     yield records.tobytes()
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh."""
-    return check_mesh(part, *merged(*read_with_trimesh(path)))
+    return check_mesh(part, *merged_mesh(*read_with_trimesh(path)))

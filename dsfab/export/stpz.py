@@ -13,7 +13,7 @@ from pathlib import Path
 from dsfab.errors import ExportError
 from dsfab.export import step
 from dsfab.export.part import Part
-from dsfab.export.readback import Found
+from dsfab.export.readback import ReadBack
 from dsfab.export.text import one_line
 
 LEVEL = 6
@@ -32,7 +32,7 @@ def encode(part: Part) -> Iterator[bytes]:
     yield package.getvalue()
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Unpacked, its checksum found right, and read back as STEP is."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder, zipfile.ZipFile(path) as archive:
         if len(archive.namelist()) != 1 or archive.testzip() is not None:

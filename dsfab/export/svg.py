@@ -16,7 +16,7 @@ from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export.layout import MARGIN, PAPER, Placed, arranged
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, differs, with_lines
+from dsfab.export.readback import ReadBack, differs, with_lines
 from dsfab.export.text import one_line
 
 TITLE = (185.0, 34.0)
@@ -145,7 +145,7 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
     yield _text(x + 5 * field / scale + 5, y + 5.5, 2.4, unit) + "\n"
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back as XML: every line is drawn where the views see it, and the paper has its size in millimetres."""
     root = ElementTree.parse(path).getroot()
     drawn = [element for element in root.iter() if element.get("data-id")]
@@ -156,4 +156,4 @@ def check(part: Part, path: Path) -> Found:
         raise ExportError(
             f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf instead"
         )
-    return Found(len(drawn), "lines")
+    return ReadBack(len(drawn), "lines")

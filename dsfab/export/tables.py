@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, check_lines, with_lines
+from dsfab.export.readback import ReadBack, check_lines, with_lines
 
 HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point", "x_mm", "y_mm", "z_mm")
 
@@ -31,7 +31,7 @@ def encode(part: Part) -> Iterator[bytes]:
         yield text.getvalue().encode()
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back row by row."""
     with open(path, encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))

@@ -11,7 +11,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, differs
+from dsfab.export.readback import ReadBack, differs
 from dsfab.export.shells import solids_of
 from dsfab.export.step_pieces import Numbered, piece_name, product
 from dsfab.export.step_text import FACETED_DIGITS, FIRST, header
@@ -73,10 +73,10 @@ def _product(new: Numbered, i: int, title: str) -> Iterator[str]:
     new.text.clear()
 
 
-def check(part: Part, found: dict[str, float]) -> Found:
+def check(part: Part, found: dict[str, float]) -> ReadBack:
     """What was found; raises ExportError unless OCCT found the part's triangles and, to 0.1 %, its volume."""
     if found["triangles"] != len(part.F):
         raise differs(part, "triangles", len(part.F), int(found["triangles"]))
     if not abs(found["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"the triangles of {part.name!r} read back with another volume; write step = 'faceted'")
-    return Found(int(found["triangles"]), "triangles", found["volume"] / part.volume - 1)
+    return ReadBack(int(found["triangles"]), "triangles", found["volume"] / part.volume - 1)

@@ -17,7 +17,7 @@ from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import Found, check_mesh
+from dsfab.export.readback import ReadBack, check_mesh
 from dsfab.export.text import one_line, rows
 
 _HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -52,7 +52,7 @@ def encode(part: Part) -> Iterator[bytes]:
     yield package.getvalue()
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back with lib3mf, which must have no warnings and find one manifold, oriented mesh in millimetres."""
     import lib3mf
 

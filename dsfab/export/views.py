@@ -12,7 +12,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.part import Part
-from dsfab.surface.lines import Line, simplified
+from dsfab.surface.lines import StructureLine, simplified_line
 from dsfab.surface.mesh import Surface
 
 CELLS = 800
@@ -31,12 +31,12 @@ AXES = {
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class DrawingView:
     """One drawing: `runs` are visible stretches of lines, (k, 2) millimetres; `loops` the outline of a region to fill,
     even-odd, empty where the sheet covers itself."""
 
     title: str
-    runs: tuple[tuple[Line, Floats], ...]
+    runs: tuple[tuple[StructureLine, Floats], ...]
     loops: tuple[Floats, ...]
     low: Floats
     high: Floats
@@ -47,7 +47,7 @@ class View:
         return self.high - self.low
 
 
-def views(part: Part) -> list[View]:
+def views(part: Part) -> list[DrawingView]:
     """Plan, front and right elevation of a sheet with its lines; without those in which it is seen edge-on."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
@@ -63,20 +63,20 @@ def views(part: Part) -> list[View]:
 
 
 def _view(
-    title: str, sheet: Surface, lines: tuple[Line, ...], axes: Floats, low: Floats, high: Floats, size: float
-) -> View:
+    title: str, sheet: Surface, lines: tuple[StructureLine, ...], axes: Floats, low: Floats, high: Floats, size: float
+) -> DrawingView:
     facing = sheet.normals @ axes[2]
     if (facing > 0).all() or (facing < 0).all():  # one layer, all of it seen
         loops = tuple(sheet.V[loop] @ axes[:2].T for loop in sheet.loops)
-        return View(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
+        return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
     cell = float((high - low).max()) / CELLS
     depth = _Depth.of(sheet.V @ axes.T, sheet.F, low, high, cell)
     runs = []
     for line in lines:
         points = _dense(line.points, 2 * cell) @ axes.T
         seen = ~depth.hides(points, MARGIN * size)
-        runs += [(line, simplified(run, cell / 4)) for run in _stretches(points[:, :2], seen)]
-    return View(title, tuple(runs), (), low, high)
+        runs += [(line, simplified_line(run, cell / 4)) for run in _stretches(points[:, :2], seen)]
+    return DrawingView(title, tuple(runs), (), low, high)
 
 
 @dataclass(frozen=True, eq=False)

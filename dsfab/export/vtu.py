@@ -19,7 +19,7 @@ from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import Found, check_mesh
+from dsfab.export.readback import ReadBack, check_mesh
 from dsfab.units import MM_PER_M
 
 TRIANGLE = 5
@@ -74,7 +74,7 @@ def _array(name: str, values: NDArray[Any]) -> bytes:
     return head.encode() + data + b"</DataArray>\n"
 
 
-def check(part: Part, path: Path) -> Found:
+def check(part: Part, path: Path) -> ReadBack:
     """Read back by an XML parser: the mesh, and every field with its values."""
     found = dict(_arrays(path))
     V, F = found.pop("Points"), found.pop("connectivity").astype(np.int64).reshape(-1, 3)

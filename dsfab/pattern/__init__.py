@@ -11,7 +11,7 @@ from dsfab.pattern.frames import Frames
 from dsfab.pattern.guides import Guidance, Guide
 from dsfab.pattern.images import Images
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices, kept_layers
-from dsfab.pattern.layers import Drawable, Family, Layer, mean_duty_factor, stripe_layers
+from dsfab.pattern.layers import Drawable, Layer, ModeFamily, mean_duty_factor, stripe_layers
 from dsfab.pattern.phase import Flow, through_peaks
 from dsfab.pattern.shares import counted_share, face_points, material_points
 from dsfab.pattern.stripes import Stripes, frequency_for
@@ -23,7 +23,6 @@ __all__ = [
     "CornerPhase",
     "Drawable",
     "EvenFamily",
-    "Family",
     "Flow",
     "Frames",
     "Guidance",
@@ -31,6 +30,7 @@ __all__ = [
     "Halving",
     "Images",
     "Layer",
+    "ModeFamily",
     "Rule",
     "StressDirections",
     "Stripes",

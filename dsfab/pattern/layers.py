@@ -1,4 +1,4 @@
-"""`Layer`: one field and its levels, ready to be cut; and `Family`: stripes on a mode, drawn as a layer."""
+"""`Layer`: one field and its levels, ready to be cut; and `ModeFamily`: stripes on a mode, drawn as a layer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class Layer(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class ModeFamily:
     """Stripes on a mode x (n,), with what their width may follow at every vertex.
 
     slope  : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit.
@@ -55,7 +55,7 @@ class Family:
         x: Floats,
         stress: Floats | None = None,
         radius: float = 0.0,
-    ) -> "Family":
+    ) -> "ModeFamily":
         """The family with its slope over a radius in metres; a stress (n,) left out is the same everywhere."""
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)

@@ -89,7 +89,9 @@ class Flow:
         if from_lock:
             x = project(solve(target))
         else:
-            x = powered(lambda x: project(solve(mass * x)), np.concatenate([start, np.zeros(n)]), mass, STEPS, KRYLOV)
+            x = krylov_power(
+                lambda x: project(solve(mass * x)), np.concatenate([start, np.zeros(n)]), mass, STEPS, KRYLOV
+            )
         tau = FLOW * wave
         solve = factor(self.twisted, tau * mass + held)
         for _ in range(FLOWS):
@@ -98,7 +100,7 @@ class Flow:
         return np.where(lock & (np.abs(phase) < EXACT), 0.0, phase)
 
 
-def powered(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
+def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """B^power x, of length 1 in the mass (N,), from the Krylov space of so many products with a linear B.
 
     Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.

@@ -17,7 +17,7 @@ from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
-from dsfab.thickening import Base, Layer, Solid, apart, offsets, thicken, with_extras
+from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
 
 SPECK = 0.15
 """Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
@@ -201,7 +201,7 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
             )
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
         cells = slicing.cells
-        layer = Layer(surface, offset.D, cells.surface, cells.carry(offset.D), cells.parent, ask.side)
+        layer = OffsetLayer(surface, offset.D, cells.surface, cells.carry(offset.D), cells.parent, ask.side)
         proven = apart(layer)[kept_cells(cells, slicing.sheet)]
         solid = thicken(slicing.sheet.surface, D, ask.side, proven)
         solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))

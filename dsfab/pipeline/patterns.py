@@ -12,8 +12,8 @@ from dsfab.errors import PatternError
 from dsfab.pattern import (
     Drawable,
     EvenFamily,
-    Family,
     Layer,
+    ModeFamily,
     Stripes,
     Widths,
     counted_share,
@@ -226,7 +226,7 @@ def striped_families(
         x, stripes = modes.mode(family.number), family.stripes
         if family.spacing:
             stripes = replace(stripes, frequency=frequency_for(surface, x, family.spacing))
-        families.append(Family.on(surface, name, stripes, x, along, radius))
+        families.append(ModeFamily.on(surface, name, stripes, x, along, radius))
     return families
 
 

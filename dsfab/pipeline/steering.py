@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.diffusion import Symmetry, generated
+from dsfab.diffusion import Symmetry, generated_group
 from dsfab.errors import PatternError
 from dsfab.pattern import Frames, Guidance, StressDirections
 from dsfab.preset import Pattern
@@ -110,6 +110,6 @@ def _same_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, .
 def _subgroup(symmetry: Symmetry, keep: Bools) -> tuple[Symmetry | None, int]:
     """What is left of a group, if that is a group and more than the identity; and its elements."""
     R, maps = symmetry.R[keep], tuple(T for T, kept in zip(symmetry.maps, keep, strict=True) if kept)
-    if len(R) < 2 or len(generated(list(R))) != len(R):
+    if len(R) < 2 or len(generated_group(list(R))) != len(R):
         return None, 1
     return Symmetry(R, maps, symmetry.faces[keep]), len(R)

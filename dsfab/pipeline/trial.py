@@ -35,7 +35,7 @@ SHARE_TOLERANCE = 2e-3
 """How closely candidates reach pattern.width.solid_fraction, as a share of the surface."""
 
 
-class Carrying(NamedTuple):
+class CarryingSheet(NamedTuple):
     """All cells, the sheet that reaches supports, and `kept`, `whole` and `pieces` as in a `Candidate`."""
 
     cells: Sheet
@@ -88,7 +88,7 @@ class Trial:
         pattern = replace(pattern_of(preset, families, layers), even=self.even, tidy=tidy)
         return Tried(candidate, pattern, found.sheet, found.cells)
 
-    def carrying(self, layers: Sequence[Layer]) -> "Carrying":
+    def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
         """Layers as a sheet; raises DsfabError when it does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
@@ -105,7 +105,9 @@ class Trial:
         sheet = material if held.all() else material.kept(held[label])
         if lost := lost_load(surface, material, sheet, self.loads.values()):
             raise PatternError(lost)
-        return Carrying(cells, sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count)
+        return CarryingSheet(
+            cells, sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count
+        )
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
         """By name, what acts on such a sheet of what the pattern follows."""

@@ -31,7 +31,7 @@ def asking(preset: "Preset", show: str) -> "Preset":
     return preset if asks else overridden(preset, {f"statics.{key}": 1})
 
 
-def answered(design: "Design", show: str) -> Colouring:
+def answer_colouring(design: "Design", show: str) -> Colouring:
     """Colours of one of `dsfab.render.colouring.ANSWERS`.
 
     Raises DsfabError for an answer that the preset does not ask for, or that was not found.

@@ -112,9 +112,9 @@ def coloured(design: "Design", show: str, palette: Palette) -> Colouring:
     answers of the statics. Raises DsfabError for what the preset does not ask for.
     """
     if show in ANSWERS:
-        from dsfab.render.answers import answered
+        from dsfab.render.answers import answer_colouring
 
-        return answered(design, show)
+        return answer_colouring(design, show)
     if show == "stress":
         principal = design.diffusion.tensors.principal
         value = np.take_along_axis(principal, np.abs(principal).argmax(axis=1)[:, None], axis=1)[:, 0]

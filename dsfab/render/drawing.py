@@ -42,7 +42,7 @@ def rendered(
     stage: Stage,
     palette: Palette,
     size: tuple[int, int],
-    quality: light.Quality = light.FINE,
+    quality: light.LightQuality = light.FINE,
     clear: bool = False,
 ) -> "Image":
     """The picture without words; `clear` leaves the paper away and gives the shadows their share of opacity."""

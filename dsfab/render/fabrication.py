@@ -15,7 +15,7 @@ from dsfab.render.opengl import require_rendering
 from dsfab.render.palette import PAPER, Palette
 from dsfab.render.png import write_png
 from dsfab.render.scene import Body, Bytes, Colour, Scene
-from dsfab.render.stage import Annotations, legend, staged
+from dsfab.render.stage import Annotations, legend, set_stage
 from dsfab.render.view import View, framed, named_side, up_axis
 from dsfab.wording import length
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
 
     from dsfab.pipeline.design import Design
-    from dsfab.study.fabrication import Check, Fabrication
+    from dsfab.study.fabrication import Check, FabricationMeasures
 
 KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}
 """What is marked, and the limit that it is compared with."""
@@ -44,7 +44,7 @@ class Callout:
 
 def workshop_picture(
     design: "Design",
-    made: "Fabrication",
+    made: "FabricationMeasures",
     *,
     size: tuple[int, int] = (1600, 1200),
     view: str = "iso",
@@ -63,7 +63,7 @@ def workshop_picture(
     side = named_side(V, up, view)
     body = Body(V, F, np.array(palette.plain, dtype=np.uint8), casts=True)
     half = design.preset.statics.thickness / 2
-    stage = staged(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
+    stage = set_stage(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
     stage = replace(stage, view=framed(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, ROW)))
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
@@ -73,12 +73,12 @@ def workshop_picture(
     return np.asarray(called_out(image, callouts(made, palette), stage.view, palette))
 
 
-def write_workshop_picture(path: Path, design: "Design", made: "Fabrication", size: tuple[int, int]) -> Path:
+def write_workshop_picture(path: Path, design: "Design", made: "FabricationMeasures", size: tuple[int, int]) -> Path:
     """Write `workshop_picture` as a PNG file, whole or not at all; raises ExportError where that cannot be."""
     return write_png(workshop_picture(design, made, size=size), path)
 
 
-def callouts(made: "Fabrication", palette: Palette) -> list[Callout]:
+def callouts(made: "FabricationMeasures", palette: Palette) -> list[Callout]:
     """What was found, with its limit and verdict where the preset has one; limits that are missed in red."""
     found = made.features
     measured: dict[str, tuple[float, Floats]] = {
@@ -109,7 +109,7 @@ def _colour(check: "Check | None", palette: Palette) -> tuple[int, int, int]:
     return {"pass": palette.load, "fail": palette.tension}.get(check.verdict, palette.reaction)
 
 
-def _fits(made: "Fabrication") -> str:
+def _fits(made: "FabricationMeasures") -> str:
     bed = next((check for check in made.checks if check.name == "bed"), None)
     return "" if bed is None else f", bed {' x '.join(length(x) for x in bed.limit)}: {bed.verdict}"
 

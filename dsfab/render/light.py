@@ -33,7 +33,7 @@ FLOOR_REACH = 4.0
 
 
 @dataclass(frozen=True)
-class Quality:
+class LightQuality:
     """Number of lamps in the sun, in the sky and below; side of the pictures that lamps see, pixels.
 
     sharp : that of the sun's, whose shadows are sharper; coarse : that of the others.
@@ -47,13 +47,13 @@ class Quality:
     coarse: int = 768
     blur: tuple[float, float] = (0.004, 0.028)
 
-    def fitting(self, height: int) -> "Quality":
+    def fitting(self, height: int) -> "LightQuality":
         """The same for a picture of this many rows: what lamps see need not be finer than what the eye sees."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
 
-FINE, QUICK = Quality(), Quality(5, 14, 3, 448, 256, (0.012, 0.05))
+FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """For a picture that stands alone, and for one of a hundred."""
 
 
@@ -63,7 +63,7 @@ class Lamps:
 
     towards: Floats
     strength: Floats
-    quality: Quality
+    quality: LightQuality
 
     def open(self, normal: Floats) -> tuple[float, float]:
         """Light on a free surface with this unit normal (3,): of the sun, and of everything else."""
@@ -71,7 +71,7 @@ class Lamps:
         return float(each[: self.quality.sun].sum()), float(each[self.quality.sun :].sum()) + AMBIENT
 
 
-def lamps(view: View, floor: Floats, quality: Quality = FINE) -> Lamps:
+def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
     """The lamps for a view, over a floor with this unit normal (3,): the sun stands over the eye's left shoulder, the
     sky over what things stand or lie on."""
     back = -view.forward

@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress
-from dsfab.render.light import FINE, Quality
+from dsfab.render.light import FINE, LightQuality
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
@@ -30,7 +30,7 @@ def panels(
     names: Sequence[str],
     pixels: tuple[int, int],
     progress: Progress,
-    quality: Quality = FINE,
+    quality: LightQuality = FINE,
     **options: Any,
 ) -> Panels:
     """One picture with those of all `names`, each `pixels` large; `options` are those of `Previewer`.

@@ -12,7 +12,7 @@ from dsfab.render.lettering import lettered
 from dsfab.render.opengl import require_rendering
 from dsfab.render.palette import PAPER, Palette
 from dsfab.render.scene import Body, Bytes, Scene
-from dsfab.render.stage import Annotations, legend, staged
+from dsfab.render.stage import Annotations, legend, set_stage
 from dsfab.render.view import best_side, up_axis
 from dsfab.surface import LoadCase, Surface
 
@@ -59,7 +59,7 @@ def picture(
     axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)
     side = best_side(vertices, axis / np.linalg.norm(axis))
     half = _half_thickness(vertices, faces)
-    stage = staged(
+    stage = set_stage(
         Body(vertices, faces, member, casts=True), side, axis, half, Annotations(surface, load), palette, size
     )
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:

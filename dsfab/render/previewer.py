@@ -24,7 +24,7 @@ from dsfab.render.palette import PAPER, Palette
 from dsfab.render.png import png, write_png
 from dsfab.render.scene import Body, Bytes, Scene, shading
 from dsfab.render.shader import NOTHING, WHOLE, StripeShader
-from dsfab.render.stage import EVERY_LAYER, LAYERS, Annotations, legend, on_page, staged
+from dsfab.render.stage import EVERY_LAYER, LAYERS, Annotations, legend, on_page, set_stage
 from dsfab.render.striped_mesh import StripedMesh, distances, fields, numbers, only_numbers
 from dsfab.render.view import View, named_side, up_axis
 from dsfab.sparse import give_back
@@ -97,7 +97,7 @@ class Previewer:
         known = ("kept", *design.preset.pattern.family_names)
         pairs = zip(COLOURED, tints, strict=True) if tints else ()
         self._swatches = tuple((name, tint) for name, tint in pairs if name in known)
-        self._stage = staged(body, self._side, up, half, Annotations(shape, load, reaction, layers), drawn, NOMINAL)
+        self._stage = set_stage(body, self._side, up, half, Annotations(shape, load, reaction, layers), drawn, NOMINAL)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
         if self._side.towards @ up < 0:  # from below one looks through the ground
@@ -182,7 +182,7 @@ class Previewer:
         self,
         size: tuple[int, int] = NOMINAL,
         caption: str | None = None,
-        quality: light.Quality = light.FINE,
+        quality: light.LightQuality = light.FINE,
         words: bool = True,
     ) -> Bytes:
         """What is set now, (height, width, 3) bytes, on transparent ground (height, width, 4).

@@ -8,7 +8,7 @@ from dsfab.preset import Preset
 from dsfab.render.previewer import Previewer
 
 
-class Studio:
+class Previewers:
     """Previewers for presets that follow one another; use as `with Studio(view=..., ...) as studio`.
 
     options : those of `Previewer`, for all of them.

@@ -12,7 +12,7 @@ from dsfab.render.lettering import Legend
 from dsfab.render.marks import Mesh
 from dsfab.render.palette import MarkName, Palette
 from dsfab.render.scene import Body, Colour
-from dsfab.render.view import Side, View, framed
+from dsfab.render.view import View, ViewSide, framed
 from dsfab.surface import LoadCase, Surface
 
 EVERY_LAYER = ("loads", "supports", "reactions", "person")
@@ -60,9 +60,9 @@ class Stage:
     radius: float
 
 
-def staged(
+def set_stage(
     body: Body,
-    side: Side,
+    side: ViewSide,
     up: Floats,
     half: float,
     beside: Annotations,
@@ -94,7 +94,7 @@ def staged(
     return Stage(bodies, view, level if stands else None, centre, radius)
 
 
-def on_page(bodies: list[Body], side: Side, size: tuple[int, int], words: bool = True) -> View:
+def on_page(bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True) -> View:
     """The view in which the bodies fill a page with a strip for words below, or without one."""
     aspect = size[0] / size[1]
     wide, bottom, top = (0.86, -0.70, 0.88) if words else (0.92, -0.86, 0.92)
@@ -131,7 +131,7 @@ def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) ->
     return drawn
 
 
-def _person_beside(V: Floats, side: Side, foot: float) -> marks.Mesh:
+def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
     """Somebody on the ground to the right of the structure, a little in front of its middle."""
     up, right = side.up, np.cross(side.up, side.towards)
     right /= np.linalg.norm(right)

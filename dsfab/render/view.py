@@ -72,7 +72,7 @@ def _normal(V: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Side:
+class ViewSide:
     """From where a structure is seen: `towards` the eye, `up`, `floor` and `front` as in `View`."""
 
     towards: Floats
@@ -81,7 +81,7 @@ class Side:
     front: bool
 
 
-def best_side(V: Floats, up: Floats) -> Side:
+def best_side(V: Floats, up: Floats) -> ViewSide:
     """Three-quarter view of V (n, 3) from a little above; standing plates face on."""
     if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
         return _face_on(_normal(V), up)
@@ -91,14 +91,14 @@ def best_side(V: Floats, up: Floats) -> Side:
     lift = np.radians(np.interp(height / max(width, depth), [0.0, 0.15, 0.35, 1.0, 2.0], [40.0, 32.0, 24.0, 17.0, 9.0]))
     turn = np.radians(32.0)
     level = np.cos(turn) * front + np.sin(turn) * right
-    return Side(np.cos(lift) * level + np.sin(lift) * up, up, up, False)
+    return ViewSide(np.cos(lift) * level + np.sin(lift) * up, up, up, False)
 
 
 NAMED = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
 """Degrees of azimuth and elevation. The ground is seen from a little above, or it would be a line."""
 
 
-def named_side(V: Floats, up: Floats, name: str) -> Side:
+def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
     """The side of V (n, 3) that a name asks for: iso, top, front, side, or 'azimuth,elevation' in degrees.
 
     iso is `best_side`. Azimuth turns from the front to the right, elevation is counted from the ground up.
@@ -111,7 +111,7 @@ def named_side(V: Floats, up: Floats, name: str) -> Side:
     turn, lift = np.radians([azimuth, elevation])
     level = np.cos(turn) * front + np.sin(turn) * right
     towards = np.cos(lift) * level + np.sin(lift) * up
-    return Side(towards, np.cos(lift) * up - np.sin(lift) * level, up, False)
+    return ViewSide(towards, np.cos(lift) * up - np.sin(lift) * level, up, False)
 
 
 def _angles(name: str) -> tuple[float, float]:
@@ -127,14 +127,14 @@ def _angles(name: str) -> tuple[float, float]:
     return azimuth, elevation
 
 
-def _face_on(normal: Floats, up: Floats) -> Side:
+def _face_on(normal: Floats, up: Floats) -> ViewSide:
     """A little beside and above the normal, so that thickness shows. Plates in xz are seen from -y, others from +."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
     level /= np.linalg.norm(level)
     towards = level - 0.11 * np.cross(level, up) + 0.08 * up
-    return Side(towards / np.linalg.norm(towards), up, normal, True)
+    return ViewSide(towards / np.linalg.norm(towards), up, normal, True)
 
 
 def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
@@ -154,7 +154,7 @@ def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
     return front, right
 
 
-def framed(points: Floats, side: Side, box: tuple[float, float, float, float]) -> View:
+def framed(points: Floats, side: ViewSide, box: tuple[float, float, float, float]) -> View:
     """The view from one side in which points (n, 3) fill a box (left, right, bottom, top) in units of `View.seen`."""
     towards = side.towards
     right = np.cross(side.up, towards)

@@ -47,10 +47,10 @@ def write_chart(rows: Sequence[Row], title: str, path: Path) -> None:
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
     with mpl.rc_context(settings):
-        _save(drawn(rows, title), path)
+        _save(chart_figure(rows, title), path)
 
 
-def drawn(rows: Sequence[Row], title: str) -> "Figure":
+def chart_figure(rows: Sequence[Row], title: str) -> "Figure":
     """The chart itself."""
     from matplotlib.figure import Figure
 

@@ -7,9 +7,9 @@ from typing import Any
 from urllib.parse import quote
 
 from dsfab.limits import SEVERITY
-from dsfab.report.compliance.document import Block, Document, Paragraph, Section, Table, escaped
+from dsfab.report.compliance.document import Block, Document, Paragraph, ReportSection, Table, escaped
 from dsfab.report.compliance.findings import LABELS
-from dsfab.report.compliance.words import digits_of, listed, share_of, within
+from dsfab.report.compliance.words import digits_of, enumeration, share_of, within
 from dsfab.report.design.facts import versions
 from dsfab.wording import mass
 
@@ -27,7 +27,7 @@ def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], fold
         blocks.append(Table(caption, ("Design", "Why"), reasons, 2, "", (1, 5)))
     facts = [("Designs", str(len(rows))), ("Checked by", f"dsfab {versions()['dsfab']}")]
     footer = "About stiffness, no proof of safety under a code; what was assumed stands in each report"
-    return Document("Structural compliance", "Several designs", facts, [Section("Summary", blocks)], footer)
+    return Document("Structural compliance", "Several designs", facts, [ReportSection("Summary", blocks)], footer)
 
 
 def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -35,7 +35,7 @@ def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
     told = [f"{count} {verdict}" for verdict in SEVERITY if (count := sum(row["verdict"] == verdict for row in rows))]
     if refused := sum(bool(row["error"]) for row in rows):
         told.append(f"{refused} refused")
-    return f"Of {len(rows)} designs: {listed(told)}."
+    return f"Of {len(rows)} designs: {enumeration(told)}."
 
 
 def _table(made: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Table:

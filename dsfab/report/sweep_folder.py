@@ -18,8 +18,8 @@ from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.results import best, feasible, pareto, picture_of
-from dsfab.study.sweeps.store import Row
-from dsfab.study.variations import short_names, spelled
+from dsfab.study.sweeps.store import RunRow
+from dsfab.study.variations import short_names, spelled_value
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -53,7 +53,7 @@ def against(plan: Plan) -> str:
     return next((name for name in USUAL[1] if name in others), others[0] if others else first)
 
 
-class Shown:
+class SweepPages:
     """Writes index.html now and then while a sweep runs, and all that is to be seen at its end."""
 
     def __init__(self, folder: SweepFolder) -> None:
@@ -73,14 +73,14 @@ class Shown:
             with replacing(self._folder.path / SHEET_NAME) as temporary:
                 _sheet(self._folder, rows).save(temporary, format="PNG")
 
-    def _page(self, rows: list[Row]) -> None:
+    def _page(self, rows: list[RunRow]) -> None:
         plan = self._folder.plan
         text = page(self._folder, rows, headline(plan), against(plan))
         with replacing(self._folder.path / PAGE) as temporary:
             write_chunks(temporary, [text.encode()])
 
 
-def _sheet(folder: SweepFolder, rows: list[Row]) -> "Image":
+def _sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
     """The runs side by side in the order of their numbers; of very many, the best."""
     plan = folder.plan
     shown = [row for row in rows if row.state in ("done", "failed")]
@@ -99,7 +99,7 @@ def _sheet(folder: SweepFolder, rows: list[Row]) -> "Image":
     return contact_sheet(tiles, f"{folder.preset.name}, {which}", line, across, TILE_WIDE, wide / high, PAPER)
 
 
-def _tile(folder: Path, row: Row, metric: str) -> Tile:
+def _tile(folder: Path, row: RunRow, metric: str) -> Tile:
     from PIL import Image
 
     picture, name = None, picture_of(row)
@@ -118,7 +118,7 @@ def _tile(folder: Path, row: Row, metric: str) -> Tile:
 
 
 def _brief(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else spelled(value)
+    return f"{value:.4g}" if isinstance(value, float) else spelled_value(value)
 
 
 def summary(folder: SweepFolder) -> str:
@@ -141,7 +141,7 @@ def summary(folder: SweepFolder) -> str:
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
 
 
-def page(folder: SweepFolder, rows: Sequence[Row], stiff: str, heavy: str) -> str:
+def page(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> str:
     """index.html, which opens offline; `stiff` and `heavy` are the metrics that it draws against each other at first.
 
     Pictures are files beside it, named relative to it; everything else is inside. Runs that failed, or have no value
@@ -153,7 +153,7 @@ def page(folder: SweepFolder, rows: Sequence[Row], stiff: str, heavy: str) -> st
     return template.replace("{{title}}", title).replace("{{facts}}", facts.replace("</", "<\\/"))
 
 
-def _facts(folder: SweepFolder, rows: Sequence[Row], stiff: str, heavy: str) -> dict[str, Any]:
+def _facts(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> dict[str, Any]:
     """What the page knows."""
     plan = folder.plan
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
@@ -175,7 +175,7 @@ def _facts(folder: SweepFolder, rows: Sequence[Row], stiff: str, heavy: str) -> 
     }
 
 
-def _run(row: Row, keys: Sequence[str], metrics: Sequence[str], meets: bool) -> list[Any]:
+def _run(row: RunRow, keys: Sequence[str], metrics: Sequence[str], meets: bool) -> list[Any]:
     values = [row.metrics.get(name) for name in metrics]
     return [
         row.number,

@@ -12,7 +12,7 @@ from dsfab.render.drawing import rendered
 from dsfab.render.opengl import require_rendering
 from dsfab.render.palette import PAPER
 from dsfab.render.scene import Body, Scene
-from dsfab.render.stage import Annotations, Stage, on_page, staged
+from dsfab.render.stage import Annotations, Stage, on_page, set_stage
 from dsfab.render.view import named_side, up_axis
 
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
@@ -60,7 +60,7 @@ class SheetDrawer:
             side = named_side(surface.V, up, self.view)
             whole = Body(surface.V, surface.F, MEMBERS, casts=True)
             half = made.preset.statics.thickness / 2
-            stage = staged(whole, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
+            stage = set_stage(whole, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
             stage = replace(stage, view=on_page([whole], side, self.size, words=False))
             if side.towards @ up < 0:  # from below one looks through the ground
                 stage = replace(stage, level=None)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints, grouped, lock, sorted_order
-from dsfab.slicing.cut import filled
+from dsfab.slicing.cut import filled_polygons
 from dsfab.slicing.halving import Halved
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.seen import Seen
@@ -49,7 +49,7 @@ def chart_of(halved: Halved, phases: tuple[CornerField, CornerField] | None = No
              moved to so that openings end well; left out, they are drawn there.
     """
     mesh, phases = halved.mesh, phases or halved.phases
-    surface, cell = filled(mesh.cells, mesh.X, mesh.parent)
+    surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _slots(mesh, surface.F, cell)
     z, scale = np.empty((2, 3 * surface.m, 2))
     for k, phase in enumerate(phases):

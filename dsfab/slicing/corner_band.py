@@ -8,7 +8,7 @@ from dsfab.arrays import Bools, Floats, Ints, grouped
 from dsfab.slicing.clean import ROUNDS, collapsed_corners
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.seen import Seen
-from dsfab.slicing.snap import SNAP_FLOOR, nearest, ranges, settled, snapped, snapped_together
+from dsfab.slicing.snap import SNAP_FLOOR, nearest, ranges, settled_cells, snapped, snapped_together
 from dsfab.slicing.split import Split, split_cells
 from dsfab.surface.corner_field import CornerField
 
@@ -34,7 +34,7 @@ def corner_band(
     if not len(levels) or not void.any():
         return mesh, np.zeros(len(void), dtype=bool)
     seen = Seen.of(mesh, field)
-    solid, empty = settled(mesh.cells, np.stack([seen.slots(0), seen.slots(1)], axis=1), levels)
+    solid, empty = settled_cells(mesh.cells, np.stack([seen.slots(0), seen.slots(1)], axis=1), levels)
     cutting = Cutting(seen, levels, tip, size, void & ~solid & ~empty, void & solid)
     cutting = cutting.snapped(snap)
     for side in (0, 1):

@@ -18,7 +18,7 @@ from dsfab.slicing.closing import with_closed
 from dsfab.slicing.corner_band import corner_band
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
-from dsfab.slicing.snap import SNAP_FLOOR, TIP, ranges, settled, snapped_together
+from dsfab.slicing.snap import SNAP_FLOOR, TIP, ranges, settled_cells, snapped_together
 from dsfab.slicing.split import Split
 from dsfab.slicing.tidy import Tidy, tidied
 from dsfab.slicing.triangulate import triangulate
@@ -62,7 +62,7 @@ def cut(
     area whatever is moved.
     """
     done = _divided(surface, fields, levels, snap, tidy)
-    cut_surface, cell = filled(done.cells, done.X, done.parent)
+    cut_surface, cell = filled_polygons(done.cells, done.X, done.parent)
     return Sheet(cut_surface, done.parent[cell], done.family[cell], done.weights)
 
 
@@ -148,7 +148,7 @@ def _band(
     """
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
-    solid, empty = settled(cells, x[cells.corner], levels)
+    solid, empty = settled_cells(cells, x[cells.corner], levels)
     solid, active = void & solid, void & ~solid & ~empty
     a, b = cells.sides(active)
     reach = np.stack([ranges(len(x), (a, b), np.abs(x[a, i] - x[b, i])) for i in (0, 1)], axis=1)
@@ -161,7 +161,7 @@ def _band(
     return [one, two], solid[one.source][two.source] | more
 
 
-def filled(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
+def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
     """The polygons filled with triangles, and the polygon (m',) of each triangle, ascending.
 
     Raises PatternError when triangles without area are left; it names their parent faces (c,).

@@ -13,7 +13,7 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.clean import Snapping, clean_split
-from dsfab.slicing.cut import filled
+from dsfab.slicing.cut import filled_polygons
 from dsfab.slicing.fillet_chords import SNAP, Fillets, fitting_fillets
 from dsfab.slicing.opening_corners import Corners
 from dsfab.slicing.polygon_mesh import PolygonMesh
@@ -142,5 +142,5 @@ def _together(sheet: Sheet, which: Ints, vertices: Ints, mesh: PolygonMesh, root
     weights = csr_array(vstack([sheet.weights, mesh.weights[len(vertices) :]], format="csr"))
     cells, parent = cells.some(order), sheet.parent[came[order]]
     family = np.concatenate([sheet.family[others], mesh.family])[order]
-    done, cell = filled(cells, X, parent)
+    done, cell = filled_polygons(cells, X, parent)
     return Sheet(done, parent[cell], family[cell], weights)

@@ -14,7 +14,7 @@ from dsfab.slicing.polygon_mesh import places
 from dsfab.slicing.sheet import VOID, Sheet
 from dsfab.slicing.snap import nearest
 from dsfab.surface.corner_field import CornerField
-from dsfab.surface.lines import Kind, Line, Track, level_lines, polyline_length
+from dsfab.surface.lines import Kind, StructureLine, Track, level_lines, polyline_length
 from dsfab.surface.mesh import Surface
 
 BOUNDARY = "boundary"
@@ -35,7 +35,7 @@ Phase = Floats | CornerLines | None
 """z (n,) on the uncut surface, integers at the middles of stripes; or that at corners; or None for no stripes."""
 
 
-def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[Line]:
+def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """The outline of a kept sheet, cut into lines wherever it passes from one family or stripe to another.
 
     names  : of the fields that the sheet was cut by; a cell's `family` is an index into them.
@@ -102,7 +102,7 @@ class _Stripes:
         return np.asarray((self.family[at] != self.family[before]) | (self.number[at] != number))
 
 
-def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[Line]:
+def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
     """The middles z = k of one family's members, for all integers k, on what is kept of the surface.
 
     phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Where d is 0 there is no
@@ -118,7 +118,7 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 
 def chart_lines(
     sheet: Sheet, uncut: Surface, names: Sequence[str], name: str, chart: Chart, half_width: Floats
-) -> list[Line]:
+) -> list[StructureLine]:
     """`centre_lines` of evenly spaced members: each as long as it is drawn, ended on the middle of the one it meets.
 
     names      : of the fields that the sheet was cut by.    name : "major" or "minor".
@@ -130,13 +130,13 @@ def chart_lines(
     return _numbered("centre", [(name, line.number, line.points) for line in found])
 
 
-def _numbered(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[Line]:
+def _numbered(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[StructureLine]:
     """The lines with their parts numbered, the longest of each stripe first."""
     groups = defaultdict[tuple[str, int], list[tuple[float, Floats]]](list)
     for family, number, points in chosen:
         groups[family, number].append((polyline_length(points), points))
     return [
-        Line(kind, family, number, part, points, length)
+        StructureLine(kind, family, number, part, points, length)
         for family, number in sorted(groups)
         for part, (length, points) in enumerate(sorted(groups[family, number], key=lambda one: -one[0]), 1)
     ]

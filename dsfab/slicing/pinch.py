@@ -17,7 +17,7 @@ from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import PatternError
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.clean import Snapping, clean_split
-from dsfab.slicing.cut import filled
+from dsfab.slicing.cut import filled_polygons
 from dsfab.slicing.polygon_mesh import extended_weights
 from dsfab.slicing.sheet import VOID, Sheet
 from dsfab.surface.topology import edge_table, pieces
@@ -153,7 +153,7 @@ def _with_discs(sheet: Sheet, at: Ints, distance: Floats, radius: float, rule: R
     touched = np.asarray((distance[F] < radius).any(axis=1))
     level = np.array([radius])
     split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(DISC_SNAP, sheet.surface.size, at))
-    surface, cell = filled(split.cells, split.extended(V), sheet.parent[split.source])
+    surface, cell = filled_polygons(split.cells, split.extended(V), sheet.parent[split.source])
     before = split.source[cell]
     inside = _at_pinches(surface.F, split.strip[cell] == 0, at)
     family = sheet.family[before]

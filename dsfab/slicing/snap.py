@@ -65,7 +65,7 @@ def snapped_together(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     return moved
 
 
-def settled(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
+def settled_cells(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
     """(c,) polygons that are material, and (c,) void, wherever the levels of two fields run; y (h, 2) at the slots."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)

@@ -22,7 +22,7 @@ from dsfab.sparse import multigrid
 from dsfab.sparse.memory import FactorMemoryError, give_back, peak_memory, require_memory
 from dsfab.sparse.multifrontal import Fronts, Multifrontal, NotPositiveDefinite
 from dsfab.sparse.multigrid import ConvergenceError, Multigrid
-from dsfab.sparse.pardiso import Matrix, Pardiso, made
+from dsfab.sparse.pardiso import Matrix, Pardiso, pardiso_matrix
 from dsfab.sparse.superlu import SuperLU
 from dsfab.sparse.threads import one_blas_thread
 
@@ -69,9 +69,9 @@ def factorise(
     try:
         return build(K, points, node, rigid)
     except FactorMemoryError:
-        if solver or rigid is None or not multigrid.installed() or np.bincount(node).max() > 3:
+        if solver or rigid is None or not multigrid.has_pyamg() or np.bincount(node).max() > 3:
             raise
-        return Multigrid(made(K), node, rigid)
+        return Multigrid(pardiso_matrix(K), node, rigid)
 
 
 class OnePattern:
@@ -97,7 +97,7 @@ class OnePattern:
 
 
 def _multifrontal(K: Matrix, points: Floats, node: Ints, _rigid: Floats | None) -> Multifrontal:
-    K = made(K)
+    K = pardiso_matrix(K)
     fronts = Fronts.of(K, points, node)
     require_memory(8 * fronts.peak)
     return Multifrontal(K, fronts)
@@ -106,13 +106,13 @@ def _multifrontal(K: Matrix, points: Floats, node: Ints, _rigid: Floats | None) 
 def _multigrid(K: Matrix, _points: Floats, node: Ints, rigid: Floats | None) -> Multigrid:
     if rigid is None:
         raise ValueError("multigrid needs the rigid motions")
-    return Multigrid(made(K), node, rigid)
+    return Multigrid(pardiso_matrix(K), node, rigid)
 
 
 _BUILDERS: dict[str, Callable[[Matrix, Floats, Ints, Floats | None], Factor]] = {
     "PARDISO": lambda K, _points, node, _rigid: Pardiso(K, _blocks(node)),
     "multifrontal": _multifrontal,
-    "SuperLU": lambda K, points, node, _rigid: SuperLU(made(K), points, node),
+    "SuperLU": lambda K, points, node, _rigid: SuperLU(pardiso_matrix(K), points, node),
     "multigrid": _multigrid,
 }
 

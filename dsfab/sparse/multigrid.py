@@ -22,7 +22,7 @@ class ConvergenceError(DsfabError, ArithmeticError):
     """The iteration stopped short of the wanted residual."""
 
 
-def installed() -> bool:
+def has_pyamg() -> bool:
     """Whether pyamg can be used."""
     return importlib.util.find_spec("pyamg") is not None
 

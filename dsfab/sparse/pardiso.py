@@ -36,7 +36,7 @@ Matrix = csr_array | Callable[[], csr_array]
 """A matrix, or what makes it: for those who need it for a moment only."""
 
 
-def made(K: Matrix) -> csr_array:
+def pardiso_matrix(K: Matrix) -> csr_array:
     """The matrix (n, n) itself."""
     return K() if callable(K) else K
 
@@ -62,7 +62,7 @@ class Pardiso:
             self._solver.set_iparm(entry + 1, value)
         weakref.finalize(self, _release, self._solver)  # MKL's memory is not Python's
         self._threads = int(self._solver.libmkl.MKL_Get_Max_Threads())
-        self._take(made(K))
+        self._take(pardiso_matrix(K))
         nothing = np.zeros((self._upper.shape[0], 1))
         self._call(ANALYSE, nothing)
         analysis, kept, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))

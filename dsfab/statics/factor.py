@@ -22,7 +22,7 @@ REFINEMENTS = 6
 
 
 class Map(Protocol):
-    """What `refined` asks of a matrix: products, and itself in longer numbers."""
+    """What `refined_solution` asks of a matrix: products, and itself in longer numbers."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -131,7 +131,7 @@ def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
     return inner
 
 
-def refined(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+def refined_solution(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r / b . x).
 
     A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with the residual in the longest

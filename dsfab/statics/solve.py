@@ -12,7 +12,7 @@ from dsfab.arrays import Bools, Floats, lock, locked
 from dsfab.errors import StaticsError
 from dsfab.limits import BALANCE, RESIDUAL
 from dsfab.statics.elements import PAPER, Elements, edge_frames
-from dsfab.statics.factor import FactorOf, factored, refined
+from dsfab.statics.factor import FactorOf, factored, refined_solution
 from dsfab.statics.mechanisms import require_held, require_loads_on_faces
 from dsfab.statics.needles import needles_told
 from dsfab.statics.spread import SpreadLoad
@@ -230,7 +230,7 @@ def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of:
         return U, np.zeros(F.shape[1])
     factor = factor_of(surface, K, held)
     scale = factor.scale[:, None]
-    x, residual = refined(factor.map, scale * F[factor.free], factor.solve)
+    x, residual = refined_solution(factor.map, scale * F[factor.free], factor.solve)
     U[factor.free] = scale * x
     return U, residual
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.export.calculix import Element, Model
+from dsfab.export.calculix import CalculixModel, Element
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_load
 from dsfab.pipeline.loadings import Loading, loadings
@@ -32,7 +32,7 @@ ROUNDING = 1e-9
 class CheckModel:
     """A model, the surface it was made of, and our own answers to its steps with the elements for verdicts."""
 
-    model: Model
+    model: CalculixModel
     surface: Surface
     answers: Mapping[str, Equilibrium]
     warnings: tuple[str, ...]
@@ -117,7 +117,7 @@ def _answers(
     )
 
 
-def _on_supports(preset: Preset, model: Model) -> Iterator[str]:
+def _on_supports(preset: Preset, model: CalculixModel) -> Iterator[str]:
     for k, support in enumerate(preset.surface.support, 1):
         if (held := model.supports.get(f"SUPPORT_{k}")) is not None:
             yield f"SUPPORT_{k} holds {support.hold} at {int(held.any(axis=1).sum())} nodes"
@@ -127,7 +127,7 @@ def _on_supports(preset: Preset, model: Model) -> Iterator[str]:
             yield f"support {k} is clamped: its edges do not turn"
 
 
-def _expected(name: str, model: Model, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
+def _expected(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
     """What CalculiX should find in one step, from our displacements and reactions (n, 3) in the file's axes."""
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     pair = elements_of("six_nodes")

@@ -16,8 +16,8 @@ from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.pattern_quality import PatternQuality
-from dsfab.study.baselines import DEFAULT, Baseline, Brief, Structure, Variant, chosen
-from dsfab.study.baselines.matching import striped
+from dsfab.study.baselines import DEFAULT, Baseline, ComparisonTask, Structure, Variant, chosen
+from dsfab.study.baselines.matching import striped_structure
 from dsfab.study.competitors import Competitor, Spread
 from dsfab.study.judging import Judge, quick
 
@@ -35,7 +35,7 @@ class Comparison:
     """
 
     name: str
-    brief: Brief
+    brief: ComparisonTask
     full: Competitor
     design: Competitor
     rivals: tuple[Competitor, ...]
@@ -87,9 +87,9 @@ def comparison(
     except DsfabError as error:
         if refuse:
             raise
-        brief, uncut = Brief.of(design, design.surface.area), Competitor("design", error=str(error))
+        brief, uncut = ComparisonTask.of(design, design.surface.area), Competitor("design", error=str(error))
         return _compared(brief, uncut, {}, (judge, judge), told)
-    brief = Brief.of(design, slicing.sheet.surface.area)
+    brief = ComparisonTask.of(design, slicing.sheet.surface.area)
     own = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
     entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse)
     compared = _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
@@ -108,13 +108,17 @@ def compare_at(
     rivals = chosen(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
-    brief = Brief.of(made, share * made.surface.area)
-    variant = Variant("", lambda: striped(brief, brief.preset, brief.diffusion, brief.even))
+    brief = ComparisonTask.of(made, share * made.surface.area)
+    variant = Variant("", lambda: striped_structure(brief, brief.preset, brief.diffusion, brief.even))
     return _compared(brief, _entered(brief, "design", [variant], judge), rivals, (judge, judge), told)
 
 
 def _compared(
-    brief: Brief, design: Competitor, rivals: dict[str, Baseline], judges: tuple[Judge, Judge], told: Told | None
+    brief: ComparisonTask,
+    design: Competitor,
+    rivals: dict[str, Baseline],
+    judges: tuple[Judge, Judge],
+    told: Told | None,
 ) -> Comparison:
     """judges : of the full sheet, and of the competitors."""
     whole = Variant("", lambda: Structure.uncut(brief.surface, brief.preset.statics.thickness))
@@ -135,7 +139,9 @@ def _compared(
     return Comparison(brief.preset.name, brief, full, design, tuple(entered))
 
 
-def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False) -> Competitor:
+def _entered(
+    brief: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
+) -> Competitor:
     """The stiffest of the variants; `refuse` raises what the first of them is refused for."""
     start, making, found, errors = time.perf_counter(), 0.0, [], []
     several, structure = len(variants) > 1, None
@@ -164,7 +170,7 @@ def _entered(brief: Brief, name: str, variants: Sequence[Variant], judge: Judge,
     return replace(_measured(brief, entered, structure), seconds=time.perf_counter() - start)
 
 
-def _measured(brief: Brief, entered: Competitor, structure: Structure) -> Competitor:
+def _measured(brief: ComparisonTask, entered: Competitor, structure: Structure) -> Competitor:
     """With the structure, its mass and its sizes."""
     area = structure.sheet.surface.area
     return replace(

@@ -39,7 +39,7 @@ class Touches:
 
 
 @dataclass(frozen=True, eq=False)
-class Fabrication:
+class FabricationMeasures:
     """What `fabrication` finds; lengths in metres."""
 
     features: Features
@@ -55,7 +55,7 @@ class Fabrication:
         return tuple(check for check in self.checks if check.verdict == "fail")
 
 
-def fabrication(design: Design) -> Fabrication:
+def fabrication(design: Design) -> FabricationMeasures:
     """Measure a design and compare it with the limits of its preset.
 
     A limit is met or not on the sheet and the solid as they are built. It is unknown where both it and what was
@@ -77,7 +77,7 @@ def fabrication(design: Design) -> Fabrication:
         fits = bool((np.sort(box) <= np.sort(ask.bed)).all())
         size = tuple(box.tolist())
         checks.append(Check("bed", ask.bed, size, (), "the whole solid", "pass" if fits else "fail"))
-    return Fabrication(found, wall, box, _touches(design), quality(design.sheet.surface), tuple(checks))
+    return FabricationMeasures(found, wall, box, _touches(design), quality(design.sheet.surface), tuple(checks))
 
 
 def _checked(name: str, limit: float, found: Feature | None) -> Check:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import StaticsError
-from dsfab.export.calculix import Element, Model
+from dsfab.export.calculix import CalculixModel, Element
 from dsfab.statics import SheetModel, SpreadLoad, elements_of
 from dsfab.statics.elements import edge_frames
 from dsfab.statics.supports import held_faces, held_middles
@@ -79,7 +79,7 @@ def six_node_model(
     springs: Floats | None = None,
     element: Element = "S6",
     axis: int = 2,
-) -> Model:
+) -> CalculixModel:
     """The model of a sheet. Faces that are held in all directions do not turn, as in ours.
 
     supports : by name, (n, 3) held directions of the vertices.
@@ -99,7 +99,9 @@ def six_node_model(
     if springs is not None:
         soft[: surface.n] = springs
     held = held_nodes(surface, supports)
-    model = Model(X, T, sheet.thickness, material.young, material.poisson, steps, held, still, soft, material.density)
+    model = CalculixModel(
+        X, T, sheet.thickness, material.young, material.poisson, steps, held, still, soft, material.density
+    )
     return model if element == "S6" else in_plane(model, axis, THIN * surface.mean_edge)
 
 
@@ -108,7 +110,7 @@ def axes_of_file(axis: int) -> Ints:
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
-def in_plane(model: Model, axis: int, thickness: float) -> Model:
+def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
     """The model in CPS6, seen along the coordinate `axis`: the two others become x and y.
 
     thickness : metres, of the section at most; a stiffer material makes up for it, so that displacements, reactions and

@@ -1,4 +1,4 @@
-"""`fixed`: a preset changed until what it makes keeps to its limits of fabrication, or the sentence why it cannot."""
+"""`fixed_design`: a preset changed until what it makes keeps to its limits of fabrication, or why it cannot be."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
-from dsfab.study.fabrication import Check, Fabrication, fabrication
+from dsfab.study.fabrication import Check, FabricationMeasures, fabrication
 
 ATTEMPTS = 8
 """So many changes are tried, each measured on the whole design."""
@@ -30,11 +30,11 @@ class Fixed:
     """A design that keeps to its limits, what was measured on it, and the keys that were changed: old and new value."""
 
     design: Design
-    made: Fabrication
+    made: FabricationMeasures
     changes: Mapping[str, tuple[Any, Any]]
 
 
-def fixed(design: Design, progress: Progress | None = None) -> Fixed:
+def fixed_design(design: Design, progress: Progress | None = None) -> Fixed:
     """The design with wider members and gaps, or fewer of them, until no check of its [fabrication] fails.
 
     Members: pattern.width.min_width, and the rim or the kept region where these are narrow. Gaps: pattern.width.min_gap
@@ -81,7 +81,7 @@ def _refuse_hopeless(check: Check) -> None:
         )
 
 
-def _changes(design: Design, made: Fabrication) -> dict[str, Any]:
+def _changes(design: Design, made: FabricationMeasures) -> dict[str, Any]:
     """The next values of the keys that can help, from what failed."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     failed = {check.name: check for check in made.failed}
@@ -95,7 +95,7 @@ def _changes(design: Design, made: Fabrication) -> dict[str, Any]:
     return changes
 
 
-def _coarser(design: Design, made: Fabrication) -> dict[str, Any]:
+def _coarser(design: Design, made: FabricationMeasures) -> dict[str, Any]:
     """Fewer stripes, by as much as a member that failed is too narrow, within limits."""
     short = min((c.value[0] / c.limit[0] for c in made.failed if c.name == "min_member"), default=COARSER)
     by, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()

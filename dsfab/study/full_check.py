@@ -5,9 +5,9 @@ from dataclasses import replace
 from dsfab.errors import StaticsError
 from dsfab.pipeline.log import Progress
 from dsfab.statics import Ask
-from dsfab.study.baselines import Brief, Structure
+from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.judging import Judgement, quick
-from dsfab.study.verdict import BUDGET, Setting, Sheeting, Verdict, check
+from dsfab.study.verdict import BUDGET, LoadedSurface, SheetMaterial, Verdict, check
 
 TRIANGLE = {True: 4e-4, False: 1.7e-3}
 """Seconds of a full check for each triangle of the mesh as it is cut, in the plane and bent: measured on two meshes."""
@@ -19,7 +19,7 @@ def seconds_needed(triangles: int, plane: bool) -> float:
 
 
 def full(
-    brief: Brief,
+    brief: ComparisonTask,
     structure: Structure,
     ask: Ask | None = None,
     every: bool = False,
@@ -45,9 +45,9 @@ def full(
         told = f"it carries what its pattern follows, but not every load case: {error}"
         return replace(full(brief, structure, ask, False, budget, progress), verdict="fail", reason=told)
     statics = brief.preset.statics
-    made = Sheeting(statics.material, structure.thickness, statics.law)
+    made = SheetMaterial(statics.material, structure.thickness, statics.law)
     loads = brief.all_loads if every else brief.loads
-    found = check(Setting(brief.surface, made, loads), structure.drawn, "full", budget, progress)
+    found = check(LoadedSurface(brief.surface, made, loads), structure.drawn, "full", budget, progress)
     if found.status == "fail":
         raise StaticsError(found.reason)
     if not found.levels:
@@ -56,7 +56,7 @@ def full(
     return replace(first, compliance=value, bound=bound, verdict=found.status, reason=found.reason, check=found)
 
 
-def _together(brief: Brief, found: Verdict) -> tuple[float, float]:
+def _together(brief: ComparisonTask, found: Verdict) -> tuple[float, float]:
     """Compliance, J, of what the pattern follows, with its weights; and the bound, a share."""
     cases = [(weight, found.case(name)) for name, weight in brief.preset.followed.items()]
     value = sum(weight * case.value for weight, case in cases)

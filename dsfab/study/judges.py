@@ -9,7 +9,7 @@ from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress, silent
 from dsfab.statics import Ask, flat_axis
-from dsfab.study.baselines import DEFAULT, Brief, Structure, chosen
+from dsfab.study.baselines import DEFAULT, ComparisonTask, Structure, chosen
 from dsfab.study.comparison import Comparison, comparison
 from dsfab.study.full_check import full, seconds_needed
 from dsfab.study.judging import Judge, Judgement, quick
@@ -96,7 +96,7 @@ def _full_for_whole_sheets(whole: Judge, cut: Judge) -> Judge:
     """`whole` for what is not cut, once for each thickness, and `cut` for the rest."""
     known: dict[float, Judgement] = {}
 
-    def judge(brief: Brief, made: Structure) -> Judgement:
+    def judge(brief: ComparisonTask, made: Structure) -> Judgement:
         if made.cells is not made.sheet:
             return cut(brief, made)
         if made.thickness not in known:

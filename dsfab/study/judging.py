@@ -23,7 +23,7 @@ from dsfab.statics import (
     solve_cases,
 )
 from dsfab.statics.supports import all_clamped
-from dsfab.study.baselines import Brief, Structure
+from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.verdict import Verdict, rules
 from dsfab.surface import LoadCase, Surface
 
@@ -100,7 +100,7 @@ class Judgement:
         return max(found, key=lambda extreme: extreme.value)
 
 
-Judge = Callable[[Brief, Structure], Judgement]
+Judge = Callable[[ComparisonTask, Structure], Judgement]
 """May raise DsfabError: then the structure does not carry its loads."""
 
 
@@ -113,7 +113,7 @@ class Answered:
     stress: SheetStress
 
 
-def answered(brief: Brief, structure: Structure, every: bool = False) -> dict[str, Answered]:
+def solved_loads(brief: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, Answered]:
     """Each load that the pattern follows (`every`: each case and combination) on a structure's sheet.
 
     Raises StaticsError when the structure does not carry its loads: a concentrated load on a piece that reaches no
@@ -130,7 +130,7 @@ def answered(brief: Brief, structure: Structure, every: bool = False) -> dict[st
     }
 
 
-def quick(brief: Brief, structure: Structure, ask: Ask | None = None, every: bool = False) -> Judgement:
+def quick(brief: ComparisonTask, structure: Structure, ask: Ask | None = None, every: bool = False) -> Judgement:
     """One solve on the mesh as it is cut, for compliance, displacements, stress and reactions.
 
     Typically within 2 %, nine in ten within 5 %, which is the bound that is told: good for comparing like with like,
@@ -139,9 +139,9 @@ def quick(brief: Brief, structure: Structure, ask: Ask | None = None, every: boo
     ask   : how many frequencies and load factors are wanted besides (one is kept).
     every : judge each case and combination, not those alone that the pattern follows.
 
-    Raises what `answered` raises.
+    Raises what `solved_loads` raises.
     """
-    found = answered(brief, structure, every)
+    found = solved_loads(brief, structure, every)
     cases = {name: _carried(brief, structure, one, ask or Ask()) for name, one in found.items()}
     total = sum(weight * cases[name].compliance for name, weight in brief.preset.followed.items())
     typical, most = rules.QUICK
@@ -151,7 +151,7 @@ def quick(brief: Brief, structure: Structure, ask: Ask | None = None, every: boo
     return Judgement(total, cases, bound=most, reason=told)
 
 
-def _carried(brief: Brief, structure: Structure, found: Answered, ask: Ask) -> Carried:
+def _carried(brief: ComparisonTask, structure: Structure, found: Answered, ask: Ask) -> Carried:
     load, answer, stress = found.load, found.equilibrium, found.stress
     statics, surface = brief.preset.statics, structure.sheet.surface
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
@@ -190,7 +190,9 @@ def _point(x: Floats) -> tuple[float, float, float]:
     return a, b, c
 
 
-def _reactions(brief: Brief, structure: Structure, answer: Equilibrium) -> tuple[tuple[float, float, float], ...]:
+def _reactions(
+    brief: ComparisonTask, structure: Structure, answer: Equilibrium
+) -> tuple[tuple[float, float, float], ...]:
     """Of each support, newtons: what several of them hold is shared equally."""
     supports = brief.preset.surface.support
     holds = [support.fixed(brief.surface) | (support.springs(brief.surface) > 0) for support in supports]
@@ -200,7 +202,7 @@ def _reactions(brief: Brief, structure: Structure, answer: Equilibrium) -> tuple
 
 
 def _modes(
-    brief: Brief, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
+    brief: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
     """`buckling`, `frequency` and `refusals` of a `Carried`."""
     statics = brief.preset.statics

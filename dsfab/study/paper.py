@@ -34,7 +34,7 @@ class Timings:
 
 
 @dataclass(frozen=True)
-class Figure:
+class PaperFigure:
     """A picture of the paper.
 
     label    : as the paper counts and letters its figures.
@@ -64,8 +64,8 @@ UNPUBLISHED = "the paper's mesh is not published"
 PLANE = Timings(7891, 15855, 0.076, None, 0.085, 0.029, 0.028, 0.231)
 CAMEL = Timings(11717, 23323, 0.175, 0.748, 3.419, 0.003, 0.063, 0.477)
 
-FIGURES: tuple[Figure, ...] = (
-    Figure(
+FIGURES: tuple[PaperFigure, ...] = (
+    PaperFigure(
         "teaser",
         "pavilion",
         "A pavilion: stress directions, diffusion, structure, with a tree for scale.",
@@ -73,7 +73,7 @@ FIGURES: tuple[Figure, ...] = (
         Timings(6273, 12288, 0.101, 0.197, 0.858, 0.002, 0.028, 0.176),
         UNPUBLISHED,
     ),
-    Figure(
+    PaperFigure(
         "2D a",
         "hanging_bar",
         "A bar held on the left and pulled down on the right.",
@@ -81,7 +81,7 @@ FIGURES: tuple[Figure, ...] = (
         PLANE,
         "the plate's sides are not published",
     ),
-    Figure(
+    PaperFigure(
         "2D b",
         "corner_held",
         "Held at the corners and pulled from below.",
@@ -89,7 +89,7 @@ FIGURES: tuple[Figure, ...] = (
         PLANE,
         "the plate's sides are not published",
     ),
-    Figure(
+    PaperFigure(
         "2D c",
         "rollers",
         "Pushed down; the corners roll sideways.",
@@ -97,7 +97,7 @@ FIGURES: tuple[Figure, ...] = (
         PLANE,
         "the plate's sides are not published",
     ),
-    Figure(
+    PaperFigure(
         "bridge",
         "bridge",
         "The metal frame of a bridge, regular also where the stress field parts.",
@@ -105,7 +105,7 @@ FIGURES: tuple[Figure, ...] = (
         Timings(26114, 52224, 0.424, 3.389, 8.849, 0.007, 0.129, 1.340),
         UNPUBLISHED,
     ),
-    Figure(
+    PaperFigure(
         "camel a",
         "camel_none",
         "No force: a pattern like a grid.",
@@ -113,7 +113,7 @@ FIGURES: tuple[Figure, ...] = (
         CAMEL,
         "the paper's mesh has no stated licence",
     ),
-    Figure(
+    PaperFigure(
         "camel b",
         "camel_head",
         "Pressed on the head: a radial web carries it.",
@@ -121,7 +121,7 @@ FIGURES: tuple[Figure, ...] = (
         CAMEL,
         "the paper's mesh has no stated licence",
     ),
-    Figure(
+    PaperFigure(
         "camel c",
         "camel_nose",
         "Pressed on the nose: a beam carries it.",
@@ -129,7 +129,7 @@ FIGURES: tuple[Figure, ...] = (
         CAMEL,
         "the paper's mesh has no stated licence",
     ),
-    Figure(
+    PaperFigure(
         "camel d",
         "camel_ears",
         "Ears pushed down: horizontal beams across the head.",
@@ -137,7 +137,7 @@ FIGURES: tuple[Figure, ...] = (
         CAMEL,
         "the paper's mesh has no stated licence",
     ),
-    Figure(
+    PaperFigure(
         "showcase a",
         "pirate",
         "A glass pirate, held at the feet and pushed on the back of the head.",
@@ -145,7 +145,7 @@ FIGURES: tuple[Figure, ...] = (
         Timings(29304, 58604, 0.429, 4.124, 8.855, 0.008, 0.147, 1.305),
         "the paper's mesh is sold (TurboSquid 1084497)",
     ),
-    Figure(
+    PaperFigure(
         "showcase b",
         "climbing_hold",
         "A climbing hold, bolted to the wall and pressed down from above.",
@@ -153,7 +153,7 @@ FIGURES: tuple[Figure, ...] = (
         Timings(3934, 7868, 0.083, 0.117, 0.628, 0.001, 0.020, 0.143),
         UNPUBLISHED,
     ),
-    Figure(
+    PaperFigure(
         "showcase c",
         "bob",
         "Bob, pressed down on the head.",
@@ -161,7 +161,7 @@ FIGURES: tuple[Figure, ...] = (
         Timings(5344, 10688, 0.105, 0.198, 1.887, 0.002, 0.027, 0.654),
         "Bob is in Keenan Crane's 3D Model Repository; --mesh takes it",
     ),
-    Figure(
+    PaperFigure(
         "showcase d",
         "mouse",
         "A mouse being left-clicked.",
@@ -169,14 +169,14 @@ FIGURES: tuple[Figure, ...] = (
         Timings(2954, 5904, 0.0465, 0.065, 0.263, 0.001, 0.0132, 0.075),
         UNPUBLISHED,
     ),
-    Figure(
+    PaperFigure(
         "showcase e",
         "boys_surface",
         "Boy's surface, pressed at the peak.",
         _row(1000, 75, 3, 4, 16, 16, NONE),
         Timings(13387, 26199, 0.241, 0.961, 2.144, 0.003, 0.0732, 0.502),
     ),
-    Figure(
+    PaperFigure(
         "showcase f",
         "twisty_tower",
         "A twisty tower, pressed down from the top.",
@@ -184,14 +184,14 @@ FIGURES: tuple[Figure, ...] = (
         Timings(23695, 47398, 0.418, 2.920, 17.722, 0.007, 0.129, 1.417),
         UNPUBLISHED,
     ),
-    Figure(
+    PaperFigure(
         "showcase g",
         "sphere",
         "A sphere, compressed at one pole and held at the other.",
         _row(1, 100, 1, 1, 10, 10, NONE),
         Timings(15361, 30718, 0.253, None, 1.342, 0.004, 0.081, 0.647),
     ),
-    Figure(
+    PaperFigure(
         "showcase h",
         "turkey",
         "A turkey, held at its base feathers and pushed on its head.",

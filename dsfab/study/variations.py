@@ -17,7 +17,7 @@ DIGITS = 4
 """Significant digits of the values in a range."""
 
 
-def varied(texts: Sequence[str]) -> Values:
+def parse_variations(texts: Sequence[str]) -> Values:
     """Keys and values of `KEY=LOW:HIGH:COUNT` (evenly apart, both ends included) and `KEY=ONE,TWO,...`.
 
     Raises DsfabError for texts of another kind, ranges without steps, values or keys that are there twice.
@@ -102,7 +102,7 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     return total
 
 
-def spelled(value: Any) -> str:
+def spelled_value(value: Any) -> str:
     """A value as it stands after KEY= on the command line."""
     if isinstance(value, str) and value.replace("_", "").isalpha() and value not in ("true", "false", "inf", "nan"):
         return value

@@ -23,7 +23,7 @@ Kind = Literal["edge", "centre"]
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class StructureLine:
     """A polyline on a surface, with what it is.
 
     kind   : "edge", where material ends, or "centre", along the middle of a member.
@@ -178,7 +178,7 @@ def chains(one: Ints, two: Ints, count: int) -> list[tuple[Ints, Ints]]:
     return found
 
 
-def simplified(points: Floats, tolerance: float) -> Floats:
+def simplified_line(points: Floats, tolerance: float) -> Floats:
     """The polyline (k, 3) with fewer of its own points: none that is left out is farther than `tolerance` from it.
 
     The ends stay; of a closed polyline also the point farthest from its beginning [Douglas, Peucker 1973].

@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 
 
-class Nearest(NamedTuple):
+class NearestPlaces(NamedTuple):
     """Of points (k,): squared distance, in the mesh's unit squared; the simplex that is nearest; the place (k, 3)."""
 
     squared: Floats
@@ -21,13 +21,13 @@ class Nearest(NamedTuple):
         return np.sqrt(self.squared)
 
 
-def nearest(points: Floats, V: Floats, simplices: Ints) -> Nearest:
+def nearest(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
     """The places nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3); m > 0.
 
     By a tree of boxes [Jacobson et al. 2018, libigl].
     """
     if not len(points):
-        return Nearest(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     given = (np.ascontiguousarray(x) for x in (points, V, simplices))
     squared, simplex, place = igl.point_mesh_squared_distance(*given)
-    return Nearest(np.asarray(squared), np.asarray(simplex, dtype=np.int64), np.asarray(place))
+    return NearestPlaces(np.asarray(squared), np.asarray(simplex, dtype=np.int64), np.asarray(place))

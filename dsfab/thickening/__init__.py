@@ -1,10 +1,10 @@
 """From a sheet to a solid: `offsets` on the uncut surface, `thicken` on what the pattern kept of it."""
 
-from dsfab.thickening.extras import Base, Extra, Feet, Holes, Ring, Split, Trim, with_extras
+from dsfab.thickening.extras import Base, Extra, Feet, Holes, Ring, SplitBodies, Trim, with_extras
 from dsfab.thickening.notes import Repairs
 from dsfab.thickening.offset import Offsets, Side, offsets
 from dsfab.thickening.parts import parts
-from dsfab.thickening.separation_proof import Layer, apart
+from dsfab.thickening.separation_proof import OffsetLayer, apart
 from dsfab.thickening.solid import Solid, thicken
 
 __all__ = [
@@ -12,13 +12,13 @@ __all__ = [
     "Extra",
     "Feet",
     "Holes",
-    "Layer",
+    "OffsetLayer",
     "Offsets",
     "Repairs",
     "Ring",
     "Side",
     "Solid",
-    "Split",
+    "SplitBodies",
     "Trim",
     "apart",
     "offsets",

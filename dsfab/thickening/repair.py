@@ -10,7 +10,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.thickening.folds import flattened, unfolded
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.skin import Skin
-from dsfab.thickening.union import THIN, THINNEST, United, united
+from dsfab.thickening.union import THIN, THINNEST, United, united_prisms
 
 FLIP_ROUNDS = 3
 """Rounds of flipping the diagonals of walls that intersect something."""
@@ -61,7 +61,7 @@ def repaired(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None
     if crosses:
         D, pairs = _thinned(skin, V, D, backslash, pairs, _away_from(surface, sheet.crossing, D))
         corners = D[surface.F] * np.where(skin.upper < surface.n, 1, -1)[:, :, None]
-        union = united(surface, corners, skin, pairs)
+        union = united_prisms(surface, corners, skin, pairs)
         if union is not None and len(union.pairs) < len(pairs):
             return Repaired(V, D, backslash, union.pairs, found, crosses, union)
     every = np.ones(surface.n, dtype=bool)

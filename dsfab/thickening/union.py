@@ -54,7 +54,7 @@ class United:
     places: int
 
 
-def united(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> United | None:
+def united_prisms(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> United | None:
     """The union of the prisms over a sheet, of whose solid the faces in `pairs` (k, 2) intersect.
 
     corners : (m, 3, 3) offset vectors at the corners of the faces, seen from each. None where it would take too many

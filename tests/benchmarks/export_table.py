@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.delivery.files import delivered
+from dsfab.delivery.files import deliverable
 from dsfab.errors import DsfabError
 from dsfab.export import Written, write
 from dsfab.pipeline import run
@@ -126,7 +126,7 @@ def written(design: Design, suffix: str, folder: Path) -> Row:
     if suffix == ".smooth.step":
         design = replace(design, preset=overridden(design.preset, {"export.step": "smooth"}))
     try:
-        thing, how = delivered(design, path.suffix if suffix == ".smooth.step" else suffix)
+        thing, how = deliverable(design, path.suffix if suffix == ".smooth.step" else suffix)
         write(thing, path, name=design.preset.name, note=told.append, report=done.append, **how)
     except DsfabError as error:
         return Row(path, time.perf_counter() - begin, said=f"refused: {error}")

@@ -22,8 +22,8 @@ from dsfab.pipeline.handover import sheet_load
 from dsfab.pipeline.log import Log
 from dsfab.preset_file import load_preset
 from dsfab.statics import Elements, FaceStiffness, SheetModel, solve_statics
-from dsfab.study.baselines import Brief
-from dsfab.study.baselines.optimised import level_line, optimised
+from dsfab.study.baselines import ComparisonTask
+from dsfab.study.baselines.optimised import level_line, optimised_densities
 from dsfab.study.simp import Simp
 from tests.benchmarks.common import sizes
 
@@ -67,14 +67,14 @@ def race(vertices: int) -> None:
     edge = 0.02 * (5988 / vertices) ** 0.5
     preset, auto = (load_preset("cantilever", {"surface.edge": edge, **more}) for more in ({}, AUTO))
     made = draft(preset)
-    brief = Brief.of(made, preset.pattern.width.solid_fraction * made.surface.area)
+    brief = ComparisonTask.of(made, preset.pattern.width.solid_fraction * made.surface.area)
     rows = [("pattern, modes given", *timed(lambda: cut(preset))), ("pattern, modes auto", *timed(lambda: cut(auto)))]
     usual, FaceStiffness.factor = FaceStiffness.factor, anew
-    seconds, found = timed(lambda: optimised(brief, Simp(radius=0.04)), 1)
+    seconds, found = timed(lambda: optimised_densities(brief, Simp(radius=0.04)), 1)
     FaceStiffness.factor = usual
     rows.append((f"SIMP, {len(found.history)} steps, SuperLU anew", seconds, level_line(brief, found.density).sheet))
     for most in (60, 1000):
-        seconds, found = timed(lambda most=most: optimised(brief, Simp(radius=0.04, iterations=most)), 1)
+        seconds, found = timed(lambda most=most: optimised_densities(brief, Simp(radius=0.04, iterations=most)), 1)
         rows.append((f"SIMP, {len(found.history)} steps", seconds, level_line(brief, found.density).sheet))
     print(f"\n{made.surface.n} vertices{'':18s} CPU s  clock s  x uncut")
     for name, (cpu, clock), sheet in rows:

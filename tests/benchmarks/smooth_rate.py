@@ -27,7 +27,7 @@ from dsfab.delivery.files import curved_sheet
 from dsfab.errors import DsfabError
 from dsfab.export import ladder, step
 from dsfab.export.part import Part, part_of
-from dsfab.export.smooth.build import made
+from dsfab.export.smooth.build import smooth_file
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
 from dsfab.surface.shapes.closed import sphere, torus
@@ -100,7 +100,7 @@ def measured(name: str, number: int) -> dict[str, Any]:
         return line | {"no_solid": str(error)}
     start = cpu()
     try:
-        file = made(part)
+        file = smooth_file(part)
     except DsfabError as error:
         return line | {"smooth": 0, "pieces": len(step.solids_of(part)[1]), "why": str(error), "cpu": cpu() - start}
     t = 1000 * thickness

@@ -19,7 +19,7 @@ from dsfab.delivery.files import curved_design
 from dsfab.export.formats import FORMATS
 from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
-from dsfab.export.smooth.build import made
+from dsfab.export.smooth.build import smooth_file
 from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from tests.benchmarks.common import cpu
@@ -46,7 +46,7 @@ def row(name: str, folder: Path) -> str:
     faceted = FORMATS[".step"].encode(replace(part, step="faceted"))
     large = sum(len(chunk) for chunk in faceted)
     start, spent = time.perf_counter(), cpu()
-    file = made(replace(part, step="smooth"))
+    file = smooth_file(replace(part, step="smooth"))
     (folder / "a.step").write_text(file.text, encoding="ascii")
     seconds, spent = time.perf_counter() - start, cpu() - spent
     return (

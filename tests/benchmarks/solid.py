@@ -19,7 +19,7 @@ import numpy as np
 
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
-from dsfab.thickening import Layer, apart, offsets, thicken
+from dsfab.thickening import OffsetLayer, apart, offsets, thicken
 from dsfab.thickening.intersect import intersecting_pairs
 from tests.benchmarks.common import sizes, sphere
 
@@ -63,7 +63,7 @@ def one(triangles: int) -> None:
     whole = timed("pinches", lambda: resolve_pinches(cells, t / 2)).sheet
     sheet = whole.kept()
     D = timed("carrying", lambda: sheet.carry_corners(offset.at_corners(surface.F), surface.F))
-    layer = Layer(surface, offset.D, whole.surface, whole.carry(offset.D), whole.parent)
+    layer = OffsetLayer(surface, offset.D, whole.surface, whole.carry(offset.D), whole.parent)
     proven = timed("proof", lambda: apart(layer))[whole.material]
     solid = timed("thickening", lambda: thicken(sheet.surface, D, proven=proven))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6

@@ -14,14 +14,14 @@ from dsfab.report.design.save import save
 
 
 @dataclass(frozen=True)
-class Built:
+class EditorBuild:
     """The files, those asked for first, and what the page is told about the solid."""
 
     files: list[Path]
     facts: dict[str, Any]
 
 
-def built(preset: Preset, old: Design | None, folder: Path, progress: Telling, picture: bool) -> Built:
+def built(preset: Preset, old: Design | None, folder: Path, progress: Telling, picture: bool) -> EditorBuild:
     """Make the solid, from the first stage that `old` has not, and write what the command line writes.
 
     picture : whether it is drawn too.
@@ -41,10 +41,12 @@ def built(preset: Preset, old: Design | None, folder: Path, progress: Telling, p
         "refused": saved.refused,
         "notes": [*(note.text for note in design.notes), *saved.told],
     }
-    return Built([*first, *rest], facts)
+    return EditorBuild([*first, *rest], facts)
 
 
-def drawn(preset: Preset, old: Design | None, view: str, show: str, size: tuple[int, int], progress: Telling) -> bytes:
+def draw_png(
+    preset: Preset, old: Design | None, view: str, show: str, size: tuple[int, int], progress: Telling
+) -> bytes:
     """A PNG picture, drawn here. Raises DsfabError where nothing can be drawn."""
     from PIL import Image
 

@@ -29,10 +29,10 @@ def edit(
     """
     from dsfab.app.editor.server import EditorServer
     from dsfab.app.editor.session import Session
-    from dsfab.app.editor.source import opened
+    from dsfab.app.editor.source import open_preset
     from dsfab.preset_file import parse_override
 
-    first = opened(target, dict(parse_override(text) for text in set_), unit)
+    first = open_preset(target, dict(parse_override(text) for text in set_), unit)
     with Session(first) as session:
         try:
             server = EditorServer(session, port)

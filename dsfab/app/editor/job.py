@@ -1,4 +1,4 @@
-"""`Job`: one thing that takes time, how far it is, and how it learns that nobody wants it any more."""
+"""`EditorJob`: one thing that takes time, how far it is, and how it learns that nobody wants it any more."""
 
 import threading
 from collections.abc import Callable
@@ -13,7 +13,7 @@ class Cancelled(Exception):  # noqa: N818  # nothing went wrong
     """Raised in the worker at the next progress after a job was cancelled."""
 
 
-class Progress:
+class JobProgress:
     """How far a job is. Raises Cancelled, also by `check`, which tells nothing, once nobody wants the job any more."""
 
     def __init__(self, stop: threading.Event, tell: Telling) -> None:
@@ -29,12 +29,12 @@ class Progress:
             raise Cancelled
 
 
-Work = Callable[[Progress], dict[str, Any]]
+Work = Callable[[JobProgress], dict[str, Any]]
 """What a job does, telling its progress; the facts that it returns go to the page."""
 
 
 @dataclass(eq=False)
-class Job:
+class EditorJob:
     """One thing to do. state: waiting, running, done, failed or cancelled."""
 
     number: int

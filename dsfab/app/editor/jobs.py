@@ -11,7 +11,7 @@ import threading
 from contextlib import suppress
 from typing import Any
 
-from dsfab.app.editor.job import Cancelled, Job, Progress, Work
+from dsfab.app.editor.job import Cancelled, EditorJob, JobProgress, Work
 from dsfab.errors import DsfabError
 
 KEPT = 64
@@ -28,10 +28,10 @@ class Jobs:
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
-        self._waiting: dict[str, Job] = {}
-        self._running: dict[str, Job] = {}
+        self._waiting: dict[str, EditorJob] = {}
+        self._running: dict[str, EditorJob] = {}
         self._workers: dict[str, threading.Thread] = {}
-        self._known: dict[int, Job] = {}
+        self._known: dict[int, EditorJob] = {}
         self._numbers = itertools.count(1)
         self._listeners: list[queue.Queue[dict[str, Any] | None]] = []
         self._closed = False
@@ -53,7 +53,7 @@ class Jobs:
     def ask(self, kind: str, work: Work) -> int:
         """Do `work` as soon as possible; an older wish of the same kind is dropped. Returns the job's number."""
         with self._wake:
-            job = Job(next(self._numbers), kind, work)
+            job = EditorJob(next(self._numbers), kind, work)
             self._known[job.number] = job
             for number in list(self._known)[:-KEPT]:
                 del self._known[number]
@@ -83,7 +83,7 @@ class Jobs:
                 self._end(job, "cancelled", "cancelled")
             return True
 
-    def job(self, number: int) -> Job | None:
+    def job(self, number: int) -> EditorJob | None:
         """A job by its number, while it is known."""
         return self._known.get(number)
 
@@ -112,7 +112,7 @@ class Jobs:
         if running := self._running.get(kind):
             running.stop.set()
 
-    def _leave_behind(self, job: Job) -> None:
+    def _leave_behind(self, job: EditorJob) -> None:
         """A job that has not noticed: it counts as ended, and another thread does the rest."""
         with self._wake:
             if self._running.get(job.kind) is not job or self._closed:
@@ -139,7 +139,7 @@ class Jobs:
             if not self._do(job):
                 return
 
-    def _do(self, job: Job) -> bool:
+    def _do(self, job: EditorJob) -> bool:
         """Whether this thread is still the worker afterwards."""
 
         def tell(stage: str, text: str) -> None:
@@ -149,7 +149,7 @@ class Jobs:
 
         result: dict[str, Any] = {}
         try:
-            result = job.work(Progress(job.stop, tell))
+            result = job.work(JobProgress(job.stop, tell))
             state, text = "done", ""
         except Cancelled:
             state, text = "cancelled", "cancelled"
@@ -166,11 +166,11 @@ class Jobs:
             self._end(job, state, text)
             return True
 
-    def _end(self, job: Job, state: str, text: str) -> None:
+    def _end(self, job: EditorJob, state: str, text: str) -> None:
         job.state, job.text = state, text
         self._tell(job)
 
-    def _tell(self, job: Job) -> None:
+    def _tell(self, job: EditorJob) -> None:
         told = job.told()
         for listener in self._listeners:
             with suppress(queue.Full):  # one that does not listen any more

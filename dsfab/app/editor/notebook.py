@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dsfab.app.editor.source import Opened, opened
+from dsfab.app.editor.source import Opened, open_preset
 from dsfab.errors import DsfabError
 from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
@@ -33,5 +33,5 @@ def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640)
         made = draft(target.preset, None, target)
         return Editor(Opened(made.preset), made, height=height)
     if isinstance(target, str | Path):
-        return Editor(opened(str(target)), height=height)
+        return Editor(open_preset(str(target)), height=height)
     return Editor(Opened(Design.of(target).preset), height=height)

@@ -19,8 +19,8 @@ from types import MappingProxyType
 from typing import Any
 
 import dsfab
-from dsfab.app.editor.building import Built
-from dsfab.app.editor.job import Progress
+from dsfab.app.editor.building import EditorBuild
+from dsfab.app.editor.job import JobProgress
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
@@ -45,7 +45,7 @@ class BuilderError(RuntimeError):
     """A mistake of ours in the other process."""
 
 
-def built_apart(preset: Preset, old: Design | None, folder: Path, progress: Progress, picture: bool) -> Built:
+def built_apart(preset: Preset, old: Design | None, folder: Path, progress: JobProgress, picture: bool) -> EditorBuild:
     """What `building.built` makes. Raises what it raises, and Cancelled within a fraction of a second.
 
     Whatever ends it before its end: the process and those that it began are ended, and the folder is gone.
@@ -60,10 +60,10 @@ def built_apart(preset: Preset, old: Design | None, folder: Path, progress: Prog
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
-    return Built([folder / name for name in told["files"]], told["done"])
+    return EditorBuild([folder / name for name in told["files"]], told["done"])
 
 
-def _followed(process: "subprocess.Popen[bytes]", asked: bytes, progress: Progress) -> dict[str, Any]:
+def _followed(process: "subprocess.Popen[bytes]", asked: bytes, progress: JobProgress) -> dict[str, Any]:
     """The last thing it says; its progress is told on the way."""
     lines: queue.Queue[bytes] = queue.Queue()
     for act in (lambda: _send(process, asked), lambda: _read(process, lines)):

@@ -13,7 +13,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.job import Progress
+from dsfab.app.editor.job import JobProgress
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.payload import colours, model, packed, widths
 from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped
@@ -22,7 +22,7 @@ from dsfab.pattern.wave import GLSL
 from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
-from dsfab.preset_file import shipped
+from dsfab.preset_file import shipped_presets
 from dsfab.render.striped_mesh import StripedMesh
 from dsfab.units import METRES_PER
 
@@ -34,7 +34,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class SessionView:
     """A draft, its number, and that of what does not change with stripes alone: the page keeps that."""
 
     draft: Design
@@ -52,7 +52,7 @@ class Session:
     def __init__(self, first: Opened, made: Design | None = None) -> None:
         self.jobs = Jobs()
         self._opened, self._opening = first, 1
-        self._shown = Shown(made, 1, 1, 1) if made else None
+        self._shown = SessionView(made, 1, 1, 1) if made else None
         self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
@@ -81,7 +81,7 @@ class Session:
             "preset": now.preset.model_dump(mode="json", exclude={"surface": {"file", "mesh"}}),
             "title": now.preset.name,
             "opening": number,
-            "presets": list(shipped()),
+            "presets": list(shipped_presets()),
             "units": list(METRES_PER),
             "meshes": list(MESHES),
             "wave": GLSL,
@@ -169,7 +169,7 @@ class Session:
             arrays |= large
         return packed(facts, arrays)
 
-    def _whole(self, shown: Shown) -> Packed:
+    def _whole(self, shown: SessionView) -> Packed:
         """What `model` makes of a version, kept for a page that is loaded again."""
         with self._lock:
             if self._kept is None or self._kept[0] != shown.version:
@@ -186,7 +186,7 @@ class Session:
         """The files that were built last."""
         return list(self._files[max(self._files)]) if self._files else []
 
-    def _solve(self, preset: Preset, progress: Progress) -> dict[str, Any]:
+    def _solve(self, preset: Preset, progress: JobProgress) -> dict[str, Any]:
         with self._lock:
             old, opening = self._shown, self._opening
         made = draft(preset, progress, old.draft if old else None)
@@ -194,16 +194,16 @@ class Session:
         with self._lock:
             same = old is not None and old.opening == opening and _same(made, old.draft)
             version = old.version if same and old else (old.version + 1 if old else 1)
-            self._shown = shown = Shown(made, old.number + 1 if old else 1, version, opening)
+            self._shown = shown = SessionView(made, old.number + 1 if old else 1, version, opening)
         self.jobs.ask("figures", lambda progress: self._figures(shown, progress))
         return {"version": version}
 
-    def _figures(self, shown: Shown, progress: Progress) -> dict[str, Any]:
+    def _figures(self, shown: SessionView, progress: JobProgress) -> dict[str, Any]:
         from dsfab.app.editor.figures import figures
 
         return {"draft": shown.number, **figures(shown.draft, progress)}
 
-    def _build(self, preset: Preset, progress: Progress) -> dict[str, Any]:
+    def _build(self, preset: Preset, progress: JobProgress) -> dict[str, Any]:
         from dsfab.app.editor.process import built_apart
         from dsfab.render.opengl import why_no_pictures
 
@@ -217,13 +217,15 @@ class Session:
         return {"build": number, "files": listed, **made.facts}
 
     def _picture(
-        self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: Progress
+        self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: JobProgress
     ) -> dict[str, Any]:
-        from dsfab.app.editor.building import drawn
+        from dsfab.app.editor.building import draw_png
 
         with self._lock:
             old = self._shown
-        return {"png": base64.b64encode(drawn(preset, old.draft if old else None, view, show, size, progress)).decode()}
+        return {
+            "png": base64.b64encode(draw_png(preset, old.draft if old else None, view, show, size, progress)).decode()
+        }
 
 
 def _same(made: Design, old: Design) -> bool:

@@ -11,8 +11,8 @@ import numpy as np
 
 from dsfab.errors import PresetError
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped
-from dsfab.study.variations import spelled
+from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped_presets
+from dsfab.study.variations import spelled_value
 from dsfab.surface import read_surface
 
 MESHES = (".obj", ".ply", ".stl", ".off", ".glb", ".3mf")
@@ -84,7 +84,7 @@ class Opened:
         return Opened(preset_from(values), (), mesh)
 
 
-def opened(target: str, changes: Mapping[str, Any] | None = None, unit: str | None = None) -> Opened:
+def open_preset(target: str, changes: Mapping[str, Any] | None = None, unit: str | None = None) -> Opened:
     """A shipped preset by its name, a preset file or a mesh file by its path. Raises DsfabError for anything else."""
     if Path(target).suffix.lower() in MESHES:
         first = opened_mesh(Path(target).absolute(), Path(target).name, unit)
@@ -95,8 +95,8 @@ def opened(target: str, changes: Mapping[str, Any] | None = None, unit: str | No
 
 def opened_shipped(name: str) -> Opened:
     """A preset that comes with dsfab, by its name and never by a path. Raises PresetError for another name."""
-    if name not in shipped():
-        raise PresetError(f"there is no preset {name!r}; use one of {', '.join(shipped())}")
+    if name not in shipped_presets():
+        raise PresetError(f"there is no preset {name!r}; use one of {', '.join(shipped_presets())}")
     return Opened(load_preset(name), (name,))
 
 
@@ -122,7 +122,7 @@ def opened_mesh(path: Path, name: str, unit: str | None) -> Opened:
 
 
 def _spelled(value: Any) -> str:
-    return spelled(value) if not isinstance(value, dict | list) else _inline(value)
+    return spelled_value(value) if not isinstance(value, dict | list) else _inline(value)
 
 
 def _inline(value: Any) -> str:

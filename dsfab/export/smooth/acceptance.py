@@ -17,9 +17,9 @@ from dsfab.export.part import Part
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.dense import prisms
 from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.occt_check import Finding
-from dsfab.export.smooth.outline import Sheet
-from dsfab.export.smooth.solid import Piece
+from dsfab.export.smooth.occt_check import OcctFinding
+from dsfab.export.smooth.outline import SheetOutline
+from dsfab.export.smooth.solid import SmoothPiece
 from dsfab.export.smooth.touching import crossings
 from dsfab.limits import CHANGED_VOLUME
 from dsfab.surface import nearest
@@ -30,7 +30,7 @@ GAP = 1 / 20
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class Acceptance:
     """reason : why a piece is refused, '' when it is accepted.    bad : (k, 3) places where tighter curves may help.
 
     there, back : largest distance of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
@@ -97,7 +97,7 @@ class Gate:
     """Judges the pieces of a sheet against the solids of a part, millimetres."""
 
     solids: Solids
-    sheet: Sheet
+    sheet: SheetOutline
     limits: Limits
 
     @cached_property
@@ -110,16 +110,16 @@ class Gate:
         """(m, 3) the triangles of all other solids."""
         return self.solids.faces(set(range(self.solids.count)) - done)
 
-    def verdicts(self, pieces: dict[int, Piece], found: dict[int, Finding]) -> dict[int, Verdict]:
+    def verdicts(self, pieces: dict[int, SmoothPiece], found: dict[int, OcctFinding]) -> dict[int, Acceptance]:
         """About pieces by their numbers, with what OCCT says about those that it read."""
         away = self._distances({k: found[k] for k in pieces if k in found and found[k].tessellates})
         return {
             k: self._verdict(k, piece, found.get(k), away.get(k, (_NOWHERE, _NOWHERE))) for k, piece in pieces.items()
         }
 
-    def _verdict(self, k: int, piece: Piece, found: Finding | None, away: tuple[_Away, _Away]) -> Verdict:
+    def _verdict(self, k: int, piece: SmoothPiece, found: OcctFinding | None, away: tuple[_Away, _Away]) -> Acceptance:
         if piece.refused or found is None:
-            return Verdict(piece.refused or "OCCT did not read it within the time limit")
+            return Acceptance(piece.refused or "OCCT did not read it within the time limit")
         limits, wanted, gap = self.limits, self.volumes[k], max(piece.gap, found.gap)
         there, back = away
         far = max(away, key=lambda way: way.worst - way.allowed)
@@ -144,7 +144,7 @@ class Gate:
             bad = bad[:0]
         elif not len(bad):
             bad = piece.ends
-        return Verdict(reason, bad, there.most, back.most, found.volume)
+        return Acceptance(reason, bad, there.most, back.most, found.volume)
 
     @cached_property
     def volumes(self) -> Floats:
@@ -166,7 +166,7 @@ class Gate:
         of = share * prisms(sheet.V, sheet.D, sheet.F)
         return np.asarray(np.bincount(sheet.piece, of, sheet.count), dtype=np.float64)
 
-    def _distances(self, found: dict[int, Finding]) -> dict[int, tuple[_Away, _Away]]:
+    def _distances(self, found: dict[int, OcctFinding]) -> dict[int, tuple[_Away, _Away]]:
         """By piece, from it to the mesh, and back."""
         away = dict[int, tuple[_Away, _Away]]()
         points = self.solids.part.V

@@ -17,15 +17,15 @@ from dsfab.errors import ExportError
 from dsfab.export.budget import BudgetError, within
 from dsfab.export.part import Part
 from dsfab.export.program import Ahead
-from dsfab.export.smooth.acceptance import GAP, Verdict
+from dsfab.export.smooth.acceptance import GAP, Acceptance
 from dsfab.export.smooth.edges import TIGHTER
-from dsfab.export.smooth.file import Made, file_text, rest_of
+from dsfab.export.smooth.file import SmoothPieceFile, file_text, rest_of
 from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.occt_check import Finding, findings, occt
-from dsfab.export.smooth.outline import WALL, Sheet
-from dsfab.export.smooth.plan import Built, Plan
+from dsfab.export.smooth.occt_check import OcctFinding, findings, occt
+from dsfab.export.smooth.outline import WALL, SheetOutline
+from dsfab.export.smooth.plan import SmoothPlan, SmoothSolid
 from dsfab.export.smooth.seams import Key
-from dsfab.export.smooth.solid import Model, Piece
+from dsfab.export.smooth.solid import SmoothModel, SmoothPiece
 from dsfab.export.smooth.touching import crossings
 from dsfab.sparse.threads import one_blas_thread
 
@@ -52,24 +52,24 @@ CHORDS, NEAR = 64, 4
 class _Taken(NamedTuple):
     """A piece that was accepted: the layout it is in, its number there, and its verdict."""
 
-    model: Model
+    model: SmoothModel
     number: int
-    verdict: Verdict
+    verdict: Acceptance
 
 
-_MADE: WeakKeyDictionary[Part, Made] = WeakKeyDictionary()
+_MADE: WeakKeyDictionary[Part, SmoothPieceFile] = WeakKeyDictionary()
 
 
-def made(part: Part) -> Made:
+def smooth_file(part: Part) -> SmoothPieceFile:
     """The smooth file of a part, made once; raises ExportError with the reason where no piece can be smooth."""
     if part not in _MADE:
         _MADE[part] = _Ladder(part).made()
     return _MADE[part]
 
 
-def drafted(part: Part) -> tuple[int, int]:
+def first_draft(part: Part) -> tuple[int, int]:
     """Faces and bytes of a part's first smooth file, which nobody has checked; ExportError where none can be made."""
-    plan = Plan(part)
+    plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.built(next(plan.layouts())).model
     which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
@@ -80,14 +80,14 @@ def drafted(part: Part) -> tuple[int, int]:
 
 class _Ladder:
     def __init__(self, part: Part) -> None:
-        self.part, self.plan = part, Plan(part)
+        self.part, self.plan = part, SmoothPlan(part)
         self.inspected, self.most = 0, MOST_INSPECTED
         self.taken, self.reason, self.pieces = list[_Taken](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
-        self.last, self.text = list[tuple[Model, int]](), ""
+        self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
-    def made(self) -> Made:
+    def made(self) -> SmoothPieceFile:
         """Each solid in the first layout that has all its pieces accepted; those of other solids may be in others."""
         for fields in self.plan.layouts():
             try:
@@ -117,7 +117,7 @@ class _Ladder:
         for k in asked:
             if not model.pieces[k].refused:
                 untangle(built, k, levels[k])
-        verdicts, todo = dict[int, Verdict](), asked
+        verdicts, todo = dict[int, Acceptance](), asked
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
             verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._found(program, model, ready))
@@ -134,7 +134,7 @@ class _Ladder:
         self.reason = next((verdicts[k].reason for k in asked if verdicts[k].reason), "")
         self.left, self.pieces = gate.without(self.done), len(model.pieces)
 
-    def _found(self, program: Ahead, model: Model, which: list[int]) -> dict[int, Finding]:
+    def _found(self, program: Ahead, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
         """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
@@ -145,11 +145,11 @@ class _Ladder:
         found = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
         return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
 
-    def _file(self) -> Made:
+    def _file(self) -> SmoothPieceFile:
         rest = rest_of(self.part, self.left) if len(self.left) else None
         taken = [(model, k) for model, k, _ in self.taken]
         text = self.text if rest is None and taken == self.last else file_text(self.part, taken, rest)
-        return Made(
+        return SmoothPieceFile(
             text=text,
             pieces=self.pieces,
             smooth=len(self.taken),
@@ -163,7 +163,7 @@ class _Ladder:
         )
 
 
-def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
+def tighten(model: SmoothModel, k: int, level: dict[Key, int], bad: Floats) -> bool:
     """Raise the level of the runs nearest to the `bad` points (k, 3), millimetres; whether there was one to raise."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
@@ -176,7 +176,7 @@ def tighten(model: Model, k: int, level: dict[Key, int], bad: Floats) -> bool:
     return bool(keys)
 
 
-def untangle(built: Built, k: int, level: dict[Key, int]) -> None:
+def untangle(built: SmoothSolid, k: int, level: dict[Key, int]) -> None:
     """Build a piece again until none of its curves crosses, gapes or strays, as long as closer fits are left."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
@@ -189,7 +189,7 @@ def untangle(built: Built, k: int, level: dict[Key, int]) -> None:
         model.pieces[k] = built.builder.piece(k, level)
 
 
-def astray(piece: Piece, corners: Floats, limits: Limits) -> Floats:
+def astray(piece: SmoothPiece, corners: Floats, limits: Limits) -> Floats:
     """(k, 3) the corners (n, 3) of the mesh at walls that are farther from the piece's edges than its solid may be.
 
     OCCT's triangles would tell so, but another round with OCCT takes seconds.
@@ -203,7 +203,7 @@ def astray(piece: Piece, corners: Floats, limits: Limits) -> Floats:
     return np.asarray(corners[far][away[far] > limits.allowed(corners[far])])
 
 
-def _corners(sheet: Sheet, k: int) -> Floats:
+def _corners(sheet: SheetOutline, k: int) -> Floats:
     """(n, 3) both ends of the mesh's posts along the walls of a piece."""
     runs = [run for region in sheet.regions if region.piece == k for loop in region.loops for run in loop]
     v = np.unique(np.concatenate([run.vertices for run in runs if run.beyond == WALL]))

@@ -15,7 +15,7 @@ from dsfab.errors import ExportError
 from dsfab.export.smooth.dense import dense
 from dsfab.export.smooth.patch_fits import FIRST, MOST_POLES, Fit, fitted
 from dsfab.export.smooth.patches import Patch
-from dsfab.export.smooth.points import FOLDED, Points, points_of
+from dsfab.export.smooth.points import FOLDED, SkinPoints, points_of
 from dsfab.export.smooth.source import Curved
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import corners_of, faces_at
@@ -47,7 +47,7 @@ OF_CHORD = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class SkinChart:
     """A plane and the skins over it. Lengths in millimetres.
 
     origin, axes : (3,) and (3, 3): two in the plane, and the one across it, where the normals point to.
@@ -85,7 +85,7 @@ class Atlas:
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance
-        self.charts, self.failed = dict[int, Chart](), dict[int, str]()
+        self.charts, self.failed = dict[int, SkinChart](), dict[int, str]()
         self._levels = [dense(surface, curved)]
         self._best = [fields.argmax(axis=1)]
 
@@ -146,7 +146,7 @@ class Atlas:
             fields = below.carry(fields)
         return fields
 
-    def _chart(self, k: int, first: float, most: int) -> Chart:
+    def _chart(self, k: int, first: float, most: int) -> SkinChart:
         """Chart k, on points that are dense enough for its curvature and for its poles; see `fitted`."""
         F = self.surface.F
         near = faces_at(F, self._best[0] == k)
@@ -167,7 +167,7 @@ class Atlas:
         return _charted(points, fit, tolerance)
 
 
-def _charted(points: Points, fit: Fit, tolerance: float) -> Chart:
+def _charted(points: SkinPoints, fit: Fit, tolerance: float) -> SkinChart:
     lower, upper = fit.patch.only(3, 6), fit.patch.only(0, 3)
     mean = Patch(upper.u, upper.v, (upper.poles + lower.poles) / 2)
-    return Chart(points.origin, points.axes, upper, lower, mean, tolerance, points.steepest, fit.off)
+    return SkinChart(points.origin, points.axes, upper, lower, mean, tolerance, points.steepest, fit.off)

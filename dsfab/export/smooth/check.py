@@ -47,7 +47,7 @@ REPAIRS = (
 time. It still adds what STEP leaves to readers: curves on surfaces, and the tolerances of edges."""
 
 
-def inspected(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
+def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
     """The findings for each solid of a file, one to a product; empty when it cannot be read.
 
     copies : whether copies of the process may take half of the solids, and find volumes meanwhile. Not where OCCT made
@@ -264,6 +264,6 @@ if __name__ == "__main__":
     gc.disable()  # a tenth of the time that importing OCCT takes
     path, *more = sys.argv[1:] or _loaded()
     folder, deflection = (more[0], float(more[1])) if more else ("", 0.0)
-    sys.stdout.write(json.dumps({"solids": inspected(path, folder, deflection, COPIES)}) + "\n")
+    sys.stdout.write(json.dumps({"solids": solid_findings(path, folder, deflection, COPIES)}) + "\n")
     sys.stdout.flush()
     os._exit(0)  # taking the solids apart takes a quarter of a second

@@ -15,7 +15,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.nodes import Nodes
-from dsfab.export.smooth.outline import Run
+from dsfab.export.smooth.outline import OutlineRun
 from dsfab.export.splines import Spline, straight
 
 TIGHTER = (1.0, 0.2, 0.04)
@@ -68,12 +68,12 @@ class Allowed:
     distance: float
     chord: float
 
-    def outline(self, run: Run, steep: float, level: int) -> float:
+    def outline(self, run: OutlineRun, steep: float, level: int) -> float:
         """How far the curve of a run may be off its polyline, seen in the plane."""
         most = min(FLAT * self.distance + OF_CHORD * self.chord, OF_LOOP * run.width)
         return TIGHTER[level] * most / steep
 
-    def in_space(self, run: Run, level: int) -> float:
+    def in_space(self, run: OutlineRun, level: int) -> float:
         """How far the curves of a run in space may be off those on the skins."""
         return TIGHTER[level] * min(IN_SPACE * self.thickness, OF_LOOP * run.width)
 
@@ -81,7 +81,7 @@ class Allowed:
 class Asked(NamedTuple):
     """A run in a chart, and how often it was refused."""
 
-    run: Run
+    run: OutlineRun
     chart: int
     level: int
 
@@ -104,7 +104,7 @@ def wall_edges(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[
     wanted = [allowed.in_space(part.asked.run, part.asked.level) for part in parts]
     fits = splines_through(list(zip(x, both, strict=True)), wanted, parts=2)
     edges = iter(
-        ended(part.asked.run, space, {part.asked.chart: part.flat}, off, nodes, wall=True)
+        with_ends_on_nodes(part.asked.run, space, {part.asked.chart: part.flat}, off, nodes, wall=True)
         for part, (space, off) in zip(parts, fits, strict=True)
     )
     return [[next(edges) for _ in some] for some in found]
@@ -136,7 +136,9 @@ def _halves(asked: Asked, line: Floats, worst: float) -> list[Asked]:
     length = np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))
     at = 1 + int(np.abs(length[:-1] / length[-1] - worst).argmin())
     run = asked.run
-    return [asked._replace(run=Run(v, run.beyond, run.width)) for v in (run.vertices[: at + 1], run.vertices[at:])]
+    return [
+        asked._replace(run=OutlineRun(v, run.beyond, run.width)) for v in (run.vertices[: at + 1], run.vertices[at:])
+    ]
 
 
 def by_chart(charts: list[int], rows: list[Floats], of: Callable[[int, Floats], Floats]) -> list[Floats]:
@@ -174,7 +176,9 @@ def _parameters(knots: bytes) -> Floats:
     return np.concatenate([steps.ravel(), [1.0]])
 
 
-def ended(run: Run, space: Spline, flat: dict[int, Spline], off: float, nodes: Nodes, wall: bool) -> Edge:
+def with_ends_on_nodes(
+    run: OutlineRun, space: Spline, flat: dict[int, Spline], off: float, nodes: Nodes, wall: bool
+) -> Edge:
     """The curves with their ends pulled onto the nodes."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     both = space.poles.copy()

@@ -6,13 +6,13 @@ import numpy as np
 
 from dsfab.arrays import Ints
 from dsfab.errors import ExportError
-from dsfab.export.part import Part, settled
+from dsfab.export.part import Part, without_collapsed
 from dsfab.export.planar import Polyhedron, polyhedron
 from dsfab.export.plate_text import Entities
 from dsfab.export.shells import solids_of
-from dsfab.export.simplify import simplified, usual_tolerance
+from dsfab.export.simplify import simplified_part, usual_tolerance
 from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.solid import Model
+from dsfab.export.smooth.solid import SmoothModel
 from dsfab.export.smooth.text import SmoothText
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import DIGITS, header, planar_faces
@@ -22,7 +22,7 @@ SKINS = "curved solid with spline skins"
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class SmoothPieceFile:
     """The smooth pieces of a part and the text of the file.
 
     pieces  : of the sheet; smooth counts those that were accepted.
@@ -55,7 +55,7 @@ class Made:
         )
 
 
-def file_text(part: Part, which: list[tuple[Model, int]], rest: Part | None = None) -> str:
+def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
     """The file of some pieces of layouts, named like the part, and of the triangles of `rest` as planar faces."""
     new = Entities()
     writers = {id(model): SmoothText(new, model) for model, _ in which}
@@ -80,8 +80,8 @@ def rest_of(part: Part, F: Ints) -> Part:
     used, local = np.unique(F, return_inverse=True)
     some = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:
-        simple = simplified(some, usual_tolerance(some))
-        return settled(simple, np.round(simple.V, DIGITS) + 0.0, f"a STEP file with {DIGITS} decimals")
+        simple = simplified_part(some, usual_tolerance(some))
+        return without_collapsed(simple, np.round(simple.V, DIGITS) + 0.0, f"a STEP file with {DIGITS} decimals")
     except ExportError:
         return some
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.export.smooth.rows import Rows, Spans
+from dsfab.export.smooth.rows import RowSpans, SplineRows
 from dsfab.export.splines import LeastSquares, Spline, hats_within, straight
 
 SAMPLES_PER_SPAN = 6
@@ -38,7 +38,7 @@ def splines_through(
     for some in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in some), strict=True))
         count = np.array([len(samples[c][0]) for c in some])
-        rows = Rows.of(np.array(some), count, x, Q, np.array([tolerances[c] for c in some]), parts)
+        rows = SplineRows.of(np.array(some), count, x, Q, np.array([tolerances[c] for c in some]), parts)
         rows = _lines(rows, found)
         if len(rows.number):
             rows = _parabolas(rows, found)
@@ -57,7 +57,7 @@ def _batches(counts: list[int]) -> Iterator[range]:
             start, total = c + 1, 0
 
 
-def _lines(rows: Rows, found: dict[int, Fitted]) -> Rows:
+def _lines(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
     """Add the curves that may be lines; the others."""
     off = rows.most(rows.away(rows.line))
     good = off <= 0.5 * rows.tolerance
@@ -66,7 +66,7 @@ def _lines(rows: Rows, found: dict[int, Fitted]) -> Rows:
     return rows.some(~good)
 
 
-def _parabolas(rows: Rows, found: dict[int, Fitted]) -> Rows:
+def _parabolas(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
     """Add the curves that may be parabolas; the others."""
     line, bow = rows.line, 2 * rows.x * (1 - rows.x)
     bend = np.add.reduceat(bow[:, None] * (rows.Q - line), rows.first) / np.add.reduceat(bow * bow, rows.first)[:, None]
@@ -80,9 +80,9 @@ def _parabolas(rows: Rows, found: dict[int, Fitted]) -> Rows:
     return rows.some(~good)
 
 
-def _cubics(rows: Rows, found: dict[int, Fitted]) -> None:
+def _cubics(rows: SplineRows, found: dict[int, Fitted]) -> None:
     """Add cubics; the spans that are off are halved until none is, or has too few samples."""
-    spans = Spans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
+    spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     for turn in range(ROUNDS):
         poles, away = _least_squares(rows, spans)
         off, many = rows.most(away), np.bincount(spans.of, minlength=len(spans.row))
@@ -101,7 +101,7 @@ def _cubics(rows: Rows, found: dict[int, Fitted]) -> None:
         rows, spans = rows.some(going), spans.halved(bad, going, rows)
 
 
-def _least_squares(rows: Rows, spans: Spans) -> tuple[Floats, Floats]:
+def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
     """Poles (s + 3 r, d) of the cubics nearest to the samples with their ends fixed, and how far each sample is off."""
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
     first, size = spans.of + 3 * rows.row, spans.count + 3

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.smooth.charts import Chart
-from dsfab.export.smooth.outline import Sheet
+from dsfab.export.smooth.charts import SkinChart
+from dsfab.export.smooth.outline import SheetOutline
 
 
 @dataclass(eq=False)
@@ -20,7 +20,7 @@ class Nodes:
             are known of the ends of runs, and of others once `add` was asked for them.
     """
 
-    charts: dict[int, Chart]
+    charts: dict[int, SkinChart]
     uv: dict[int, Floats]
     steep: dict[int, Floats]
     around: list[Ints]
@@ -43,7 +43,7 @@ class Nodes:
             self.gap[v] = float(np.linalg.norm(seen - self.at[v], axis=2).max())
 
 
-def nodes_of(sheet: Sheet, charts: dict[int, Chart]) -> Nodes:
+def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> Nodes:
     """Outline vertices on the middle surfaces of their charts, each at the nearest point."""
     uv, steep = {}, {}
     for k in {region.chart for region in sheet.regions}:

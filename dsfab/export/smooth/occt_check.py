@@ -18,7 +18,7 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
+class OcctFinding:
     """A solid as OCCT reads it: see `check`. bad : (k, 3) ends of edges that cross; V, F : its triangles; millimetres.
 
     The triangles of different faces share no vertices.
@@ -40,7 +40,7 @@ def occt() -> Ahead:
     return Ahead(check.__file__)
 
 
-def findings(program: Ahead, text: str, deflection: float, limit: float) -> list[Finding]:
+def findings(program: Ahead, text: str, deflection: float, limit: float) -> list[OcctFinding]:
     """About each solid of a file; nothing when it takes OCCT longer than `limit` seconds, or it fails.
 
     deflection : how far the triangles may be off the solid, millimetres.
@@ -59,15 +59,15 @@ def _said(program: Ahead, path: str, folder: str, deflection: float, limit: floa
     return list(json.loads(program.last_line(path, folder, str(deflection), seconds=limit))["solids"])
 
 
-def _finding(said: dict[str, Any], path: Path) -> Finding:
+def _finding(said: dict[str, Any], path: Path) -> OcctFinding:
     data = path.read_bytes() if path.is_file() else b""
     corners = np.frombuffer(data, RECORD, offset=84)["corners"] if len(data) > 84 else np.zeros((0, 3, 3))
-    V, F = merged(corners.reshape(-1, 3))
+    V, F = distinct_points(corners.reshape(-1, 3))
     bad = np.array(said.pop("bad"), dtype=np.float64).reshape(-1, 3)
-    return Finding(**said, bad=bad, V=V.astype(np.float64), F=F.reshape(-1, 3))
+    return OcctFinding(**said, bad=bad, V=V.astype(np.float64), F=F.reshape(-1, 3))
 
 
-def merged(points: Floats) -> tuple[Floats, Ints]:
+def distinct_points(points: Floats) -> tuple[Floats, Ints]:
     """The different ones of points (k, 3), in order, and which each is: `np.unique`, in a quarter of its time."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]

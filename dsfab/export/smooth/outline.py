@@ -15,7 +15,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.loops import cut_apart
-from dsfab.export.smooth.source import Divided
+from dsfab.export.smooth.source import DividedSheet
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 from dsfab.units import MM_PER_M
 
@@ -27,7 +27,7 @@ WALL = -1
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class OutlineRun:
     """vertices (k,) in order, the material on their left; beyond: the chart there, or `WALL`; width: of the loop it is
     in, twice its area over its length, millimetres: the radius of a circle, the width of a long slit."""
 
@@ -42,11 +42,11 @@ class Region:
 
     chart: int
     piece: int
-    loops: tuple[tuple[Run, ...], ...]
+    loops: tuple[tuple[OutlineRun, ...], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class SheetOutline:
     """The divided sheet in millimetres, with its regions.
 
     V, D    : (n, 3) vertices of the middle surface, half-thickness vectors.
@@ -82,7 +82,7 @@ class _Beyond:
         return self.chart[k], self.family[k]
 
 
-def sheet_of(given: Divided, shift: int) -> Sheet:
+def sheet_of(given: DividedSheet, shift: int) -> SheetOutline:
     """The regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
     D = MM_PER_M * given.D
     V, F = MM_PER_M * given.V + shift * D, given.F
@@ -106,7 +106,7 @@ def sheet_of(given: Divided, shift: int) -> Sheet:
         )
         for face, loops in found
     )
-    return Sheet(V, D, F, given.chart, piece, charts, regions)
+    return SheetOutline(V, D, F, given.chart, piece, charts, regions)
 
 
 def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:
@@ -124,7 +124,7 @@ def _simple(loop: Ints) -> list[Ints]:
     return [loop[some] for some in cut_apart(list(range(len(loop))), loop.tolist())]
 
 
-def _beyond(given: Divided, n: int) -> _Beyond:
+def _beyond(given: DividedSheet, n: int) -> _Beyond:
     a, b = half_edges(given.F)
     h0, h1 = edge_table(given.F).pairs.T
     chart, family = np.full(len(a), WALL), np.full(len(a), WALL)
@@ -135,7 +135,7 @@ def _beyond(given: Divided, n: int) -> _Beyond:
     return _Beyond(n, key[order], chart[order], family[order])
 
 
-def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[Run, ...]:
+def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[OutlineRun, ...]:
     chart, family = beyond.at(loop)
     seam = chart != WALL
     kind = np.where(seam, chart, -2 - family)
@@ -147,7 +147,7 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[Run, 
     ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop])
     at = _two_at_least(V, loop, np.flatnonzero(ends))
     stops, width = [*at.tolist(), int(at[0]) + len(loop)], _width(V[loop], float(length.sum()))
-    return tuple(Run(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), width) for i, j in pairwise(stops))
+    return tuple(OutlineRun(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), width) for i, j in pairwise(stops))
 
 
 def _width(line: Floats, length: float) -> float:

@@ -15,8 +15,8 @@ from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.edges import Allowed
 from dsfab.export.smooth.layout import layout
 from dsfab.export.smooth.limits import limits_of
-from dsfab.export.smooth.outline import WALL, Sheet, sheet_of
-from dsfab.export.smooth.solid import Builder, Model, Piece
+from dsfab.export.smooth.outline import WALL, SheetOutline, sheet_of
+from dsfab.export.smooth.solid import Builder, SmoothModel, SmoothPiece
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import faces_at
 from dsfab.units import MM_PER_M
@@ -35,16 +35,16 @@ MOST_WALLS = 1500
 
 
 @dataclass(frozen=True, eq=False)
-class Built:
+class SmoothSolid:
     """A layout's pieces, who judges them and who builds them anew; asked : those of solids that were not done yet."""
 
     gate: Gate
     builder: Builder
-    model: Model
+    model: SmoothModel
     asked: list[int]
 
 
-class Plan:
+class SmoothPlan:
     """A part to be made smooth; raises ExportError where its sheet is not known, or is too large for a hurry."""
 
     def __init__(self, part: Part) -> None:
@@ -73,7 +73,7 @@ class Plan:
             known.add(chart)
 
     @cached_property
-    def whole(self) -> Sheet:
+    def whole(self) -> SheetOutline:
         """The sheet in one chart."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
@@ -91,7 +91,7 @@ class Plan:
                 "unasked; ask for step = 'smooth'"
             )
 
-    def built(self, fields: Floats, done: Collection[int] = ()) -> Built:
+    def built(self, fields: Floats, done: Collection[int] = ()) -> SmoothSolid:
         """The pieces of all solids but those that are done, in a layout of charts: fields (n, c), the largest names
         the chart."""
         atlas = Atlas(self.surface, self.curved, fields, FIT * self.limits.distance)
@@ -105,9 +105,12 @@ class Plan:
         regions = tuple(region for region in sheet.regions if region.piece in ready)
         builder = Builder(replace(sheet, regions=regions), atlas.charts, self.allowed)
         pieces = [
-            builder.piece(k, {}) if k in ready else Piece(refused=why.get(k, "it is done")) for k in range(sheet.count)
+            builder.piece(k, {}) if k in ready else SmoothPiece(refused=why.get(k, "it is done"))
+            for k in range(sheet.count)
         ]
-        return Built(gate, builder, Model(atlas.charts, builder.nodes, pieces, self.limits.thickness), asked)
+        return SmoothSolid(
+            gate, builder, SmoothModel(atlas.charts, builder.nodes, pieces, self.limits.thickness), asked
+        )
 
     def _near(self, done: Collection[int]) -> Ints:
         """Vertices of the surface on faces that the pieces of solids may touch that are not done."""

@@ -20,7 +20,7 @@ then. The distance of the fit from all points is asked for in any case."""
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class SkinPoints:
     """What a chart is fitted to, millimetres.
 
     origin, axes, steepest : see `Chart`.
@@ -39,7 +39,7 @@ class Points:
     chord: float
 
 
-def points_of(dense: Dense, near: Bools, mine: Bools) -> Points:
+def points_of(dense: Dense, near: Bools, mine: Bools) -> SkinPoints:
     """Of a chart and a ring around it. near : (faces of the mesh,); mine : (n,) vertices of the chart."""
     faces = np.flatnonzero(near[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
@@ -67,7 +67,7 @@ def points_of(dense: Dense, near: Bools, mine: Bools) -> Points:
     inside = inside if inside.any() else own
     weight = np.where(inside, 1.0, np.where(own, BOUNDARY, OUTSIDE))
     Q = np.concatenate([P + d, P - d], axis=1)
-    return Points(origin, axes, steepest, uv, Q, inside, weight, float(np.percentile(chord, 90)))
+    return SkinPoints(origin, axes, steepest, uv, Q, inside, weight, float(np.percentile(chord, 90)))
 
 
 def _mean(d: Floats, ends: Ints) -> Floats:

@@ -12,7 +12,7 @@ from dsfab.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class SplineRows:
     """The samples of some curves.
 
     number : (r,) of the curves; count, first, last (r,) : how many samples each has, and where these are.
@@ -30,16 +30,16 @@ class Rows:
     parts: int
 
     @classmethod
-    def of(cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int) -> "Rows":
+    def of(cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int) -> "SplineRows":
         """Rows one behind the other: count (r,) points each, of x (k,) and Q (k, d), within a tolerance (r,)."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
-    def some(self, chosen: Bools) -> "Rows":
+    def some(self, chosen: Bools) -> "SplineRows":
         """Some of the rows (r,)."""
         mine = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
-        return Rows.of(number, count, self.x[mine], self.Q[mine], tolerance, self.parts)
+        return SplineRows.of(number, count, self.x[mine], self.Q[mine], tolerance, self.parts)
 
     @property
     def line(self) -> Floats:
@@ -58,7 +58,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Spans:
+class RowSpans:
     """The spans of some rows: where they begin and end, their rows (s,), and the span of each sample (k,)."""
 
     low: Floats
@@ -79,7 +79,7 @@ class Spans:
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
         return knots
 
-    def halved(self, bad: Bools, going: Bools, rows: Rows) -> "Spans":
+    def halved(self, bad: Bools, going: Bools, rows: SplineRows) -> "RowSpans":
         """The spans of those rows (r,) that are going on; the bad ones (s,) in two."""
         stays = going[self.row]
         low, high, row, two = self.low[stays], self.high[stays], (np.cumsum(going) - 1)[self.row[stays]], bad[stays]
@@ -88,4 +88,4 @@ class Spans:
         left, times = np.cumsum(1 + two) - (1 + two), 1 + two
         low, high, row = (np.repeat(values, times) for values in (low, high, row))
         high[left[two]] = low[left[two] + 1] = middle[two]
-        return Spans(low, high, row, left[of] + (two[of] & (x >= middle[of])))
+        return RowSpans(low, high, row, left[of] + (two[of] & (x >= middle[of])))

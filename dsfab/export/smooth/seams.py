@@ -5,10 +5,10 @@ from typing import TypeVar
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.smooth.edges import TIGHTER, Allowed, Asked, Edge, by_chart, ended, parameters, spread
+from dsfab.export.smooth.edges import TIGHTER, Allowed, Asked, Edge, by_chart, parameters, spread, with_ends_on_nodes
 from dsfab.export.smooth.fits import splines_through
 from dsfab.export.smooth.nodes import Nodes
-from dsfab.export.smooth.outline import Run, Sheet
+from dsfab.export.smooth.outline import OutlineRun, SheetOutline
 from dsfab.export.splines import Spline, straight
 
 ON_SEAM = 1 / 1000
@@ -24,7 +24,7 @@ Key = tuple[int, int, int, int]
 """The first two and the last two vertices of a run."""
 
 
-def seam_edges(asked: list[Asked], nodes: Nodes, sheet: Sheet, allowed: Allowed) -> list[Edge]:
+def seam_edges(asked: list[Asked], nodes: Nodes, sheet: SheetOutline, allowed: Allowed) -> list[Edge]:
     """The curves between the charts asked about and those beyond: one for both, half way between what the two say."""
     runs, charts = [one.run for one in asked], [k for one in asked for k in (one.chart, one.run.beyond)]
     tight = [TIGHTER[one.level] * ON_SEAM * allowed.thickness for one in asked]
@@ -43,7 +43,7 @@ def seam_edges(asked: list[Asked], nodes: Nodes, sheet: Sheet, allowed: Allowed)
     gaps = [off + _apart(one, two) for (_, off), (one, two) in zip(fits, sides, strict=True)]
     ways = [dict(zip(both, pair, strict=True)) for both, pair in zip(_pairs(charts), flat, strict=True)]
     return [
-        ended(run, space, way, gap, nodes, wall=False)
+        with_ends_on_nodes(run, space, way, gap, nodes, wall=False)
         for run, (space, _), way, gap in zip(runs, fits, ways, gaps, strict=True)
     ]
 
@@ -72,7 +72,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
     return [curved[i] if i in curved else straight(*line) for i, line in enumerate(lines)]
 
 
-def run_key(run: Run) -> tuple[Key, bool]:
+def run_key(run: OutlineRun) -> tuple[Key, bool]:
     """What both charts call a seam's run, and whether this one runs the way the key does."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))

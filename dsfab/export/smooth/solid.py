@@ -7,15 +7,15 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.export.plate import enclosed
-from dsfab.export.smooth.charts import Chart
+from dsfab.export.smooth.charts import SkinChart
 from dsfab.export.smooth.edges import Allowed, Asked, Edge, wall_edges
 from dsfab.export.smooth.nodes import Nodes, nodes_of
-from dsfab.export.smooth.outline import WALL, Region, Run, Sheet
+from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline
 from dsfab.export.smooth.seams import Key, run_key, seam_edges
 
 
 @dataclass(frozen=True)
-class Skin:
+class SmoothSkin:
     """A region's two faces: its chart, and loops of edges with whether each is run through forwards; outer first."""
 
     chart: int
@@ -23,7 +23,7 @@ class Skin:
 
 
 @dataclass(eq=False)
-class Piece:
+class SmoothPiece:
     """A piece: edges with the keys of their runs, skins, and its widest gap, millimetres.
 
     traced : whether its edges are written with their curves on skins and walls, too.
@@ -32,7 +32,7 @@ class Piece:
 
     edges: list[Edge] = field(default_factory=list)
     keys: list[Key] = field(default_factory=list)
-    skins: list[Skin] = field(default_factory=list)
+    skins: list[SmoothSkin] = field(default_factory=list)
     gap: float = 0.0
     traced: bool = False
     refused: str = ""
@@ -49,27 +49,27 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class SmoothModel:
     """All pieces on their charts, the points of their nodes (2, 3), and the thickness; millimetres."""
 
-    charts: dict[int, Chart]
+    charts: dict[int, SkinChart]
     nodes: Nodes
-    pieces: list[Piece]
+    pieces: list[SmoothPiece]
     thickness: float
 
 
 class Builder:
     """Builds pieces, again where asked, on one sheet and its charts."""
 
-    def __init__(self, sheet: Sheet, charts: dict[int, Chart], allowed: Allowed) -> None:
+    def __init__(self, sheet: SheetOutline, charts: dict[int, SkinChart], allowed: Allowed) -> None:
         self.sheet, self.allowed = sheet, allowed
         self.nodes = nodes_of(sheet, charts)
         self._made: dict[tuple[Key, int], list[Edge]] = {}
         self._make(sheet.regions, {})
 
-    def piece(self, number: int, level: dict[Key, int], traced: bool = False) -> Piece:
-        """One piece; level : how often each of its runs was refused; traced : as in `Piece`."""
-        made, seams = Piece(traced=traced), dict[Key, int]()
+    def piece(self, number: int, level: dict[Key, int], traced: bool = False) -> SmoothPiece:
+        """One piece; level : how often each of its runs was refused; traced : as in `SmoothPiece`."""
+        made, seams = SmoothPiece(traced=traced), dict[Key, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
         for region in regions:
@@ -80,7 +80,7 @@ class Builder:
             order = sorted(range(len(loops)), key=lambda i: -area[i])
             if not loops or sum(a > 0 for a in area) != 1:
                 made.refused = "a chart does not see a part of it as one outline"
-            made.skins.append(Skin(region.chart, tuple(loops[i] for i in order)))
+            made.skins.append(SmoothSkin(region.chart, tuple(loops[i] for i in order)))
         if not any(edge.wall for edge in made.edges):
             made.refused = "it has no outline"
         made.gap = max((edge.gap for edge in made.edges), default=0.0)
@@ -93,7 +93,7 @@ class Builder:
             key, ahead = run_key(run)
             made = key, level.get(key, 0)
             if made not in self._made and made not in seams:
-                way = run if run.beyond == WALL or ahead else Run(run.vertices[::-1], run.beyond, run.width)
+                way = run if run.beyond == WALL or ahead else OutlineRun(run.vertices[::-1], run.beyond, run.width)
                 (walls if run.beyond == WALL else seams)[made] = Asked(way, chart, made[1])
         if walls:
             found = wall_edges(list(walls.values()), self.nodes, self.allowed)
@@ -102,7 +102,9 @@ class Builder:
             both = seam_edges(list(seams.values()), self.nodes, self.sheet, self.allowed)
             self._made |= {made: [edge] for made, edge in zip(seams, both, strict=True)}
 
-    def _edges(self, made: Piece, seams: dict[Key, int], run: Run, level: dict[Key, int]) -> list[tuple[int, bool]]:
+    def _edges(
+        self, made: SmoothPiece, seams: dict[Key, int], run: OutlineRun, level: dict[Key, int]
+    ) -> list[tuple[int, bool]]:
         """The numbers of a run's edges, and whether the run goes along them."""
         key, ahead = run_key(run)
         first = len(made.edges)
@@ -117,7 +119,7 @@ class Builder:
         return [(first, ahead)]
 
 
-def _polygon(made: Piece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
+def _polygon(made: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
     """A loop over the plane, as the poles of its curves."""
     ways = [made.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
     return np.concatenate([way[:-1] for way in ways])

@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints, lock
 
 
-class Divided(NamedTuple):
+class DividedSheet(NamedTuple):
     """A sheet divided into charts.
 
     V, F      : (n', 3) and (m', 3), metres; pieces keep to themselves, no vertex is a pinch.
@@ -42,7 +42,7 @@ class Curved:
     F: Ints
     D: Floats
     shift: int
-    divided: Callable[[Floats], Divided]
+    divided: Callable[[Floats], DividedSheet]
 
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))

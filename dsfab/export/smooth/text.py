@@ -17,10 +17,10 @@ from functools import lru_cache
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.export.plate_text import Entities, listed, references
+from dsfab.export.plate_text import Entities, references, step_list
 from dsfab.export.smooth.edges import Edge
 from dsfab.export.smooth.patches import Patch
-from dsfab.export.smooth.solid import Model, Piece, Skin
+from dsfab.export.smooth.solid import SmoothModel, SmoothPiece, SmoothSkin
 from dsfab.export.splines import Spline, straight
 
 ROUNDING = 3e-5
@@ -35,12 +35,12 @@ SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0,
 class SmoothText:
     """Writes pieces of a model after what `new` holds already."""
 
-    def __init__(self, new: Entities, model: Model) -> None:
+    def __init__(self, new: Entities, model: SmoothModel) -> None:
         self.new, self.model = new, model
         self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * model.thickness)), 2, 6))
         self._skins: dict[tuple[int, bool], int] = {}
 
-    def piece(self, piece: Piece) -> list[int]:
+    def piece(self, piece: SmoothPiece) -> list[int]:
         """The faces of a piece."""
         new = self.new
         at = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
@@ -68,7 +68,7 @@ class SmoothText:
                 faces.append(new.face([new.wire(steps)], wall))
         return faces + [face for skin in piece.skins for face in self._both(skin, edges)]
 
-    def _both(self, skin: Skin, edges: list[tuple[int, int]]) -> tuple[int, int]:
+    def _both(self, skin: SmoothSkin, edges: list[tuple[int, int]]) -> tuple[int, int]:
         """The upper and the lower face of a region."""
         new = self.new
         kinds = ["FACE_BOUND" if j else "FACE_OUTER_BOUND" for j in range(len(skin.loops))]
@@ -83,7 +83,7 @@ class SmoothText:
         return upper, new.face(below, self._skin(skin.chart, False), same=False)
 
     def _points(self, points: Floats) -> Iterator[int]:
-        """Of points (k, d), written as `listed` does: rounded all at once, in a third of the time."""
+        """Of points (k, d), written as `step_list` does: rounded all at once, in a third of the time."""
         for p in (np.round(points, self.digits) + 0.0).tolist():
             text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
             yield self.new.once(f"CARTESIAN_POINT('',({text}))")
@@ -164,4 +164,4 @@ def _counted(knots: Floats) -> tuple[str, str]:
 def _counted_bytes(knots: bytes) -> tuple[str, str]:
     """Most curves have one of a few lists of knots."""
     values, times = np.unique(np.frombuffer(knots), return_counts=True)
-    return "(" + ",".join(str(k) for k in times.tolist()) + ")", listed(values, 14)
+    return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, 14)

@@ -5,7 +5,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.smooth.edges import Edge
-from dsfab.export.smooth.solid import Piece, Skin
+from dsfab.export.smooth.solid import SmoothPiece, SmoothSkin
 
 SAMPLES = 16
 """Chords of each curve, of which crossings are looked for."""
@@ -17,12 +17,12 @@ ROUNDED = 1e-9
 """Share of a chord's length within which a point counts as on it."""
 
 
-def crossings(piece: Piece) -> Floats:
+def crossings(piece: SmoothPiece) -> Floats:
     """(k, 3) places on the upper side where the curves of a skin cross each other over the plane of their chart."""
     return np.concatenate([np.zeros((0, 3)), *(_in_skin(piece, skin) for skin in piece.skins)])
 
 
-def _in_skin(piece: Piece, skin: Skin) -> Floats:
+def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
     x = np.linspace(0, 1, SAMPLES + 1)
     edges = [piece.edges[i] for loop in skin.loops for i, _ in loop]
     flat = np.stack([edge.flat[skin.chart](x) for edge in edges])
@@ -34,7 +34,7 @@ def _in_skin(piece: Piece, skin: Skin) -> Floats:
     return np.concatenate([places[np.unique(np.r_[one[found], two[found]])], ends[_twisted(edges, skin)]])
 
 
-def _twisted(edges: list[Edge], skin: Skin) -> Ints:
+def _twisted(edges: list[Edge], skin: SmoothSkin) -> Ints:
     """The ends 2 k and 2 k + 1 of edges k at sharp corners whose sides change places close to them: they cross there.
 
     The chords that meet at a corner do not show that; the tangents do, beside the ways to the middles of the edges.

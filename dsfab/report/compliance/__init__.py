@@ -12,7 +12,7 @@ from typing import Any
 from dsfab.errors import ExportError
 from dsfab.report.compliance import failed, sections
 from dsfab.report.compliance.charts import Charts, charts
-from dsfab.report.compliance.document import Document, Numbers, Section
+from dsfab.report.compliance.document import Document, Numbers, ReportSection
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.html import page
 from dsfab.report.compliance.pdf import pdf
@@ -46,7 +46,7 @@ def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Picture
 
 def _parts(
     found: Findings, pictures: Pictures, number: Numbers, drawn: Charts, known: Mapping[str, str], preset: str
-) -> list[Section]:
+) -> list[ReportSection]:
     """Of a design that carries its loads."""
     return [
         sections.summary(found, pictures, number),

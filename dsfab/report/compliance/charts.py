@@ -4,7 +4,7 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dsfab.report.comparison_chart import STYLES, drawn
+from dsfab.report.comparison_chart import STYLES, chart_figure
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.words import digits_of, unit_for
 
@@ -33,7 +33,7 @@ def charts(found: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, Char
         if found.compared.rivals:
             made["bars"] = _png(_bars(found))
         if len(found.volumes) > 1:
-            made["volumes"] = _png(drawn(rows, ""))
+            made["volumes"] = _png(chart_figure(rows, ""))
     return made
 
 

@@ -67,7 +67,7 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Figure:
+class ReportFigure:
     """A picture: PNG or JPEG bytes of (width, height) pixels, with the `width` it takes of the page, 0 to 1.
 
     missing : why there is none, instead of it.
@@ -90,14 +90,14 @@ class Figure:
 class Across:
     """Figures side by side."""
 
-    figures: Sequence[Figure]
+    figures: Sequence[ReportFigure]
 
 
-Block = Paragraph | Bullets | Code | Banner | Table | Figure | Across
+Block = Paragraph | Bullets | Code | Banner | Table | ReportFigure | Across
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A numbered part. own_page : whether it begins one when printed."""
 
     title: str
@@ -112,7 +112,7 @@ class Document:
     title: str
     subject: str
     facts: Sequence[tuple[str, str]]
-    sections: Sequence[Section]
+    sections: Sequence[ReportSection]
     footer: str
 
 

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 from dsfab.report.compliance import sections
 from dsfab.report.compliance.charts import Charts
-from dsfab.report.compliance.document import Block, Figure, Numbers, Paragraph, Section, Table, escaped
+from dsfab.report.compliance.document import Block, Numbers, Paragraph, ReportFigure, ReportSection, Table, escaped
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.pictures import Pictures
 from dsfab.report.compliance.verdict_words import banner, standing
-from dsfab.report.compliance.words import digits_of, length, listed, share_of
+from dsfab.report.compliance.words import digits_of, enumeration, length, share_of
 from dsfab.wording import mass
 
 
@@ -19,7 +19,7 @@ def parts(
     charts: Charts,
     versions: Mapping[str, str],
     preset: str,
-) -> list[Section]:
+) -> list[ReportSection]:
     """All of it; there are no displacements, stresses and reactions of what is not in equilibrium."""
     return [
         _summary(found, pictures, number),
@@ -32,13 +32,13 @@ def parts(
     ]
 
 
-def _summary(found: Findings, pictures: Pictures, number: Numbers) -> Section:
+def _summary(found: Findings, pictures: Pictures, number: Numbers) -> ReportSection:
     blocks: list[Block] = [banner(found)]
     blocks += [Paragraph(text, "lead") for text in (_advice(found), *standing(found))]
     blocks.append(_drawn(found, pictures, number))
     if found.drawn:
         blocks.append(_sizes(found, number))
-    return Section("Summary", blocks)
+    return ReportSection("Summary", blocks)
 
 
 def _advice(found: Findings) -> str:
@@ -46,7 +46,7 @@ def _advice(found: Findings) -> str:
     carrying = [share for share, one in found.volumes if one.design.judgement]
     told = "No compliance, displacement or stress can be given for what is not in equilibrium. "
     if carrying:
-        shares = listed([f"{share:.0%}" for share in carrying])
+        shares = enumeration([f"{share:.0%}" for share in carrying])
         return told + f"With its widths scaled it carries them at {shares} of the material."
     return told + (
         "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports close such "
@@ -54,7 +54,7 @@ def _advice(found: Findings) -> str:
     )
 
 
-def _drawn(found: Findings, pictures: Pictures, number: Numbers) -> Figure:
+def _drawn(found: Findings, pictures: Pictures, number: Numbers) -> ReportFigure:
     if found.drawn:
         red = "; red reaches no support" if found.design.loose > 0 else ""
         told = f"What the pattern draws{red}. Arrows are loads, cones are supports."

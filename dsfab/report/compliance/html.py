@@ -12,10 +12,10 @@ from dsfab.report.compliance.document import (
     Bullets,
     Code,
     Document,
-    Figure,
     Paragraph,
+    ReportFigure,
+    ReportSection,
     Scale,
-    Section,
     Table,
 )
 
@@ -46,7 +46,7 @@ def _title(document: Document) -> str:
     return f'<header><p class="over">{over}</p><h1>{title}</h1><dl>{facts}</dl></header>'
 
 
-def _section(number: int, section: Section) -> str:
+def _section(number: int, section: ReportSection) -> str:
     blocks = "\n".join(_block(block) for block in section.blocks)
     kind = ' class="page"' if section.own_page else ""
     return f'<section{kind}><h2><span class="no">{number}</span>{escape(section.title)}</h2>{blocks}</section>'
@@ -66,7 +66,7 @@ def _block(block: Block) -> str:
             return _table(block)
         case Across(figures):
             return f'<div class="across">{"".join(_figure(one) for one in figures)}</div>'
-        case Figure():
+        case ReportFigure():
             return _figure(block)
 
 
@@ -89,7 +89,7 @@ def _kind(cell: str, left: bool) -> str:
     return f' class="{" ".join(names)}"' if names else ""
 
 
-def _figure(figure: Figure) -> str:
+def _figure(figure: ReportFigure) -> str:
     caption = f"<figcaption>{figure.caption}</figcaption>"
     if figure.missing:
         return f'<figure><p class="missing">{escape(figure.missing)}</p>{caption}</figure>'

@@ -13,10 +13,10 @@ from dsfab.report.compliance.document import (
     Bullets,
     Code,
     Document,
-    Figure,
     Paragraph,
+    ReportFigure,
+    ReportSection,
     Scale,
-    Section,
     Table,
     escaped,
 )
@@ -134,7 +134,7 @@ def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequenc
     return Cells([list(row) for row in rows], [width * MM for width in widths], style=look, hAlign="LEFT")
 
 
-def _section(number: int, section: Section, styles: Styles) -> list[Any]:
+def _section(number: int, section: ReportSection, styles: Styles) -> list[Any]:
     from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
 
     accent = hexed(COLOURS["accent"])
@@ -160,7 +160,7 @@ def _block(block: Block, styles: Styles) -> list[Any]:
             return _table(block, styles)
         case Across(figures):
             return _across(figures, styles)
-        case Figure():
+        case ReportFigure():
             return [_together(_figure(block, styles, WIDTH * block.width))]
 
 
@@ -216,7 +216,7 @@ def _table(table: Table, styles: Styles) -> list[Any]:
     return [KeepTogether(whole)] if len(body) < 20 else whole
 
 
-def _across(figures: Sequence[Figure], styles: Styles) -> list[Any]:
+def _across(figures: Sequence[ReportFigure], styles: Styles) -> list[Any]:
     half = WIDTH / 2 - 3
     cells = [_figure(one, styles, half) for one in figures] + [[]] * (len(figures) % 2)
     return [_grid([cells[i : i + 2]], [WIDTH / 2] * 2) for i in range(0, len(cells), 2)]
@@ -229,7 +229,7 @@ def _together(parts: list[Any]) -> Any:
     return KeepTogether(parts)
 
 
-def _figure(figure: Figure, styles: Styles, width: float) -> list[Any]:
+def _figure(figure: ReportFigure, styles: Styles, width: float) -> list[Any]:
     """width : mm."""
     from reportlab.platypus import Image
 

@@ -12,7 +12,7 @@ from dsfab.render.colouring import rising
 from dsfab.render.palette import PAPER, Palette
 from dsfab.render.scene import Bytes, Colour
 from dsfab.render.view import up_axis
-from dsfab.report.compliance.document import Figure, Scale
+from dsfab.report.compliance.document import ReportFigure, Scale
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.words import digits_of, nice, unit_for
 from dsfab.slicing.features import kept_cells
@@ -62,12 +62,12 @@ class Pictures:
         brief = self.found.brief
         return up_axis(brief.surface.V, brief.surface, brief.statics.load)
 
-    def design(self, caption: str, width: float) -> Figure:
+    def design(self, caption: str, width: float) -> ReportFigure:
         """What is built, with its loads and supports."""
         sheet, brief = self.found.structure.sheet.surface, self.found.brief
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, brief.surface, brief.statics.load)
 
-    def everything(self, caption: str, width: float) -> Figure:
+    def everything(self, caption: str, width: float) -> ReportFigure:
         """All material, with its loads and supports; what is not built is red."""
         made, brief = self.found.structure, self.found.brief
         sheet = made.drawn
@@ -77,20 +77,20 @@ class Pictures:
             caption, width, SIZE, sheet.surface.V, sheet.surface.F, brief.surface, brief.statics.load, red, lost
         )
 
-    def case(self, name: str, caption: str, width: float) -> Figure:
+    def case(self, name: str, caption: str, width: float) -> ReportFigure:
         """The uncut surface with the loads and supports of one case."""
         surface = self.found.brief.surface
         load = self.found.brief.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette)
 
-    def stress(self, shown: Answered, caption: str) -> Figure:
+    def stress(self, shown: Answered, caption: str) -> ReportFigure:
         """The largest von Mises stress of both sides and the middle, on the cut sheet."""
         sheet, value = self.found.structure.sheet.surface, shown.stress.largest
         limit = quantile(value, sheet.areas, STEEPEST) or 1.0
         return self._banded(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
-    def displacement(self, shown: Answered, limit: float, caption: str) -> Figure:
+    def displacement(self, shown: Answered, limit: float, caption: str) -> ReportFigure:
         """The deformed sheet, coloured by how far it moved; `caption` is given the factor as {factor}."""
         sheet, u = self.found.structure.sheet.surface, shown.equilibrium.u
         factor = nice(MOVES * self.found.brief.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
@@ -98,7 +98,9 @@ class Pictures:
         told = caption.format(factor=digits_of(factor, 2))
         return self._banded(told, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")
 
-    def _banded(self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, what: str) -> Figure:
+    def _banded(
+        self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, what: str
+    ) -> ReportFigure:
         step = nice(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
         bands = [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
@@ -122,16 +124,16 @@ class Pictures:
         palette: Palette = WHITE,
         family: Ints | None = None,
         scale: Scale | None = None,
-    ) -> Figure:
+    ) -> ReportFigure:
         from dsfab.render.picture import Look, picture
 
         if self.missing:
-            return Figure(caption, b"", size, missing=self.missing)
+            return ReportFigure(caption, b"", size, missing=self.missing)
         look = Look(size, self.up, palette)
         pixels = picture(V, F, surface=surface, load=load, family=family, look=look)
         pixels = trimmed(pixels, palette.paper)
         high, wide = pixels.shape[:2]
-        return Figure(caption, jpeg(pixels), (wide, high), width, scale)
+        return ReportFigure(caption, jpeg(pixels), (wide, high), width, scale)
 
 
 def trimmed(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:

@@ -4,7 +4,17 @@ from collections.abc import Mapping, Sequence
 
 from dsfab.limits import CONVERGED
 from dsfab.report.compliance import tables
-from dsfab.report.compliance.document import Across, Block, Bullets, Code, Figure, Numbers, Paragraph, Section, escaped
+from dsfab.report.compliance.document import (
+    Across,
+    Block,
+    Bullets,
+    Code,
+    Numbers,
+    Paragraph,
+    ReportFigure,
+    ReportSection,
+    escaped,
+)
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.pictures import Pictures
 from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_volumes
@@ -15,16 +25,16 @@ from dsfab.study.verdict import calibration, rules
 PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
 
 
-def summary(found: Findings, drawn: Pictures, number: Numbers) -> Section:
+def summary(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     """One page."""
     picture = drawn.design(number.figure(f"The structure, {found.extent}. Arrows are loads, cones are supports."), 0.86)
-    return Section(
+    return ReportSection(
         "Summary",
         [banner(found), Paragraph(" ".join(standing(found)), "lead"), picture, tables.key_table(found, number)],
     )
 
 
-def checks(found: Findings, number: Numbers) -> Section:
+def checks(found: Findings, number: Numbers) -> ReportSection:
     """Verdict by verdict."""
     blocks: list[Block] = [
         tables.checks_table(found.checks, number, "The structure itself."),
@@ -38,18 +48,18 @@ def checks(found: Findings, number: Numbers) -> Section:
             "quiet",
         )
     )
-    return Section("Checks", blocks, own_page=True)
+    return ReportSection("Checks", blocks, own_page=True)
 
 
-def subject(found: Findings, number: Numbers) -> Section:
+def subject(found: Findings, number: Numbers) -> ReportSection:
     """What was checked."""
     blocks: list[Block] = [tables.structure_table(found, number)]
     if found.compared.pattern is not None:
         blocks.append(tables.pattern_table(found.compared.pattern, number))
-    return Section("The structure", blocks)
+    return ReportSection("The structure", blocks)
 
 
-def loads(found: Findings, drawn: Pictures, number: Numbers) -> Section:
+def loads(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     """Loads and supports, drawn for each case."""
     names = tables.found_order(found)
     several = len(names) > 1
@@ -57,7 +67,7 @@ def loads(found: Findings, drawn: Pictures, number: Numbers) -> Section:
     for name in names:
         told = f"Load case {escaped(name)}: loads (blue) and supports (dark)." if several else "Loads and supports."
         figures.append(drawn.case(name, number.figure(told), 1.0 if several else 0.7))
-    return Section(
+    return ReportSection(
         "Loads and supports",
         [
             tables.acting_table(found, number),
@@ -67,14 +77,14 @@ def loads(found: Findings, drawn: Pictures, number: Numbers) -> Section:
     )
 
 
-def convergence(found: Findings, number: Numbers) -> Section:
+def convergence(found: Findings, number: Numbers) -> ReportSection:
     """How the compliance is known."""
     levels = tables.levels_table(found, number)
     if levels is None:
         words = "The compliance was found by one solve on the mesh as it is cut; "
         words += f"its bound, {percent(rules.QUICK[1])}, holds for nine designs in ten. "
         words += "It shows no convergence: <code>--level full</code> does."
-        return Section("Compliance", [Paragraph(words), tables.cases_table(found, number)])
+        return ReportSection("Compliance", [Paragraph(words), tables.cases_table(found, number)])
     check = found.judged.check
     assert check is not None
     blocks: list[Block] = [
@@ -88,10 +98,10 @@ def convergence(found: Findings, number: Numbers) -> Section:
         tables.cases_table(found, number),
     ]
     blocks += [Paragraph(escaped(f"{told[0].upper()}{told[1:]}.")) for told in check.warnings]
-    return Section("Compliance and its convergence", blocks)
+    return ReportSection("Compliance and its convergence", blocks)
 
 
-def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]) -> Section:
+def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]) -> ReportSection:
     """Beside others of the same mass."""
     blocks: list[Block] = [Paragraph(text) for text in standing(found)]
     blocks.append(tables.rivals_table(found, number))
@@ -119,15 +129,15 @@ def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[byte
         blocks.append(tables.volumes_table(found, number))
     if "volumes" in charts:
         blocks.append(_chart(number.figure("Compliance over mass; the design's widths are scaled."), charts["volumes"]))
-    return Section("The same mass spent otherwise", blocks, own_page=True)
+    return ReportSection("The same mass spent otherwise", blocks, own_page=True)
 
 
-def _chart(caption: str, chart: tuple[bytes, tuple[int, int]]) -> Figure:
+def _chart(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportFigure:
     image, size = chart
-    return Figure(caption, image, size, 0.92)
+    return ReportFigure(caption, image, size, 0.92)
 
 
-def answers(found: Findings, drawn: Pictures, number: Numbers) -> Section:
+def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     """Displacements and stress of the governing case."""
     name, case = found.cases[0], found.governing
     shown = found.fields[name]
@@ -145,17 +155,17 @@ def answers(found: Findings, drawn: Pictures, number: Numbers) -> Section:
     words = Paragraph(
         f"Both are those of one solve on the mesh as it is cut, by {elements_of('displacement')} elements.", "quiet"
     )
-    return Section(
+    return ReportSection(
         "Displacements and stress", [words, moved, stressed, tables.stress_table(found, number)], own_page=True
     )
 
 
-def reactions(found: Findings, number: Numbers) -> Section:
+def reactions(found: Findings, number: Numbers) -> ReportSection:
     """Of each support, in each case."""
-    return Section("Reactions and balance", [tables.reactions_table(found, name, number) for name in found.cases])
+    return ReportSection("Reactions and balance", [tables.reactions_table(found, name, number) for name in found.cases])
 
 
-def scope(found: Findings) -> list[Section]:
+def scope(found: Findings) -> list[ReportSection]:
     """What was assumed, and what nobody looked at."""
     statics = found.brief.preset.statics
     assumed = [
@@ -189,18 +199,18 @@ def scope(found: Findings) -> list[Section]:
         "code, and does not take the place of an engineer's."
     )
     return [
-        Section("What was assumed", [Bullets(assumed)], own_page=True),
-        Section("What was not checked", [words, Bullets([one for one in missing if one])]),
+        ReportSection("What was assumed", [Bullets(assumed)], own_page=True),
+        ReportSection("What was not checked", [words, Bullets([one for one in missing if one])]),
     ]
 
 
-def calibrated(number: Numbers) -> Section:
+def calibrated(number: Numbers) -> ReportSection:
     """Why the bound can be believed."""
     rows = calibration.shipped_table()
     told = calibration.summary(rows)
     kinds = len({row.kind for row in rows})
     inside = round(told.inside * told.designs)
-    return Section(
+    return ReportSection(
         "Can the bound be believed?",
         [
             Paragraph(
@@ -217,7 +227,7 @@ def calibrated(number: Numbers) -> Section:
     )
 
 
-def reproduction(found: Findings, versions: Mapping[str, str], preset: str, number: Numbers) -> Section:
+def reproduction(found: Findings, versions: Mapping[str, str], preset: str, number: Numbers) -> ReportSection:
     """Everything that is needed to make it again."""
     blocks: Sequence[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
@@ -226,4 +236,4 @@ def reproduction(found: Findings, versions: Mapping[str, str], preset: str, numb
         Paragraph("The preset in full, with every value that was left out:"),
         Code(preset),
     ]
-    return Section("Making it again", blocks, own_page=True)
+    return ReportSection("Making it again", blocks, own_page=True)

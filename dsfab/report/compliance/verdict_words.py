@@ -2,7 +2,7 @@
 
 from dsfab.report.compliance.document import Banner, escaped
 from dsfab.report.compliance.findings import LABELS, Findings
-from dsfab.report.compliance.words import digits_of, listed, percent, times, within
+from dsfab.report.compliance.words import digits_of, enumeration, percent, times, within
 from dsfab.study.competitors import Competitor
 from dsfab.wording import length, mass
 
@@ -20,7 +20,7 @@ def banner(found: Findings) -> Banner:
         return Banner("fail", "Fail: the structure does not carry its loads", f"{_sentence(found.design.error)}.")
     if found.status == "fail":
         text = " ".join(f"{one.name}: {one.found} (wanted: {one.limit})." for one in bad)
-        return Banner("fail", f"Fail: {listed([one.name.lower() for one in bad])}", text)
+        return Banner("fail", f"Fail: {enumeration([one.name.lower() for one in bad])}", text)
     sure = f"Compliance {within(found.judged.compliance, found.judged.bound, 'J')}"
     if found.status == "unknown":
         text = f"{sure}. " + " ".join(f"{one.name}: {one.found} (wanted: {one.limit})." for one in bad)
@@ -96,12 +96,12 @@ def thinner_at_volumes(found: Findings) -> str:
     left = [share for share, _, _ in pairs if share not in (*lost, *won)]
     told = []
     if lost:
-        told.append(f"<b>At {listed(lost)} of the material a thinner whole sheet of the same mass is stiffer.</b>")
+        told.append(f"<b>At {enumeration(lost)} of the material a thinner whole sheet of the same mass is stiffer.</b>")
     if won:
-        where = "every share that was tried" if len(won) == len(pairs) else f"{listed(won)} of the material"
+        where = "every share that was tried" if len(won) == len(pairs) else f"{enumeration(won)} of the material"
         told.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
     if left:
-        told.append(f"At {listed(left)} design and thinner sheet are too close to call within their bounds.")
+        told.append(f"At {enumeration(left)} design and thinner sheet are too close to call within their bounds.")
     return " ".join(told)
 
 

@@ -66,7 +66,7 @@ def length(metres: float | None) -> str:
     return "n/a" if metres is None or not math.isfinite(metres) else length_words(metres)
 
 
-def listed(words: Sequence[str]) -> str:
+def enumeration(words: Sequence[str]) -> str:
     """'a, b and c'."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 

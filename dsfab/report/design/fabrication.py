@@ -7,7 +7,7 @@ from dsfab.wording import length, table
 
 if TYPE_CHECKING:
     from dsfab.slicing.features import Feature, Features
-    from dsfab.study.fabrication import Check, Fabrication
+    from dsfab.study.fabrication import Check, FabricationMeasures
 
 SHARES = (0.05, 0.5, 0.95)
 """The widths that these shares of the walls do not exceed are told."""
@@ -16,7 +16,7 @@ MEASURED = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wal
 """What each limit is compared with."""
 
 
-def fabrication_facts(made: "Fabrication") -> dict[str, Any]:
+def fabrication_facts(made: "FabricationMeasures") -> dict[str, Any]:
     """What was measured on a design, metres, and the limits of its preset; null where there is nothing of a kind."""
     found, wall = made.features, made.wall
     return {

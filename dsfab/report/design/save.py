@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dsfab.delivery.archive import keep, with_mesh
-from dsfab.delivery.files import delivered
+from dsfab.delivery.archive import with_mesh, write_archive
+from dsfab.delivery.files import deliverable
 from dsfab.errors import ExportError
 from dsfab.export import write
 from dsfab.export.folder import whole_or_nothing
@@ -17,8 +17,8 @@ from dsfab.preset_file import preset_toml
 from dsfab.report.design.fabrication import fabrication_facts
 from dsfab.report.design.facts import facts
 from dsfab.report.design.pattern import quality_facts
-from dsfab.study.fabrication import Fabrication, fabrication
-from dsfab.thickening import Split, parts
+from dsfab.study.fabrication import FabricationMeasures, fabrication
+from dsfab.thickening import SplitBodies, parts
 
 SIZE = (1600, 1200)
 """Pixels of the picture of what is smallest."""
@@ -63,7 +63,7 @@ def save(
         files = _written(design, partial, progress)
         write(design.sheet.surface, partial / "sheet.ply")
         preset = with_mesh(design.settled, partial, Path(folder))
-        keep(design, partial, preset)
+        write_archive(design, partial, preset)
         seconds = {**design.seconds, "export": time.perf_counter() - start}
         if picture:
             progress("preview", "drawing preview.png")
@@ -81,7 +81,7 @@ def _written(design: Design, folder: Path, progress: Progress) -> _Files:
         name = f"{design.preset.name}.{suffix}"
         progress("export", f"writing and reading back {name}")
         try:
-            thing, how = delivered(design, f".{suffix}")
+            thing, how = deliverable(design, f".{suffix}")
             how |= {"note": files.notes.append, "report": lambda done: files.reports.append(done.told)}
             files.names.append(write(thing, folder / name, **how).name)
         except ExportError as error:
@@ -96,13 +96,13 @@ def _written(design: Design, folder: Path, progress: Progress) -> _Files:
 
 def _parts(design: Design, folder: Path) -> Iterator[str]:
     """Of a solid that was split for a machine one STL file for each part; other formats keep parts in one file."""
-    if design.solid.pieces == 1 or not any(isinstance(extra, Split) for extra in design.preset.thickening.extra):
+    if design.solid.pieces == 1 or not any(isinstance(extra, SplitBodies) for extra in design.preset.thickening.extra):
         return
     for number, part in enumerate(parts(design.solid), 1):
         yield write(part, folder / f"{design.preset.name}_{number}.stl").name
 
 
-def _mark(design: Design, made: Fabrication, path: Path) -> None:
+def _mark(design: Design, made: FabricationMeasures, path: Path) -> None:
     """Where the smallest things are, as a picture."""
     from dsfab.render.fabrication import write_workshop_picture
 

@@ -10,7 +10,7 @@ from dsfab.diffusion import Modes
 from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
 from dsfab.preset_file import overridden
-from dsfab.report.paper.drawing import Shown, drawn
+from dsfab.report.paper.drawing import PaperPicture, paper_picture
 from dsfab.results import DiffusionResult
 from dsfab.study.baselines.striped import as_mode
 
@@ -19,15 +19,15 @@ RATIOS = (1.0, 10.0, 100.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class PaperComparison:
     """Pictures side by side, in rows, as the paper compares them."""
 
     title: str
     words: str
-    rows: tuple[tuple[Shown, ...], ...]
+    rows: tuple[tuple[PaperPicture, ...], ...]
 
 
-def comparisons(design: Design, folder: Path, shown: Mapping[str, Shown]) -> list[Comparison]:
+def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
     """The comparisons that the paper draws on this figure; pictures that are there already are shown again."""
     name = design.preset.name
     if name == "hanging_bar":
@@ -37,27 +37,27 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, Shown]) -> lis
     if name == "bob":
         words = "What the statics find on Bob: the stress gathers between the head and the feet."
         again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
-        return [Comparison("Bob under his load", words, (again,))]
+        return [PaperComparison("Bob under his load", words, (again,))]
     return []
 
 
-def _ratios(design: Design, folder: Path) -> Comparison:
+def _ratios(design: Design, folder: Path) -> PaperComparison:
     """The same design with little and much anisotropy."""
     rows = []
     for show, name in (("major_mode", "major mode 1"), ("minor_mode", "minor mode 1"), ("structure", "structure")):
         row = []
         for r in RATIOS:
             other = draft(overridden(design.preset, {"diffusion.r": r}), old=design)
-            row.append(drawn(other, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
+            row.append(paper_picture(other, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
         rows.append(tuple(row))
     words = (
         "With r = 1 the stress is not heard and both families have the same modes; the larger r, the closer modes, "
         "and with them stripes, keep to the principal directions."
     )
-    return Comparison("The effect of the anisotropy r", words, tuple(rows))
+    return PaperComparison("The effect of the anisotropy r", words, tuple(rows))
 
 
-def _one_family(design: Design, folder: Path, shown: Mapping[str, Shown]) -> Comparison:
+def _one_family(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
     """Stripes along the von Mises stress, between those of the two families."""
     value = as_mode(design.surface, design.statics.answers.stress.largest)
     modes = Modes(np.zeros(1), value[:, None])
@@ -67,7 +67,7 @@ def _one_family(design: Design, folder: Path, shown: Mapping[str, Shown]) -> Com
     striped = Design.known(changed, diffusion=along, **kept)
     name = design.preset.name
     field = shown.get(f"{name}-vonmises.webp")
-    stripes = drawn(striped, folder, "major", f"{name}-vonmises", "Stripes along the von Mises stress")
+    stripes = paper_picture(striped, folder, "major", f"{name}-vonmises", "Stripes along the von Mises stress")
     pairs = [tuple(shown.get(f"{name}-{family}{end}.webp") for end in ("-mode", "")) for family in ("major", "minor")]
     columns = (pairs[0], (field, stripes), pairs[1])
     rows = tuple(tuple(one for column in columns if (one := column[i])) for i in range(2))
@@ -75,4 +75,4 @@ def _one_family(design: Design, folder: Path, shown: Mapping[str, Shown]) -> Com
         "Stripes of the same frequency along the von Mises stress, a single field: it hardly changes away from the "
         "poles, and neither do its stripes. The families of the diffusion give rings and meridians everywhere."
     )
-    return Comparison("Why not stripes along the von Mises stress?", words, rows)
+    return PaperComparison("Why not stripes along the von Mises stress?", words, rows)

@@ -6,14 +6,14 @@ from pathlib import Path
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.render.colouring import Bar
-from dsfab.render.light import Quality
+from dsfab.render.light import LightQuality
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)
 """Pixels of the pictures of the steps, and of the structure: twice what the page gives them, for sharp screens."""
 
-LIGHT = Quality(8, 24, 5, 896, 512, (0.006, 0.035))
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))
 """Between a picture that stands alone and one of a hundred."""
 
 VIEWS = {
@@ -30,7 +30,7 @@ VIEWS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class PaperPicture:
     """A picture in its file, or why there is none.
 
     file  : its name in the page's folder; '' without one.
@@ -44,7 +44,7 @@ class Shown:
     size: tuple[int, int] = SMALL
 
 
-def drawn(design: Design, folder: Path, show: str, stem: str, title: str = "") -> Shown:
+def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
     """One picture of a design, in a file named by `stem` and what it shows."""
     size = LARGE if show == "structure" and not title else SMALL
     title = title or _title(design, show)
@@ -54,9 +54,9 @@ def drawn(design: Design, folder: Path, show: str, stem: str, title: str = "") -
             pixels = previewer.picture(size, quality=LIGHT, words=False)
             words, bar = previewer.words, previewer.bar
     except DsfabError as error:
-        return Shown("", title, str(error))
+        return PaperPicture("", title, str(error))
     _save(pixels, folder / file)
-    return Shown(file, title, words, bar, size)
+    return PaperPicture(file, title, words, bar, size)
 
 
 def _save(pixels: Bytes, path: Path) -> None:

@@ -10,39 +10,39 @@ from dsfab.pipeline.design import Design
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
 from dsfab.preset_file import load_preset, overridden
-from dsfab.report.paper.comparisons import Comparison, comparisons
-from dsfab.report.paper.drawing import Shown, drawn
+from dsfab.report.paper.comparisons import PaperComparison, comparisons
+from dsfab.report.paper.drawing import PaperPicture, paper_picture
 from dsfab.results import Piece
-from dsfab.study.paper import Figure
+from dsfab.study.paper import PaperFigure
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
 """What is shown of every figure beside its structure, in the order of the method."""
 
 
 @dataclass(frozen=True, eq=False)
-class Made:
+class FigurePictures:
     """A figure as it came out; `error` says why it could not be made, and the rest is empty then.
 
     seconds : by row of the paper's Table 2.      carried: how the loads reach the supports.
     """
 
-    figure: Figure
+    figure: PaperFigure
     vertices: int = 0
     triangles: int = 0
     seconds: Mapping[str, float] | None = None
     carried: str = ""
     notes: tuple[str, ...] = ()
-    shown: tuple[Shown, ...] = ()
-    comparisons: tuple[Comparison, ...] = ()
+    shown: tuple[PaperPicture, ...] = ()
+    comparisons: tuple[PaperComparison, ...] = ()
     error: str = ""
 
     @property
-    def structure(self) -> Shown | None:
+    def structure(self) -> PaperPicture | None:
         """The picture of the structure, which comes first."""
         return self.shown[0] if self.shown else None
 
 
-def made(figure: Figure, folder: Path, coarser: float = 1.0) -> Made:
+def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; what cannot be made says so in its place.
 
     coarser : the preset's edges times this: quicker, and rougher.
@@ -53,12 +53,12 @@ def made(figure: Figure, folder: Path, coarser: float = 1.0) -> Made:
             preset = overridden(preset, {"surface.edge": coarser * preset.surface.model_dump()["edge"]})
         design = draft(preset)
         carried, notes = _carried(design)
-        shown = tuple(drawn(design, folder, show, figure.preset) for show in ("structure", *STEPS))
+        shown = tuple(paper_picture(design, folder, show, figure.preset) for show in ("structure", *STEPS))
         compared = tuple(comparisons(design, folder, {one.file: one for one in shown}))
     except DsfabError as error:
-        return Made(figure, error=str(error))
+        return FigurePictures(figure, error=str(error))
     surface = design.surface
-    return Made(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared)
+    return FigurePictures(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared)
 
 
 def _carried(design: Design) -> tuple[str, tuple[str, ...]]:

@@ -9,9 +9,9 @@ from typing import Any
 
 from dsfab.render.colouring import Bar
 from dsfab.render.palette import PAPER
-from dsfab.report.paper.comparisons import Comparison
-from dsfab.report.paper.drawing import Shown
-from dsfab.report.paper.figures import Made
+from dsfab.report.paper.comparisons import PaperComparison
+from dsfab.report.paper.drawing import PaperPicture
+from dsfab.report.paper.figures import FigurePictures
 from dsfab.study.paper import Parameters, Timings
 
 PAGE_NAME = "index.html"
@@ -38,14 +38,14 @@ PARAMETERS = (
 
 
 @dataclass(frozen=True)
-class About:
+class PageFacts:
     """What the page says about itself: how much coarser than the presets it is, and what made it."""
 
     coarser: float
     machine: str
 
 
-def page(figures: Sequence[Made], about: About, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
+def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
     """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
 
     paper, text = (f"rgb{colour}" for colour in (PAPER.paper, PAPER.text))
@@ -77,7 +77,7 @@ def pictures_of(folder: Path) -> set[str]:
         return set()
 
 
-def _header(about: About) -> str:
+def _header(about: PageFacts) -> str:
     rough = "" if about.coarser == 1 else f" The meshes are {about.coarser:g} times coarser than the presets' own."
     return (
         "<header><h1>The paper's figures, made again</h1><p>A. Madan, A. Jacobson and D. I. W. Levin, "
@@ -91,7 +91,7 @@ def _header(about: About) -> str:
     )
 
 
-def _overview(figures: Sequence[Made]) -> str:
+def _overview(figures: Sequence[FigurePictures]) -> str:
     tiles = []
     for made in figures:
         shown, name = made.structure, made.figure.preset
@@ -100,7 +100,7 @@ def _overview(figures: Sequence[Made]) -> str:
     return f'<nav aria-label="All figures">{"".join(tiles)}</nav>'
 
 
-def _section(made: Made, coarser: float) -> str:
+def _section(made: FigurePictures, coarser: float) -> str:
     figure = made.figure
     head = (
         f'<section id="{figure.preset}"><h2>{escape(figure.preset)} <span>{escape(figure.label)}</span></h2>'
@@ -113,7 +113,7 @@ def _section(made: Made, coarser: float) -> str:
     return f'{head}<div class="steps">{cells}</div>{_tables(made)}</section>'
 
 
-def _figure(shown: Shown, name: str, kind: str = "") -> str:
+def _figure(shown: PaperPicture, name: str, kind: str = "") -> str:
     inside = _image(shown, f"{name}: {shown.title}") if shown.file else f'<p class="why">{escape(shown.words)}</p>'
     if shown.file:
         inside = f'<a href="{shown.file}">{inside}</a>'
@@ -122,7 +122,7 @@ def _figure(shown: Shown, name: str, kind: str = "") -> str:
     return f'<figure class="{kind}">{inside}<figcaption><b>{escape(shown.title)}</b>{bar}{words}</figcaption></figure>'
 
 
-def _image(shown: Shown, alt: str) -> str:
+def _image(shown: PaperPicture, alt: str) -> str:
     wide, high = shown.size
     alt = escape(alt, quote=True)
     return f'<img src="{shown.file}" alt="{alt}" width="{wide}" height="{high}" loading="lazy">'
@@ -136,7 +136,7 @@ def _bar(bar: Bar) -> str:
     return f'<span class="bar">{escape(left)}{strip}{escape(right)}</span>'
 
 
-def _facts(made: Made, coarser: float) -> str:
+def _facts(made: FigurePictures, coarser: float) -> str:
     figure = made.figure
     edge = "" if coarser == 1 else " (on its own mesh)"
     lines = [escape(f"{made.carried[0].upper()}{made.carried[1:]}.")]
@@ -147,7 +147,7 @@ def _facts(made: Made, coarser: float) -> str:
     return f'<div class="facts">{"".join(f"<p>{line}</p>" for line in lines)}</div>'
 
 
-def _tables(made: Made) -> str:
+def _tables(made: FigurePictures) -> str:
     row = made.figure.row
     first = _parameters(row) if row else "<p>Table 1 has no row for it.</p>"
     return f'<div class="tables">{first}{_seconds(made, made.figure.timings)}</div>'
@@ -160,7 +160,7 @@ def _parameters(row: Parameters) -> str:
     return f"<table><caption>Table 1</caption><tr>{head}</tr><tr>{cells}</tr></table>"
 
 
-def _seconds(made: Made, paper: Timings) -> str:
+def _seconds(made: FigurePictures, paper: Timings) -> str:
     theirs: dict[str, float | None] = {name: getattr(paper, name) for name in TIMED}
     given = made.seconds or {}
     ours: dict[str, float | None] = {name: given.get(name) for name in TIMED}
@@ -192,7 +192,7 @@ def _claim(rows: Sequence[Mapping[str, Any]]) -> str:
     return f'<section id="volumes"><h2>Compliance over mass</h2><p>{words}</p>{image}</section>'
 
 
-def _comparison(one: Comparison) -> str:
+def _comparison(one: PaperComparison) -> str:
     rows = "".join(
         f'<div class="compared" style="--across: {len(row)}">{"".join(_figure(s, one.title) for s in row)}</div>'
         for row in one.rows

@@ -5,15 +5,15 @@ from collections.abc import Iterable, Mapping
 from dsfab.errors import DsfabError, did_you_mean
 from dsfab.study.baselines.matching import SAME_MASS
 from dsfab.study.baselines.optimised import simp
-from dsfab.study.baselines.striped import grid, isotropic, rotated, von_mises
-from dsfab.study.baselines.task import Baseline, Brief, Structure, Variant
+from dsfab.study.baselines.striped import grid, isotropic, rotated_stripes, von_mises
+from dsfab.study.baselines.task import Baseline, ComparisonTask, Structure, Variant
 from dsfab.study.baselines.uncut import thinner
 
-__all__ = ["BASELINES", "DEFAULT", "SAME_MASS", "Baseline", "Brief", "Structure", "Variant", "chosen"]
+__all__ = ["BASELINES", "DEFAULT", "SAME_MASS", "Baseline", "ComparisonTask", "Structure", "Variant", "chosen"]
 
 BASELINES: Mapping[str, Baseline] = {
     "isotropic": isotropic,
-    "rotated": rotated,
+    "rotated_stripes": rotated_stripes,
     "thinner": thinner,
     "von_mises": von_mises,
     "grid": grid,

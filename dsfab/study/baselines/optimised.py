@@ -9,29 +9,29 @@ from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.pattern import Layer, solved_factor, vertex_means
 from dsfab.statics import SheetModel
-from dsfab.study.baselines.matching import area_share, matched
-from dsfab.study.baselines.task import Brief, Structure, Variant
+from dsfab.study.baselines.matching import area_share, matched_structure
+from dsfab.study.baselines.task import ComparisonTask, Structure, Variant
 from dsfab.study.simp import Densities, Simp, densities
 
 
-def simp(brief: Brief) -> list[Variant]:
+def simp(brief: ComparisonTask) -> list[Variant]:
     """Densities of the same area by SIMP, cut where they exceed the value that gives that area."""
-    return [Variant("", lambda: _cut(brief, optimised(brief)))]
+    return [Variant("", lambda: _cut(brief, optimised_densities(brief)))]
 
 
-def optimised(brief: Brief, ask: Simp | None = None) -> Densities:
+def optimised_densities(brief: ComparisonTask, ask: Simp | None = None) -> Densities:
     """The densities of faces for the area, loads and kept regions of a brief."""
     statics, weights = brief.preset.statics, brief.preset.followed
     sheet = SheetModel(brief.surface, statics.material, statics.thickness, statics.law)
     return densities(sheet, brief.loads, brief.area, brief.kept_faces, weights, ask)
 
 
-def level_line(brief: Brief, density: Floats) -> Structure:
+def level_line(brief: ComparisonTask, density: Floats) -> Structure:
     """The structure where densities of faces (m,), averaged around the vertices, exceed one value."""
-    return matched(brief, partial(_drawing, vertex_means(brief.surface, density)))
+    return matched_structure(brief, partial(_drawing, vertex_means(brief.surface, density)))
 
 
-def _cut(brief: Brief, found: Densities) -> Structure:
+def _cut(brief: ComparisonTask, found: Densities) -> Structure:
     """`level_line`; where it falls apart, the reason tells how much was left grey."""
     try:
         return level_line(brief, found.density)
@@ -41,7 +41,7 @@ def _cut(brief: Brief, found: Densities) -> Structure:
         ) from None
 
 
-def _drawing(field: Floats, brief: Brief, share: float, tolerance: float) -> Sequence[Layer]:
+def _drawing(field: Floats, brief: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
     """What is kept, and where a field (n,) exceeds the value that makes `share` of the surface material."""
     high, low = float(field.max()), float(field.min())
     margin = 1e-3 * (high - low)

@@ -7,14 +7,14 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, reference_axes
-from dsfab.pattern import Family, Stripes, vertex_means
+from dsfab.pattern import ModeFamily, Stripes, vertex_means
 from dsfab.pipeline.directions import diffusion_step, load_axes
 from dsfab.pipeline.log import Log
 from dsfab.preset import FAMILIES, Preset
 from dsfab.preset_file import overridden
 from dsfab.results import DiffusionResult
-from dsfab.study.baselines.matching import striped, widened
-from dsfab.study.baselines.task import Brief, Structure, Variant
+from dsfab.study.baselines.matching import striped_structure, widened_structure
+from dsfab.study.baselines.task import ComparisonTask, Structure, Variant
 from dsfab.surface import Surface
 from dsfab.surface.hats import voronoi_mass
 
@@ -31,7 +31,7 @@ TIE = 1e-3
 """Weight of the axes of supports and loads where the surface's own are no clear ones: on a sphere, on a square."""
 
 
-def isotropic(brief: Brief) -> list[Variant]:
+def isotropic(brief: ComparisonTask) -> list[Variant]:
     """Stripes of plain width and the same frequencies on modes that do not hear the stress (r = 1): all pairs."""
     blind = overridden(
         brief.on_modes,
@@ -45,12 +45,12 @@ def isotropic(brief: Brief) -> list[Variant]:
     return _pairs(brief, blind, diffusion, wanted)
 
 
-def rotated(brief: Brief) -> list[Variant]:
+def rotated_stripes(brief: ComparisonTask) -> list[Variant]:
     """The design's tensors and stripes turned by 45 degrees in the tangent plane: all pairs of modes."""
 
     @cache
     def diffusion() -> DiffusionResult:
-        tensors = turned(brief.surface, brief.diffusion.tensors, np.pi / 4)
+        tensors = turned_tensors(brief.surface, brief.diffusion.tensors, np.pi / 4)
         axes = load_axes(brief.surface, brief.statics.load)
         operators = (diffusion_operator(brief.surface, D) for D in (tensors.major, tensors.minor))
         major, minor = (diffusion_modes(brief.surface, L, MODES, axes) for L in operators)
@@ -59,7 +59,7 @@ def rotated(brief: Brief) -> list[Variant]:
     return _pairs(brief, brief.on_modes, diffusion, PAIRS)
 
 
-def von_mises(brief: Brief) -> list[Variant]:
+def von_mises(brief: ComparisonTask) -> list[Variant]:
     """Stripes of one family on the von Mises stress, of plain width: the paper's answer to "why not follow that?"."""
     value = as_mode(brief.surface, brief.statics.answers.stress.largest)
     return [
@@ -68,17 +68,17 @@ def von_mises(brief: Brief) -> list[Variant]:
     ]
 
 
-def grid(brief: Brief) -> list[Variant]:
+def grid(brief: ComparisonTask) -> list[Variant]:
     """Stripes of plain width, straight along the surface's two principal axes, as many as the design has."""
     centred = brief.surface.V - brief.surface.V.mean(axis=0)
     fields = {
-        name: (scaled(brief.surface, centred @ axis), frequency)
+        name: (scaled_field(brief.surface, centred @ axis), frequency)
         for name, axis, frequency in zip(("along", "across"), principal_axes(brief), brief.frequency, strict=True)
     }
     return [Variant(f"phase {phase:g}", partial(_plain, brief, fields, phase)) for phase in PHASES]
 
 
-def turned(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
+def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
     """Tensors turned about the faces' normals by `angle`, radians; what is told of the stresses stays."""
     x, y, z = surface.normals.T
     zero = np.zeros(surface.m)
@@ -89,11 +89,11 @@ def turned(surface: Surface, tensors: DiffusionTensors, angle: float) -> Diffusi
 
 
 def as_mode(surface: Surface, face: Floats) -> Floats:
-    """(n,) values of faces (m,) at the vertices, `scaled` like a mode."""
-    return scaled(surface, vertex_means(surface, face))
+    """(n,) values of faces (m,) at the vertices, `scaled_field` like a mode."""
+    return scaled_field(surface, vertex_means(surface, face))
 
 
-def scaled(surface: Surface, value: Floats) -> Floats:
+def scaled_field(surface: Surface, value: Floats) -> Floats:
     """(n,) values of vertices (n,) scaled like a mode (see `dsfab.diffusion.Modes`), so that frequencies mean the same:
     mean 0, and area / 4 pi as the integral of the square."""
     mass = voronoi_mass(surface)
@@ -101,7 +101,7 @@ def scaled(surface: Surface, value: Floats) -> Floats:
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))
 
 
-def principal_axes(brief: Brief) -> Floats:
+def principal_axes(brief: ComparisonTask) -> Floats:
     """(2, 3) unit axes along which the surface is longest; where it is equally long, nearer the loads and supports."""
     surface, load = brief.surface, brief.statics.load
     mass = voronoi_mass(surface)
@@ -113,21 +113,21 @@ def principal_axes(brief: Brief) -> Floats:
 
 
 def _pairs(
-    brief: Brief, preset: Preset, diffusion: Callable[[], DiffusionResult], pairs: Iterable[tuple[int, int]]
+    brief: ComparisonTask, preset: Preset, diffusion: Callable[[], DiffusionResult], pairs: Iterable[tuple[int, int]]
 ) -> list[Variant]:
     """A variant for each pair of modes, all on one `diffusion`, which is made when the first is."""
     phases = preset.pattern.major.shift, preset.pattern.minor.shift
 
     def made(pair: tuple[int, int]) -> Structure:
-        return striped(brief, preset.settled(pair, phases), diffusion())
+        return striped_structure(brief, preset.settled(pair, phases), diffusion())
 
     drawn = [FAMILIES.index(name) for name in preset.pattern.family_names]
     different = {tuple(pair[k] for k in drawn): pair for pair in reversed([*pairs])}  # the first of each
     return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in reversed([*different.values()])]
 
 
-def _plain(brief: Brief, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
+def _plain(brief: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
     """Stripes of plain width on fields (n,) with a frequency each."""
     preset = overridden(brief.on_modes, {"pattern.width": {"solid_fraction": brief.share}})
     stripes = [(name, x, Stripes(frequency, phase)) for name, (x, frequency) in fields.items()]
-    return widened(brief, preset, [Family.on(brief.surface, name, own, x) for name, x, own in stripes])
+    return widened_structure(brief, preset, [ModeFamily.on(brief.surface, name, own, x) for name, x, own in stripes])

@@ -20,7 +20,7 @@ from dsfab.surface.topology import pieces
 
 
 @dataclass(frozen=True, eq=False)
-class Brief:
+class ComparisonTask:
     """A preset with its modes and phases settled, what was made of it before the pattern, and the area to be used, m2.
 
     frequency : of the major and of the minor stripes, as the design draws them; where they are evenly spaced, that at
@@ -135,5 +135,5 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[Brief], list[Variant]]
+Baseline = Callable[[ComparisonTask], list[Variant]]
 """A way to spend the material of a brief. Of several variants the stiffest competes."""

@@ -10,23 +10,23 @@ from pathlib import Path
 from dsfab.errors import DsfabError
 from dsfab.limits import OFF_SURFACE, Status
 from dsfab.pipeline.design import Design
-from dsfab.study.file_check.compliance import Carrying, carrying
+from dsfab.study.file_check.compliance import SolidCompliance, carrying
 from dsfab.study.file_check.distance import Distance, distance
-from dsfab.study.file_check.reading import SUFFIXES, Found, read_shipped
+from dsfab.study.file_check.reading import SUFFIXES, FileContents, read_shipped
 from dsfab.study.file_check.soundness import Fault, Soundness, soundness
 from dsfab.study.file_check.tetrahedra import missing
 from dsfab.study.file_check.walls import Clearance, Clearances, clearances
 
 __all__ = [
     "SUFFIXES",
-    "Carrying",
-    "Checked",
     "Clearance",
     "Clearances",
     "Distance",
     "Fault",
+    "FileCheck",
+    "FileContents",
     "Finding",
-    "Found",
+    "SolidCompliance",
     "Soundness",
     "check_file",
     "read_shipped",
@@ -55,7 +55,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Checked:
+class FileCheck:
     """Everything that was found in a file.
 
     clearances : None for a file that is not closed.       distance, carrying : None where not measured, see `findings`.
@@ -63,11 +63,11 @@ class Checked:
     """
 
     path: Path
-    found: Found
+    found: FileContents
     soundness: Soundness
     clearances: Clearances | None
     distance: Distance | None
-    carrying: Carrying | None
+    carrying: SolidCompliance | None
     density: float
     findings: tuple[Finding, ...]
 
@@ -89,7 +89,7 @@ def check_file(
     density: float = 0.0,
     solid: bool = True,
     progress: Progress | None = None,
-) -> Checked:
+) -> FileCheck:
     """Read a file again, and say what is in it.
 
     design  : what it should be; without one the file is judged as it stands.
@@ -120,10 +120,10 @@ def check_file(
         carries, why = _carrying(found, design, solid, all(f.verdict == "pass" for f in findings[:2]), tell)
         findings.append(_compliance(carries, why))
     density = density or (design.preset.statics.density if design else 0.0)
-    return Checked(Path(path), found, sound, near, apart, carries, density, tuple(findings))
+    return FileCheck(Path(path), found, sound, near, apart, carries, density, tuple(findings))
 
 
-def _unit(found: Found, near: Clearances | None, apart: Distance | None, asked: str | None) -> Finding:
+def _unit(found: FileContents, near: Clearances | None, apart: Distance | None, asked: str | None) -> Finding:
     """Whether the numbers of the file can be in the unit that it was read in."""
     if apart is not None:
         return Finding("unit", "fail" if apart.meant_unit else "pass")
@@ -146,7 +146,9 @@ def _limits(near: Clearances | None, design: Design) -> list[Finding]:
     return findings
 
 
-def _carrying(found: Found, design: Design, asked: bool, usable: bool, tell: Progress) -> tuple[Carrying | None, str]:
+def _carrying(
+    found: FileContents, design: Design, asked: bool, usable: bool, tell: Progress
+) -> tuple[SolidCompliance | None, str]:
     """The comparison by a solid model, or why there is none."""
     if not asked:
         return None, "not asked for"
@@ -161,7 +163,7 @@ def _carrying(found: Found, design: Design, asked: bool, usable: bool, tell: Pro
         return None, str(error)
 
 
-def _compliance(carries: Carrying | None, why: str) -> Finding:
+def _compliance(carries: SolidCompliance | None, why: str) -> Finding:
     if carries is None:
         return Finding("compliance", "unknown", why)
     off = abs(carries.ratio - 1)

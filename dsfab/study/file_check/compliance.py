@@ -12,7 +12,7 @@ from dsfab.pipeline.handover import sheet_loads
 from dsfab.statics import SheetModel, elements_of, flat_axis, solve_cases
 from dsfab.statics.supports import held_middles
 from dsfab.study.file_check.elastic import Holding, SolidModel, compliances
-from dsfab.study.file_check.reading import Found
+from dsfab.study.file_check.reading import FileContents
 from dsfab.study.file_check.tetrahedra import tetrahedra
 from dsfab.surface import LoadCase, Surface
 from dsfab.thickening.offset import SHIFT
@@ -32,7 +32,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 
 
 @dataclass(frozen=True)
-class Carrying:
+class SolidCompliance:
     """Compliances, joules, of the cut sheet as a shell and of the file as a solid, under what the pattern follows.
 
     tetrahedra, unknowns : of the solid model.    edge : longest edge on its surface, metres.
@@ -52,7 +52,7 @@ class Carrying:
         return self.solid / self.shell
 
 
-def carrying(found: Found, design: Design, edge: float | None = None) -> Carrying:
+def carrying(found: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
     """Compare the sound solid in a file with the sheet of its design.
 
     edge : longest edge on the surface of the solid model, metres; else one thickness, or a hundredth of the size.
@@ -67,7 +67,7 @@ def carrying(found: Found, design: Design, edge: float | None = None) -> Carryin
     t = statics.thickness
     longest = edge or max(EDGE * t, COARSE * found.size)
     model = SolidModel.of(tetrahedra(found, longest), statics.material)
-    points = Points(model, sheet, t, SHIFT[design.preset.thickening.side])
+    points = SupportPoints(model, sheet, t, SHIFT[design.preset.thickening.side])
     at = points.mean(sheet.V, sheet.vertex_normals)
     forces = [at.T @ load.force.ravel() for load in loads.values()]
     solid = compliances(model, _holding(points, at, loads, RIGID * statics.young * t), forces)
@@ -75,11 +75,13 @@ def carrying(found: Found, design: Design, edge: float | None = None) -> Carryin
     answers = solve_cases(SheetModel(sheet, statics.material, t, statics.law), loads, pair)
     weights = np.array([design.preset.followed[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
-    return Carrying(float(shell), float(weights @ solid), len(model.mesh.T), model.K.shape[0], longest, str(pair))
+    return SolidCompliance(
+        float(shell), float(weights @ solid), len(model.mesh.T), model.K.shape[0], longest, str(pair)
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class SupportPoints:
     """Points of a sheet in a solid of `thickness` metres, whose middle lies `shift` half thicknesses off the sheet."""
 
     model: SolidModel
@@ -126,7 +128,7 @@ class Points:
         return self.model.at(places + lift * normals, self.thickness)
 
 
-def _holding(points: Points, at: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
+def _holding(points: SupportPoints, at: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
     """Supports of the sheet: held directions of vertices and along edges, springs, and edges that stay."""
     sheet, load = points.sheet, next(iter(loads.values()))
     fixed, middles = load.fixed.copy(), held_middles(sheet, load.fixed)

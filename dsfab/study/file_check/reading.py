@@ -25,7 +25,7 @@ SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FileContents:
     """What a reader found in a file.
 
     V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
@@ -53,7 +53,7 @@ class Found:
         return float(np.linalg.norm(np.ptp(self.V, axis=0)))
 
 
-def read_shipped(path: str | Path, unit: str | None = None) -> Found:
+def read_shipped(path: str | Path, unit: str | None = None) -> FileContents:
     """The solid in an STL, 3MF or STEP file, read by trimesh, lib3mf or OCCT: none of them wrote it.
 
     unit : of the numbers of an STL file, millimetres when left out; 3MF and STEP files name theirs.
@@ -74,7 +74,7 @@ def read_shipped(path: str | Path, unit: str | None = None) -> Found:
         here = unit or raw.unit or BY_CONVENTION
         metres = raw.metres if raw.unit else metres_per(here)
         V, F, lost = _joined(raw.V, raw.F)
-        found = Found(
+        found = FileContents(
             path, V * metres, F, here, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
         )
     if not np.isfinite(found.V).all():
@@ -84,7 +84,7 @@ def read_shipped(path: str | Path, unit: str | None = None) -> Found:
     return found
 
 
-def _step(path: Path) -> Found:
+def _step(path: Path) -> FileContents:
     if not path.is_file():
         raise ExportError(f"{path} does not exist; check the path")
     if not path.stat().st_size:
@@ -100,7 +100,7 @@ def _step(path: Path) -> Found:
     _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F, lost = _whole(of.reshape(-1)[mesh.F])
     metres = METRES_PER["mm"]
-    return Found(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT")
+    return FileContents(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT")
 
 
 def _joined(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:

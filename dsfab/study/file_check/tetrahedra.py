@@ -15,7 +15,7 @@ from dsfab.errors import StaticsError
 from dsfab.export.program import ProgramError, run_program
 from dsfab.limits import CHANGED_VOLUME
 from dsfab.study.file_check import gmsh_program
-from dsfab.study.file_check.reading import Found
+from dsfab.study.file_check.reading import FileContents
 from dsfab.surface import Surface
 from dsfab.surface.refine import refined
 
@@ -54,7 +54,7 @@ def missing() -> str:
     return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
 
 
-def tetrahedra(found: Found, edge: float) -> Tetrahedra:
+def tetrahedra(found: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
 
     A STEP file is read by gmsh itself and gets new triangles; of other files the triangles stay and are halved.

@@ -12,7 +12,7 @@ SECONDS = 20
 """A scheduler that has not answered by then is not there."""
 
 
-class DaskFleet:
+class DaskWorkers:
     """The workers of a scheduler, those that join later too; when one dies, Dask gives its run to another.
 
     Each worker makes one run at a time, so give it one thread (`dask worker --nthreads 1`), and one worker to a core.

@@ -3,7 +3,7 @@
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.statics import Aid, Equilibrium, Quantity, SheetModel, elements_of, solve_cases
-from dsfab.study.verdict import Setting, Sheeting, Verdict, check
+from dsfab.study.verdict import LoadedSurface, SheetMaterial, Verdict, check
 from dsfab.surface import LoadCase
 
 
@@ -13,7 +13,7 @@ def loads_on(design: Design) -> dict[str, LoadCase]:
     return sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, loads)
 
 
-def carried(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
+def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
     """By name, equilibria of a design's cut sheet under the loads that its pattern follows; worked out once for
     all uses of the same elements.
 
@@ -35,7 +35,7 @@ def verdict(design: Design) -> Verdict:
     def checked() -> Verdict:
         statics = design.preset.statics
         loads = {name: design.statics.cases[name].load for name in design.preset.followed}
-        setting = Setting(design.surface, Sheeting(statics.material, statics.thickness, statics.law), loads)
+        setting = LoadedSurface(design.surface, SheetMaterial(statics.material, statics.thickness, statics.law), loads)
         return check(setting, design.slicing.cells.kept())
 
     return design.once("slicing", "verdict", checked)

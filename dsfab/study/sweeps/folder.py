@@ -18,9 +18,9 @@ from dsfab.study.sweeps.results import PICTURES, records, write_tables
 from dsfab.study.sweeps.sampling import check_points, digest, points, trials
 from dsfab.study.sweeps.scheduler import Progress, conduct, standing
 from dsfab.study.sweeps.search import search
-from dsfab.study.sweeps.store import Row, Store
+from dsfab.study.sweeps.store import RunRow, Store
 from dsfab.study.sweeps.worker import Drawer, Job, Outcome, mesh_of
-from dsfab.study.sweeps.workers import Changes, Fleet
+from dsfab.study.sweeps.workers import Changes, Workers
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
@@ -56,12 +56,12 @@ class SweepFolder:
         token = f"{self.path.absolute()} {plan_toml(plan)}"
         return Job(token, values, plan.measured, plan.keep, plan.formats, draw, mesh)
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[RunRow]:
         """All runs."""
         with Store.open(self.path) as store:
             return store.rows()
 
-    def run(self, fleet: Fleet, told: Callable[[Progress], None] = lambda progress: None) -> None:
+    def run(self, fleet: Workers, told: Callable[[Progress], None] = lambda progress: None) -> None:
         """Make every run that waits, and those in progress when it was last stopped."""
         with Store.open(self.path) as store:
             store.again()
@@ -76,11 +76,11 @@ class SweepFolder:
                 with suppress(DsfabError):
                     self.write_tables()
 
-    def _search(self, store: Store, fleet: Fleet, told: Callable[[Progress], None], total: int) -> None:
+    def _search(self, store: Store, fleet: Workers, told: Callable[[Progress], None], total: int) -> None:
         """Let the search propose runs; those that are recorded are not made again."""
         progress = standing(store, max(total, sum(store.counts().values())))
 
-        def make(proposed: Sequence[Changes]) -> dict[str, Row]:
+        def make(proposed: Sequence[Changes]) -> dict[str, RunRow]:
             store.add(proposed, {})
             if waiting := _waiting(store):
                 conduct(store, fleet, waiting, self.deliver, told, progress)
@@ -113,7 +113,7 @@ class SweepFolder:
         )
 
 
-def checked(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
+def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
     """The preset that all runs of a plan start from, and what each changes; raises PresetError for what cannot be."""
     preset, found = base_preset(plan), points(plan) if plan.search is None else []
     check_points(preset, found or trials(plan))
@@ -131,9 +131,9 @@ def prepare(
 
     Raises DsfabError for a plan that is not that of the folder, unless `extend` allows it: then runs are added, and
     none is lost; metrics or files that are new are made for all. PresetError for keys and values that cannot be.
-    known : what `checked` said, if it was asked before the folder was made.
+    known : what `checked_plan` said, if it was asked before the folder was made.
     """
-    preset, found = checked(plan) if known is None else known
+    preset, found = checked_plan(plan) if known is None else known
     settled = _settled(plan, found)
     texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}
     with Store.create(folder) as store:
@@ -155,7 +155,7 @@ def prepare(
     return SweepFolder(folder, settled.model_copy(update={"preset": str(folder.absolute() / PRESET)}), preset)
 
 
-def made(folder: Path) -> Path:
+def sweep_folder(folder: Path) -> Path:
     """A folder to hold a sweep; raises ExportError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -181,6 +181,6 @@ def _changed(old: str, new: Plan) -> set[str]:
 
 def _write(path: Path, content: bytes) -> None:
     """A file, down to the disk, whole or not at all."""
-    made(path.parent)
+    sweep_folder(path.parent)
     with replacing(path) as temporary:
         write_chunks(temporary, [content])

@@ -20,7 +20,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Libraries read these when they are loaded. Every worker has one thread: results do not depend on their number."""
 
 
-class LocalFleet:
+class LocalWorkers:
     """Processes. One pool of one process for each worker: when one is killed, the others and their memories stay.
 
     workers : their number; left out, the first run tells how much memory one needs, and as many follow as fit.

@@ -14,7 +14,7 @@ from dsfab.pipeline.directions import load_axes
 from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
 from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.statics import Equilibrium, FaceStiffness, SheetModel, buckling, elements_of
-from dsfab.study.sweeps.cut_sheet import carried, loads_on, verdict
+from dsfab.study.sweeps.cut_sheet import cut_equilibria, loads_on, verdict
 from dsfab.surface.hats import hat_gradients
 
 Metric = Callable[[Design], float]
@@ -99,7 +99,7 @@ def _symmetry_error(made: Design) -> float:
 
 
 def _answers(made: Design) -> Mapping[str, Equilibrium]:
-    return carried(made, "displacement")
+    return cut_equilibria(made, "displacement")
 
 
 def _compliance(made: Design, answers: Mapping[str, Equilibrium]) -> float:
@@ -163,8 +163,8 @@ METRICS: dict[str, Metric] = {
     "deviation": lambda made: _quality(made).deviation,
     "crossing_angle": lambda made: _quality(made).crossing_angle,
     "symmetry_error": _symmetry_error,
-    "compliance": lambda made: _compliance(made, carried(made, "compliance_once")),
-    "compliance_quick": lambda made: _compliance(made, carried(made, "ranking")),
+    "compliance": lambda made: _compliance(made, cut_equilibria(made, "compliance_once")),
+    "compliance_quick": lambda made: _compliance(made, cut_equilibria(made, "ranking")),
     "displacement": lambda made: max(answer.largest_displacement for answer in _answers(made).values()),
     "buckling": _buckling,
     "verdict": _verdict,
@@ -179,7 +179,7 @@ BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_
 Better = Literal["less", "more", ""]
 
 
-class About(NamedTuple):
+class MetricFacts(NamedTuple):
     """Unit, which direction is better, the stage it needs, and what it is."""
 
     unit: str
@@ -189,48 +189,56 @@ class About(NamedTuple):
 
 
 _CUT = "on the mesh as it is cut"
-ABOUT: Mapping[str, About] = {
-    "area": About("m2", "less", "slicing", "area of the kept sheet"),
-    "kept_share": About("", "less", "slicing", "area of the kept sheet over that of the surface"),
-    "volume": About("m3", "less", "thickening", "volume of the solid"),
-    "mass": About("kg", "less", "thickening", "mass of the solid"),
-    "pieces": About("", "less", "slicing", "connected parts of the kept sheet"),
-    "genus": About("", "", "thickening", "number of handles of the solid: its holes"),
-    "compliance_uncut": About("J", "less", "statics", "compliance of the surface before it is cut"),
-    "sheet_mass": About("kg", "less", "slicing", "area x thickness x density: the mass, without making the solid"),
-    "loose": About("", "less", "slicing", "share of the cut material that reaches no support"),
-    "pinches": About("", "less", "slicing", "point contacts that were joined or split"),
-    "min_width": About("m", "more", "slicing", "width across the stripes; a tenth of their area may be narrower"),
-    "evenness": About("", "less", "pattern", "widest over narrowest spacing of members, P95/P5; the worse family"),
-    "dead_ends": About("", "less", "pattern", "ends of members that meet nothing, and members that turn back"),
-    "slits": About("", "less", "pattern", "openings narrower than the members beside them"),
-    "deviation": About("degrees", "less", "pattern", "members off the stress, weighed by its size; the worse family"),
-    "crossing_angle": About("degrees", "more", "pattern", "smallest angle between two members that cross"),
-    "symmetry_error": About("", "less", "pattern", "share of the surface where material differs from its image"),
-    "compliance": About(
+ABOUT: Mapping[str, MetricFacts] = {
+    "area": MetricFacts("m2", "less", "slicing", "area of the kept sheet"),
+    "kept_share": MetricFacts("", "less", "slicing", "area of the kept sheet over that of the surface"),
+    "volume": MetricFacts("m3", "less", "thickening", "volume of the solid"),
+    "mass": MetricFacts("kg", "less", "thickening", "mass of the solid"),
+    "pieces": MetricFacts("", "less", "slicing", "connected parts of the kept sheet"),
+    "genus": MetricFacts("", "", "thickening", "number of handles of the solid: its holes"),
+    "compliance_uncut": MetricFacts("J", "less", "statics", "compliance of the surface before it is cut"),
+    "sheet_mass": MetricFacts(
+        "kg", "less", "slicing", "area x thickness x density: the mass, without making the solid"
+    ),
+    "loose": MetricFacts("", "less", "slicing", "share of the cut material that reaches no support"),
+    "pinches": MetricFacts("", "less", "slicing", "point contacts that were joined or split"),
+    "min_width": MetricFacts("m", "more", "slicing", "width across the stripes; a tenth of their area may be narrower"),
+    "evenness": MetricFacts(
+        "", "less", "pattern", "widest over narrowest spacing of members, P95/P5; the worse family"
+    ),
+    "dead_ends": MetricFacts("", "less", "pattern", "ends of members that meet nothing, and members that turn back"),
+    "slits": MetricFacts("", "less", "pattern", "openings narrower than the members beside them"),
+    "deviation": MetricFacts(
+        "degrees", "less", "pattern", "members off the stress, weighed by its size; the worse family"
+    ),
+    "crossing_angle": MetricFacts("degrees", "more", "pattern", "smallest angle between two members that cross"),
+    "symmetry_error": MetricFacts("", "less", "pattern", "share of the surface where material differs from its image"),
+    "compliance": MetricFacts(
         "J",
         "less",
         "slicing",
         f"one solve {_CUT}, {elements_of('compliance_once')}: typically within 2 %, nine in ten within 5 %",
     ),
-    "compliance_quick": About(
+    "compliance_quick": MetricFacts(
         "J", "less", "slicing", f"one solve {_CUT}, {elements_of('ranking')}: ranks designs, 5 to 15 % off"
     ),
-    "displacement": About("m", "less", "slicing", f"largest displacement of the solve of `compliance`, {_CUT}"),
-    "buckling": About(
+    "displacement": MetricFacts("m", "less", "slicing", f"largest displacement of the solve of `compliance`, {_CUT}"),
+    "buckling": MetricFacts(
         "", "more", "slicing", f"lowest factor of linear buckling {_CUT}; shells buckle at a fifth to a half of it"
     ),
-    "verdict": About("J", "less", "slicing", "compliance by the full verdict, refined and extrapolated: ten solves"),
-    "verdict_bound": About(
+    "verdict": MetricFacts(
+        "J", "less", "slicing", "compliance by the full verdict, refined and extrapolated: ten solves"
+    ),
+    "verdict_bound": MetricFacts(
         "", "less", "slicing", f"share that `verdict` may be off; over {CONVERGED:g} it has not converged"
     ),
-    "ersatz": About(
+    "ersatz": MetricFacts(
         "J", "less", "slicing", "a hint: the uncut mesh with thinned faces, blind to gaps under four elements wide"
     ),
 }
 """What each metric is."""
 
 
-def measured(name: str, made: Design) -> float:
+def metric_value(name: str, made: Design) -> float:
     """A named metric of a design; raises the DsfabError of the stage that cannot be made."""
     return float(METRICS[name](made))

@@ -10,7 +10,7 @@ from typing import Any
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.study.sweeps.constraints import Constraint
 from dsfab.study.sweeps.metrics import ABOUT
-from dsfab.study.sweeps.store import Row
+from dsfab.study.sweeps.store import RunRow
 
 CSV, PARQUET = "results.csv", "results.parquet"
 
@@ -18,21 +18,21 @@ PICTURES = "pictures"
 """Folder of the pictures."""
 
 
-def feasible(row: Row, limits: Iterable[Constraint]) -> bool:
+def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
     """Whether a run worked and meets every constraint."""
     return row.state == "done" and all(limit.holds(row.metrics) for limit in limits)
 
 
-def best(rows: Iterable[Row], metric: str, limits: Sequence[Constraint] = ()) -> list[Row]:
+def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
     """Runs that work and meet the constraints, the best of a metric first; `ABOUT` says which direction is better."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
 
 
-def pareto(rows: Iterable[Row], one: str, other: str, limits: Sequence[Constraint] = ()) -> list[Row]:
+def pareto(rows: Iterable[RunRow], one: str, other: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
     """Runs that no other beats in both metrics, the best of `one` first."""
-    front: list[Row] = []
+    front: list[RunRow] = []
     sign = -1 if ABOUT[other].better == "more" else 1
     usable = [row for row in best(rows, one, limits) if isfinite(row.metrics.get(other, float("nan")))]
     # of those that are equal in `one`, the better in `other` comes first
@@ -43,12 +43,12 @@ def pareto(rows: Iterable[Row], one: str, other: str, limits: Sequence[Constrain
     return front
 
 
-def picture_of(row: Row) -> str:
+def picture_of(row: RunRow) -> str:
     """The picture of a run, relative to the sweep's folder; '' if it has none."""
     return next((name for name in row.files if name.startswith(f"{PICTURES}/")), "")
 
 
-def records(rows: Sequence[Row], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
+def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
     """One record for each run: `in:KEY`, `out:METRIC` and `img` are what Design Explorer reads."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [

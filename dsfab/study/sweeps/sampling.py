@@ -39,7 +39,7 @@ def points(plan: Plan) -> list[Changes]:
     elif kind == "grid":
         found = _grid(plan.axes)
     else:
-        found = (placed(plan.axes, u) for u in _unit(kind, int(rest), len(plan.axes), plan.seed))
+        found = (point_on_axes(plan.axes, u) for u in _unit(kind, int(rest), len(plan.axes), plan.seed))
     return list({digest(changes): changes for changes in found}.values())
 
 
@@ -48,7 +48,7 @@ def digest(changes: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
-def placed(axes: list[Axis], u: Floats) -> Changes:
+def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
     """The point at u (k,) in 0..1 along each axis."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
@@ -64,7 +64,7 @@ def trials(plan: Plan) -> list[Changes]:
         for u in np.linspace(0, 1, max(len(axis.rows), 3)):
             place = middle.copy()
             place[i] = u
-            found.append(placed(plan.axes, place))
+            found.append(point_on_axes(plan.axes, place))
     return found
 
 

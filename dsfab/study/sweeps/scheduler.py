@@ -9,7 +9,7 @@ from dsfab.errors import DsfabError
 from dsfab.study.sweeps.order import Rows
 from dsfab.study.sweeps.store import Store
 from dsfab.study.sweeps.worker import Outcome
-from dsfab.study.sweeps.workers import Changes, Fleet
+from dsfab.study.sweeps.workers import Changes, Workers
 
 TRIES = 2
 """A run whose worker was killed as often as this has failed: it is likely to be the reason."""
@@ -54,7 +54,7 @@ class Progress:
 
 def conduct(
     store: Store,
-    fleet: Fleet,
+    fleet: Workers,
     runs: Mapping[int, Changes],
     deliver: Deliver,
     told: Callable[[Progress], None] = lambda progress: None,
@@ -81,7 +81,7 @@ class _Conductor:
     def __init__(
         self,
         store: Store,
-        fleet: Fleet,
+        fleet: Workers,
         runs: Mapping[int, Changes],
         deliver: Deliver,
         told: Callable[[Progress], None],

@@ -16,8 +16,8 @@ from dsfab.arrays import Floats
 from dsfab.study.sweeps.constraints import Constraint
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Plan
-from dsfab.study.sweeps.sampling import digest, placed
-from dsfab.study.sweeps.store import Row
+from dsfab.study.sweeps.sampling import digest, point_on_axes
+from dsfab.study.sweeps.store import RunRow
 
 FEWEST, PER_AXIS = 12, 4
 """Points of a generation: four for each axis, at least twelve. They do not depend on how long it runs, so that a search
@@ -30,7 +30,7 @@ those that miss, the nearer is the better [Deb 2000]."""
 SHRUNK = 1e-9
 """A population whose costs differ by less than this share has nothing more to find."""
 
-Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, Row]]
+Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
 """Makes runs that are not there yet, and returns all runs there are by their digest."""
 
 
@@ -39,7 +39,7 @@ def search(plan: Plan, make: Make) -> None:
     _Search(plan, make).run()
 
 
-def cost(row: Row | None, metric: str, limits: Sequence[Constraint]) -> float:
+def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
     """What is minimised: the logarithm of the metric (its negative where more is better), or a cost above `MISSED`."""
     if row is None:
         return NOT_MADE
@@ -82,7 +82,7 @@ class _Search:
 
     def _costs(self, u: Floats) -> Floats:
         """(S,) costs of a generation u (k, S); beyond the number of runs that is allowed, none is made."""
-        asked = [placed(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
+        asked = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
         names = [digest(changes) for changes in asked]
         fresh = list(dict.fromkeys(name for name in names if name not in self.made))
         allowed = set(fresh[: self.ask.evaluations - len(self.made)]) | self.made

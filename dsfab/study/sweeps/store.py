@@ -30,7 +30,7 @@ CREATE INDEX by_state ON runs (state);
 
 
 @dataclass(frozen=True)
-class Row:
+class RunRow:
     """One run as it is recorded: tries counts how often it was begun, lost how often its worker died."""
 
     number: int
@@ -193,7 +193,7 @@ class Store:
         """How many runs are in which state."""
         return dict(self._read("SELECT state, count(*) FROM runs GROUP BY state"))
 
-    def rows(self, state: State | None = None) -> list[Row]:
+    def rows(self, state: State | None = None) -> list[RunRow]:
         """All runs by number, or those in one state."""
         where, values = ("WHERE state = ?", (state,)) if state else ("", ())
         found = self._read(
@@ -202,7 +202,7 @@ class Store:
             values,
         )
         return [
-            Row(n, json.loads(c), s, json.loads(m), e, tuple(json.loads(f)), t, tries, lost)
+            RunRow(n, json.loads(c), s, json.loads(m), e, tuple(json.loads(f)), t, tries, lost)
             for n, c, s, m, e, f, t, tries, lost in found
         ]
 

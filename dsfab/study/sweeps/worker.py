@@ -16,7 +16,7 @@ from dsfab.preset import Preset
 from dsfab.preset_file import overridden, preset_from, preset_toml
 from dsfab.preset_surface import FileSurface
 from dsfab.sparse import peak_memory
-from dsfab.study.sweeps.metrics import measured
+from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
 """Draws a design as the bytes of a PNG file; it is handed from `dsfab.app`, which alone can draw."""
@@ -76,7 +76,7 @@ def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
         for name in job.metrics:
             doing = name
             try:
-                metrics[name] = measured(name, made)
+                metrics[name] = metric_value(name, made)
             except DsfabError as refusal:  # a sheet that carries nothing still has an area and a picture
                 wrong.append(str(refusal))
         doing = "its files"

@@ -1,4 +1,4 @@
-"""`Fleet`: who makes the runs, as the conductor sees them: workers by name, whose answers are futures."""
+"""`Workers`: who makes the runs, as the conductor sees them: workers by name, whose answers are futures."""
 
 from collections.abc import Collection, Mapping
 from concurrent.futures import Future
@@ -9,7 +9,7 @@ from dsfab.study.sweeps.worker import Outcome
 Changes = Mapping[str, Any]
 
 
-class Fleet(Protocol):
+class Workers(Protocol):
     """Workers. A worker makes one run at a time, and remembers the stages of the last."""
 
     def workers(self) -> Collection[str]:

@@ -8,7 +8,7 @@ check ─► attached          pieces and loads (setting.py)
 
 from dsfab.study.verdict.check import BUDGET, check
 from dsfab.study.verdict.levels import Level
-from dsfab.study.verdict.loaded_surface import Dropped, Setting, Sheeting, whole_sheet
+from dsfab.study.verdict.loaded_surface import Dropped, LoadedSurface, SheetMaterial, whole_sheet
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
 
 __all__ = [
@@ -17,8 +17,8 @@ __all__ = [
     "Depth",
     "Dropped",
     "Level",
-    "Setting",
-    "Sheeting",
+    "LoadedSurface",
+    "SheetMaterial",
     "Verdict",
     "check",
     "whole_sheet",

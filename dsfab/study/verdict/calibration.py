@@ -17,7 +17,7 @@ TABLE = files("dsfab.study.verdict") / "calibration.csv"
 
 
 @dataclass(frozen=True)
-class Row:
+class TrialRow:
     """A random design, solved on two to four meshes.
 
     width, share : its width rule, and the share of the surface that is material.
@@ -51,7 +51,7 @@ class Row:
         return 2 if self._after(2).bound <= CONVERGED else 3
 
     @property
-    def estimate(self) -> rules.Estimate:
+    def estimate(self) -> rules.ComplianceEstimate:
         """The verdict's value and bound."""
         return self._after(self.levels)
 
@@ -81,7 +81,7 @@ class Row:
         found = self.estimate
         return abs(self.truth - found.value) <= found.bound * found.value
 
-    def _after(self, count: int) -> rules.Estimate:
+    def _after(self, count: int) -> rules.ComplianceEstimate:
         spread = 0.0 if self.plane else self.midedge / self.compliance[0] - 1
         return rules.estimate(self.compliance[:count], spread, self.recovery[count - 1])
 
@@ -101,7 +101,7 @@ class Summary:
     quick_most: float
 
 
-def summary(rows: Sequence[Row]) -> Summary:
+def summary(rows: Sequence[TrialRow]) -> Summary:
     """Of a table. Raises ValueError for one without a row that is tested."""
     rows = [row for row in rows if row.tested]
     if not rows:
@@ -118,23 +118,23 @@ def summary(rows: Sequence[Row]) -> Summary:
     )
 
 
-def table_text(rows: Iterable[Row]) -> str:
+def table_text(rows: Iterable[TrialRow]) -> str:
     """The rows as CSV, six digits; several numbers in one cell stand with spaces between."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    names = [field.name for field in fields(Row)]
+    names = [field.name for field in fields(TrialRow)]
     writer.writerow(names)
     for row in rows:
         writer.writerow([_cell(getattr(row, name)) for name in names])
     return text.getvalue()
 
 
-def shipped_table() -> list[Row]:
+def shipped_table() -> list[TrialRow]:
     """The table that ships with dsfab."""
     return read_table(TABLE.read_text(encoding="utf-8"))
 
 
-def read_table(text: str) -> list[Row]:
+def read_table(text: str) -> list[TrialRow]:
     """The rows of `table_text`."""
     rows = []
     for cells in csv.DictReader(io.StringIO(text)):
@@ -142,9 +142,9 @@ def read_table(text: str) -> list[Row]:
             field.name: tuple(map(float, cells[field.name].split()))
             if field.name in ("compliance", "recovery")
             else field.type(cells[field.name])  # type: ignore[operator]
-            for field in fields(Row)
+            for field in fields(TrialRow)
         }
-        rows.append(Row(**values))
+        rows.append(TrialRow(**values))
     return rows
 
 

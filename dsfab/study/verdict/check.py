@@ -11,8 +11,8 @@ from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress
 from dsfab.slicing import Sheet
 from dsfab.study.verdict import rules
-from dsfab.study.verdict.loaded_surface import Dropped, Setting, attached
-from dsfab.study.verdict.refinement import Climb
+from dsfab.study.verdict.loaded_surface import Dropped, LoadedSurface, attached_material
+from dsfab.study.verdict.refinement import Refinement
 from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
 from dsfab.surface import Surface
@@ -22,7 +22,7 @@ BUDGET = 4e9
 
 
 def check(
-    subject: Design | Setting,
+    subject: Design | LoadedSurface,
     sheet: Sheet | None = None,
     depth: Depth = "full",
     budget: float = BUDGET,
@@ -30,32 +30,32 @@ def check(
 ) -> Verdict:
     """The compliance of a cut sheet under its loads, with a bound; or why it is not known, or that nothing is carried.
 
-    subject : a design, or the `Setting` that competitors share.
+    subject : a design, or the `LoadedSurface` that competitors share.
     sheet   : the material, loose pieces included; that of the design when left out. It lies in the subject's surface.
     depth   : quick, one solve on the mesh as it is cut; or full, on the cut mesh and on its refinement with all
               points on the smooth surface, extrapolated, and on one more where the bound is not under 2 % then.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
 
     Nothing is raised for a sheet that does not carry its loads: that is a verdict. Raises ValueError when `sheet` is
-    left out of a `Setting`.
+    left out of a `LoadedSurface`.
     """
     start = time.perf_counter()
-    setting = Setting.of(subject) if isinstance(subject, Design) else subject
+    setting = LoadedSurface.of(subject) if isinstance(subject, Design) else subject
     if sheet is None:
         if not isinstance(subject, Design):
             raise ValueError("a setting has no sheet of its own: give one")
         sheet = subject.slicing.cells.kept()
-    climb = Climb(setting, SmoothSurface.through(setting.surface), depth, budget, progress)
+    climb = Refinement(setting, SmoothSurface.through(setting.surface), depth, budget, progress)
     dropped: tuple[Dropped, ...] = ()
     try:
-        sheet, dropped, loads = attached(setting, sheet)
+        sheet, dropped, loads = attached_material(setting, sheet)
         climb.up(sheet, loads)
     except DsfabError as error:
         climb.stopped = "fail", str(error)
     return _verdict(climb, sheet, dropped, time.perf_counter() - start)
 
 
-def _verdict(climb: Climb, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: float) -> Verdict:
+def _verdict(climb: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: float) -> Verdict:
     surface, thickness = climb.setting.surface, climb.setting.made.thickness
     if climb.levels:
         cases = climb.cases()

@@ -19,7 +19,7 @@ from dsfab.statics import (
     sheet_stiffness,
     sheet_stress,
 )
-from dsfab.study.verdict.loaded_surface import Sheeting
+from dsfab.study.verdict.loaded_surface import SheetMaterial
 from dsfab.surface import LoadCase, Surface
 
 MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
@@ -59,7 +59,7 @@ class Level:
 
 def level(
     surface: Surface,
-    made: Sheeting,
+    made: SheetMaterial,
     loads: Mapping[str, LoadCase],
     spreads: Mapping[str, SpreadLoad],
     pairs: tuple[Elements, ...] = (MAIN, BESIDE),
@@ -92,7 +92,9 @@ def level(
     )
 
 
-def recovery_errors(surface: Surface, made: Sheeting, elements: Elements, answer: Equilibrium) -> tuple[float, float]:
+def recovery_errors(
+    surface: Surface, made: SheetMaterial, elements: Elements, answer: Equilibrium
+) -> tuple[float, float]:
     """Squared errors in the norm of the energy over the compliance, of membrane and of bending: how far the stress is
     from the same averaged around each vertex [Zienkiewicz and Zhu 1987]. 0 for stress that is constant on each face."""
     if answer.compliance <= 0:

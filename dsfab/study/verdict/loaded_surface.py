@@ -19,7 +19,7 @@ from dsfab.surface.topology import pieces
 
 
 @dataclass(frozen=True)
-class Sheeting:
+class SheetMaterial:
     """What a sheet is made of: material, thickness in metres, and law."""
 
     material: Material
@@ -28,19 +28,19 @@ class Sheeting:
 
 
 @dataclass(frozen=True, eq=False)
-class Setting:
+class LoadedSurface:
     """All that competitors share: the uncut surface, what the sheet is made of, and the loads on the uncut surface by
     case, with the same supports in each."""
 
     surface: Surface
-    made: Sheeting
+    made: SheetMaterial
     loads: Mapping[str, LoadCase]
 
     @classmethod
-    def of(cls, design: Design, share: float = 1.0) -> "Setting":
+    def of(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
         """That of a design, its cases and combinations, with `share` of its thickness."""
         statics = design.preset.statics
-        made = Sheeting(statics.material, share * statics.thickness, statics.law)
+        made = SheetMaterial(statics.material, share * statics.thickness, statics.law)
         return cls(design.surface, made, {name: case.load for name, case in design.statics.cases.items()})
 
 
@@ -57,7 +57,9 @@ def whole_sheet(surface: Surface) -> Sheet:
     return Sheet(surface, np.arange(m), np.zeros(m, dtype=np.int64), csr_array(eye_array(n)))
 
 
-def attached(setting: Setting, material: Sheet) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
+def attached_material(
+    setting: LoadedSurface, material: Sheet
+) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """What of the material reaches a support over edges, what does not (largest first), and the loads on what does.
 
     Raises StaticsError when nothing is held, when a load stands on a piece that is not or finds no material, and when

@@ -1,4 +1,4 @@
-"""`Climb`: a sheet solved on finer and finer meshes until its compliance is known, or something stops it."""
+"""`Refinement`: a sheet solved on finer and finer meshes until its compliance is known, or something stops it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from dsfab.statics import Elements, flat_axis
 from dsfab.study.verdict import rules
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level, memory_needed
-from dsfab.study.verdict.loaded_surface import Setting
+from dsfab.study.verdict.loaded_surface import LoadedSurface
 from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.verdict import CaseVerdict, Depth
 from dsfab.surface import LoadCase, Surface
@@ -26,13 +26,13 @@ COUNT = {2: "two levels", 3: "three levels"}
 
 
 @dataclass
-class Climb:
+class Refinement:
     """Meshes solved up to now.
 
     stopped : why no more were, with the status that follows; None where enough is known, or all were solved.
     """
 
-    setting: Setting
+    setting: LoadedSurface
     smooth: SmoothSurface
     depth: Depth
     budget: float

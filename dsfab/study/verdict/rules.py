@@ -33,14 +33,14 @@ MEMBER = 4.0
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ComplianceEstimate:
     """value : compliance, J.  bound : half width of its interval, over the value."""
 
     value: float
     bound: float
 
 
-def estimate(values: Sequence[float], spread: float, recovery: float) -> Estimate:
+def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
     """From compliances by quadratic + hhj on one or more meshes, each of four times the triangles, coarse to fine.
 
     spread   : against quadratic + midedge on the first mesh; about half of it is left on each further one, where it is
@@ -48,9 +48,9 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Estimat
     recovery : ZZ on the finest mesh.
     """
     if len(values) < 2:
-        return Estimate(values[0], max(ONE_MESH * recovery, OF_SPREAD * abs(spread), FLOOR))
+        return ComplianceEstimate(values[0], max(ONE_MESH * recovery, OF_SPREAD * abs(spread), FLOOR))
     step = values[-1] - values[-2]
     value = values[-1] + step / STEP
     left = abs(spread) / 2 ** (len(values) - 1)
     off = max(OF_STEP * abs(step) / value, OF_SPREAD * left, OF_RECOVERY * recovery, FLOOR)
-    return Estimate(value, off)
+    return ComplianceEstimate(value, off)

@@ -13,11 +13,11 @@ from dsfab.pipeline.design import Design
 from dsfab.preset_file import load_preset
 from dsfab.slicing import Sheet
 from dsfab.statics import Elements
-from dsfab.study.verdict.calibration import Row
+from dsfab.study.verdict.calibration import TrialRow
 from dsfab.study.verdict.check import facets_of, members
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level
-from dsfab.study.verdict.loaded_surface import Setting, attached
+from dsfab.study.verdict.loaded_surface import LoadedSurface, attached_material
 from dsfab.study.verdict.smooth import SmoothSurface
 
 SEEDS = 8
@@ -84,20 +84,20 @@ def random_design(kind: str, seed: int) -> Design:
     return run(load_preset(given.preset, changes | {"pattern.width": width}))
 
 
-def measured(kind: str, seed: int, count: int = 4) -> Row:
+def measured_trial(kind: str, seed: int, count: int = 4) -> TrialRow:
     """A random design solved on up to `count` meshes; on one less than four where it is large (see `LARGEST`).
 
     Raises DsfabError for a draw that cannot be made or does not carry its loads.
     """
     design = random_design(kind, seed)
-    setting = Setting.of(design)
-    sheet, _, loads = attached(setting, design.slicing.cells.kept())
+    setting = LoadedSurface.of(design)
+    sheet, _, loads = attached_material(setting, design.slicing.cells.kept())
     forces, smooth = shares(sheet, loads), SmoothSurface.through(design.surface)
     quick = _solved(setting, sheet, forces, ONCE)
     finer = meshes(sheet, smooth)
     levels = [_solved(setting, next(finer), forces, *pairs) for pairs in ((MAIN, BESIDE), (MAIN,), (MAIN,))[:count]]
     case = next(iter(setting.loads))
-    row = Row(
+    row = TrialRow(
         kind,
         seed,
         design.preset.pattern.width.rule,
@@ -118,12 +118,12 @@ def measured(kind: str, seed: int, count: int = 4) -> Row:
     return row
 
 
-def _solved(setting: Setting, mesh: Sheet, forces: Mapping[str, Floats], *pairs: Elements) -> Level:
+def _solved(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Floats], *pairs: Elements) -> Level:
     given = on_mesh(setting.surface, mesh, setting.loads, forces)
     return level(mesh.surface, setting.made, *given, pairs)
 
 
-def calibrate(count: int = SEEDS, told: Callable[[str, int], None] | None = None) -> Iterator[Row]:
+def calibrate(count: int = SEEDS, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
     """The rows of the first `count` designs of each kind that can be made: a quarter of an hour.
 
     told : called with the kind and the seed before each.
@@ -134,7 +134,7 @@ def calibrate(count: int = SEEDS, told: Callable[[str, int], None] | None = None
             if told:
                 told(kind, seed)
             try:
-                yield measured(kind, seed)
+                yield measured_trial(kind, seed)
                 found += 1
             except DsfabError:
                 pass  # a draw that falls apart is no test of a bound

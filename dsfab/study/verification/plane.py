@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.statics import Equilibrium, Material, SpreadLoad
 from dsfab.study.verification.meshes import MESHES, Mesh, at, edges_on, square
-from dsfab.study.verification.problem import Problem, Test, held, lines_on, mean_move, tip_loaded
+from dsfab.study.verification.problem import Problem, Test, held_directions, lines_on, mean_move, tip_loaded
 from dsfab.study.verification.recovery import vertex_stress
 from dsfab.surface import Surface
 
@@ -30,7 +30,7 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
         surface,
         STEEL,
         0.01,
-        fixed=held(surface.n, (corner, "xy"), (bottom & right, "y") if shear else (left & top, "x")),
+        fixed=held_directions(surface.n, (corner, "xy"), (bottom & right, "y") if shear else (left & top, "x")),
         force=np.zeros((surface.n, 3)),
         spread=SpreadLoad.on(surface, edge=load),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
@@ -113,7 +113,7 @@ def quarter(
         surface,
         material,
         thickness,
-        fixed=held(surface.n, (at(uv[:, 0], 0.0), "y"), (at(uv[:, 0], 1.0), "x")),
+        fixed=held_directions(surface.n, (at(uv[:, 0], 0.0), "y"), (at(uv[:, 0], 1.0), "x")),
         force=np.zeros((surface.n, 3)),
         spread=SpreadLoad.on(surface, edge=thickness * tractions(surface, outer, stress)),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),

@@ -17,7 +17,7 @@ from dsfab.statics import (
     solve_statics,
 )
 from dsfab.study.verification.meshes import MESHES, Mesh, at, edges_on, square
-from dsfab.study.verification.problem import Problem, Test, held, lines_on
+from dsfab.study.verification.problem import Problem, Test, held_directions, lines_on
 from dsfab.surface import Surface
 
 PLATE = Material(young=1e7, poisson=0.3)
@@ -37,7 +37,7 @@ def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
         surface,
         PLATE,
         THIN,
-        fixed=held(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (rim, "z")),
+        fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (rim, "z")),
         force=np.zeros((surface.n, 3)),
         spread=SpreadLoad.on(surface, face=(0.0, 0.0, 1.0)),
         clamped=edges_on(surface, *sides) & clamped,
@@ -81,7 +81,7 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
     edge = lines_on(surface, edges_on(surface, ends[0]), (1.0, 0.0, 0.0))
     edge = edge + lines_on(surface, edges_on(surface, ends[1]), (-1.0, 0.0, 0.0))
     spread = SpreadLoad.on(surface, edge=edge)
-    fixed = held(surface.n, (rim, "z"), (corner, "xy"), (ends[1] & at(uv[:, 1], 0.0), "y"))
+    fixed = held_directions(surface.n, (rim, "z"), (corner, "xy"), (ends[1] & at(uv[:, 1], 0.0), "y"))
     still = np.zeros((surface.n, 3))
     problem = Problem(
         surface, PLATE, THIN, fixed, still, spread, np.zeros(len(surface.edges.ends), dtype=bool), lambda answer: np.nan

@@ -131,7 +131,7 @@ class Test:
         return tolerance_of(self.quantity) if self.within is None else self.within
 
 
-def held(n: int, *supports: tuple[Bools, str]) -> Bools:
+def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
     """(n, 3) from pairs of marked vertices and directions such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
@@ -179,7 +179,7 @@ def tip_loaded(
         surface,
         material,
         thickness,
-        fixed=held(surface.n, (root, "xyz")),
+        fixed=held_directions(surface.n, (root, "xyz")),
         force=np.zeros((surface.n, 3)),
         spread=SpreadLoad.on(surface, edge=lines_on(surface, end, tuple(along / width))),
         clamped=edges_on(surface, root),

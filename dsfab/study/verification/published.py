@@ -12,7 +12,7 @@ Seen = Literal["page", "transcript", "recalled"]
 
 
 @dataclass(frozen=True)
-class Source:
+class Publication:
     """A document, and how its numbers came here."""
 
     title: str
@@ -39,30 +39,32 @@ class Published:
     element: str
     cells: int | None
     ratio: float
-    source: Source
+    source: Publication
     unknowns: int | None = None
     constant: bool = False
     middles: bool = False
     note: str = ""
 
 
-HARDER = Source("MacNeal and Harder 1985, Finite Elements in Analysis and Design 1, 3-20", "recalled")
-STRAIGHT = Source("Altair OptiStruct 2022 verification problem OS-V 0720", "page")
-CURVED = Source("Altair OptiStruct 2022 verification problem OS-V 0710", "page")
-TWISTED = Source("Altair OptiStruct 2025 verification problem OS-V 0700", "page")
-ROOF = Source("Altair OptiStruct 2022 verification problem OS-V 0730", "page")
-CATIA = Source("Dassault CATIA V5 R18 finite element guide, hemispherical shell", "page")
-MIDAS = Source("MIDAS/Gen verification example 24", "page")
-LE1 = Source("Abaqus 2017 Benchmarks, LE1: plane stress elements, Table 1", "page")
-LE3 = Source("Abaqus 2017 Benchmarks, LE3: hemispherical shell with point loads", "page")
-KO = Source("Ko, Lee, Lee and Bathe 2017, Computers and Structures 193, 187-206, N = 16", "transcript")
-TMRFS = Source(
+HARDER = Publication("MacNeal and Harder 1985, Finite Elements in Analysis and Design 1, 3-20", "recalled")
+STRAIGHT = Publication("Altair OptiStruct 2022 verification problem OS-V 0720", "page")
+CURVED = Publication("Altair OptiStruct 2022 verification problem OS-V 0710", "page")
+TWISTED = Publication("Altair OptiStruct 2025 verification problem OS-V 0700", "page")
+ROOF = Publication("Altair OptiStruct 2022 verification problem OS-V 0730", "page")
+CATIA = Publication("Dassault CATIA V5 R18 finite element guide, hemispherical shell", "page")
+MIDAS = Publication("MIDAS/Gen verification example 24", "page")
+LE1 = Publication("Abaqus 2017 Benchmarks, LE1: plane stress elements, Table 1", "page")
+LE3 = Publication("Abaqus 2017 Benchmarks, LE3: hemispherical shell with point loads", "page")
+KO = Publication("Ko, Lee, Lee and Bathe 2017, Computers and Structures 193, 187-206, N = 16", "transcript")
+TMRFS = Publication(
     "Sangtarash, Ghohani Arab, Sohrabi and Ghasemi 2020, flat shell triangle, Table 9, in FinEtoolsFlexStructures.jl",
     "transcript",
 )
-SIMO = Source("Simo, Fox and Rifai 1989, Computer Methods in Applied Mechanics and Engineering 73, 53-92", "recalled")
-DVORKIN = Source("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
-FELIPPA = Source("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
+SIMO = Publication(
+    "Simo, Fox and Rifai 1989, Computer Methods in Applied Mechanics and Engineering 73, 53-92", "recalled"
+)
+DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
+FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
 
 TWELVE_BY_TWO = 12 * 3 * 5
 """Free unknowns of the usual mesh of the twisted beam."""
@@ -71,7 +73,7 @@ Ratios = dict[str, tuple[float, ...]]
 
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
-STRAIGHT_BEAMS: tuple[tuple[Source, str, tuple[float, ...], tuple[float, ...]], ...] = (
+STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
     # in plane on the three shapes of cells, then out of plane
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
@@ -80,7 +82,7 @@ STRAIGHT_BEAMS: tuple[tuple[Source, str, tuple[float, ...], tuple[float, ...]], 
     (HARDER, "NASTRAN QUAD8", (0.987, 0.995, 0.946), (0.991, 0.985, 0.998)),
 )
 
-REFINED: tuple[tuple[str, Source, tuple[int, ...], Ratios], ...] = (
+REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
     ("plate_supported", HARDER, (4, 8, 12, 16), {"NASTRAN QUAD4": (0.981, 1.004, 1.003, 1.002)}),
     ("plate_supported", KO, (32,), {"MITC4": (0.9998,), "MITC3": (1.001,)}),
     ("plate_clamped", KO, (32,), {"MITC4": (0.9980,), "MITC3": (0.9943,)}),
@@ -109,13 +111,13 @@ REFINED: tuple[tuple[str, Source, tuple[int, ...], Ratios], ...] = (
     ("holed_hemisphere", MIDAS, (8,), {"MIDAS plate": (0.0948 / 0.0940,), "SAP2000 shell": (0.0937 / 0.0940,)}),
 )
 
-TWISTED_BEAMS: tuple[tuple[Source, Ratios, str], ...] = (
+TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
     # along the width of the tip, and across it
     (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
     (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
 )
 
-NAFEMS: tuple[tuple[str, Source, float, Ratios], ...] = (
+NAFEMS: tuple[tuple[str, Publication, float, Ratios], ...] = (
     ("elliptic_membrane", LE1, 92.7, {"Abaqus CPS3": (51.04, 71.26), "Abaqus CPS4": (66.73, 84.54)}),
     ("elliptic_membrane", LE1, 92.7, {"Abaqus CPS6": (89.10, 94.01), "Abaqus CPS8R": (85.80, 90.07)}),
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S3R": (0.080, 0.161), "Abaqus S4R": (0.180, 0.180)}),
@@ -151,7 +153,7 @@ def _one(
     element: str,
     cells: int | None,
     ratio: float,
-    source: Source,
+    source: Publication,
     unknowns: int | None = None,
     note: str = "",
 ) -> Published:

@@ -4,7 +4,7 @@ import numpy as np
 
 from dsfab.statics import Material, SpreadLoad
 from dsfab.study.verification.meshes import MESHES, Mesh, at, edges_on, octant, square
-from dsfab.study.verification.problem import Problem, Test, held, mean_move, point_force
+from dsfab.study.verification.problem import Problem, Test, held_directions, mean_move, point_force
 from dsfab.surface import Surface
 
 
@@ -19,7 +19,7 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
         surface,
         Material(4.32e8, 0.0),
         0.25,
-        fixed=held(surface.n, (ends, "xz"), (crown, "y")),
+        fixed=held_directions(surface.n, (ends, "xz"), (crown, "y")),
         force=np.zeros((surface.n, 3)),
         spread=SpreadLoad.on(surface, face=(0.0, 0.0, -90.0)),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
@@ -41,7 +41,7 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
         surface,
         Material(6.825e7, 0.3),
         0.04,
-        fixed=held(surface.n, (start, "y"), (end, "x"), (start & rim, "z")),
+        fixed=held_directions(surface.n, (start, "y"), (end, "x"), (start & rim, "z")),
         force=point_force(surface.n, (start & rim, (1.0, 0.0, 0.0)), (end & rim, (0.0, -1.0, 0.0))),
         spread=SpreadLoad.on(surface),
         clamped=edges_on(surface, start, end),
@@ -62,7 +62,7 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
         surface,
         Material(3e6, 0.3),
         3.0,
-        fixed=held(surface.n, (side, "z"), (top, "x"), (middle, "y"), (end, "xz")),
+        fixed=held_directions(surface.n, (side, "z"), (top, "x"), (middle, "y"), (end, "xz")),
         force=point_force(surface.n, (top & middle, (0.0, 0.0, -0.25))),
         spread=SpreadLoad.on(surface),
         clamped=edges_on(surface, side, top, middle),
@@ -82,7 +82,7 @@ def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
         surface,
         Material(68.25e9, 0.3),
         0.04,
-        fixed=held(surface.n, (y0, "y"), (x0, "x"), (x0 & y0, "z")),
+        fixed=held_directions(surface.n, (y0, "y"), (x0, "x"), (x0 & y0, "z")),
         force=point_force(surface.n, (y0 & z0, (2e3, 0.0, 0.0)), (x0 & z0, (0.0, -2e3, 0.0))),
         spread=SpreadLoad.on(surface),
         clamped=edges_on(surface, x0, y0),

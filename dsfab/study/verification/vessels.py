@@ -7,7 +7,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.statics import Equilibrium, Material, SpreadLoad
 from dsfab.study.verification.meshes import Mesh, at, octasphere, square
-from dsfab.study.verification.problem import Problem, Test, held
+from dsfab.study.verification.problem import Problem, Test, held_directions
 from dsfab.surface import Surface
 
 VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5
@@ -23,7 +23,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
         surface,
         VESSEL,
         WALL,
-        fixed=held(surface.n, *poles),
+        fixed=held_directions(surface.n, *poles),
         force=np.zeros((surface.n, 3)),
         spread=SpreadLoad.on(surface, face=PRESSURE * surface.normals),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),
@@ -46,7 +46,7 @@ def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
         surface,
         VESSEL,
         WALL,
-        fixed=held(surface.n, (x_axis, "yz"), (y_axis, "xz")),
+        fixed=held_directions(surface.n, (x_axis, "yz"), (y_axis, "xz")),
         force=np.zeros((surface.n, 3)),
         spread=SpreadLoad.on(surface, face=PRESSURE * surface.normals),
         clamped=np.zeros(len(surface.edges.ends), dtype=bool),

@@ -9,7 +9,7 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import Length, check_density, shape
-from dsfab.surface.shapes.planar import meshed
+from dsfab.surface.shapes.planar import mesh_region
 
 
 @shape
@@ -39,7 +39,7 @@ def pavilion(
     flat = edge * np.sqrt(1 + (ground / (2 * radius)) ** 2)
     wedge = _Wedge(half, foot / span, float(ground), float(top), float(flat))
     rim, axis, seam = wedge.rim()
-    plane, F = _all_round(*meshed(rim, wedge.inside, wedge.edge), axis, seam, feet)
+    plane, F = _all_round(*mesh_region(rim, wedge.inside, wedge.edge), axis, seam, feet)
     # stereographic: rho = 2 R tan(theta / 2), from the sphere's lowest point
     t = (plane**2).sum(axis=1) / (4 * radius**2)
     V = np.column_stack([plane / (1 + t)[:, None], rise - 2 * radius * t / (1 + t)])

@@ -10,7 +10,7 @@ GAP = 0.6
 """Least distance between lattice and rim over the edge: about the height of a triangle between them."""
 
 
-def meshed(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
+def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
     """Vertices (n, 2) and counter-clockwise faces of a region of the plane.
 
     rim    : (k, 2) points along the boundary about `edge` apart; they stay where they are and come first.

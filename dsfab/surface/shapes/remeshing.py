@@ -34,7 +34,7 @@ GROWTH = 2
 """Splitting may double the faces of a mesh that was remeshed before; more never ends, for its edges span a gap."""
 
 
-class Chart(Protocol):
+class MeshChart(Protocol):
     """A smooth surface on which vertices live, by coordinates X (n, k) of its own choice."""
 
     def place(self, X: Floats) -> Floats:
@@ -46,7 +46,7 @@ class Chart(Protocol):
         ...
 
 
-def remeshed(chart: Chart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
+def remeshed(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
     """Vertices (n, 3) and faces of nearly equilateral triangles about `edge` metres wide, on the surface of `chart`.
 
     X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries are kept.
@@ -95,7 +95,7 @@ def _normals(P: Floats) -> Floats:
     return np.asarray(N / np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-300))
 
 
-def _split(chart: Chart, X: Floats, F: Ints, longest: float) -> tuple[Floats, Ints]:
+def _split(chart: MeshChart, X: Floats, F: Ints, longest: float) -> tuple[Floats, Ints]:
     """Every edge over `longest` halved, again and again; new vertices are put on the surface."""
     for _ in range(12):
         edges = edge_table(F)
@@ -110,7 +110,7 @@ def _split(chart: Chart, X: Floats, F: Ints, longest: float) -> tuple[Floats, In
     return X, F
 
 
-def _collapsed(chart: Chart, X: Floats, F: Ints, shortest: float) -> tuple[Floats, Ints]:
+def _collapsed(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tuple[Floats, Ints]:
     """Edges under `shortest` collapsed to a point, where that keeps the topology."""
     for _ in range(BATCHES):
         edges, n, V = edge_table(F), len(X), chart.place(X)
@@ -149,7 +149,9 @@ def _winners(touched: Ints, ends: Ints, cost: Floats, n: int, reach: int = 0) ->
     return np.asarray((best[touched] >= rank[:, None]).all(axis=1))
 
 
-def _merged(chart: Chart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, border: Bools) -> tuple[Floats, Ints, bool]:
+def _merged(
+    chart: MeshChart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, border: Bools
+) -> tuple[Floats, Ints, bool]:
     """Vertices b put together with a where no face turns over; says whether there were any."""
     goal = np.where((border[a] == border[b])[:, None], (X[a] + X[b]) / 2, X[np.where(border[a], a, b)])
     goal = chart.moved(goal, np.zeros((len(a), 3)), border[a] | border[b])
@@ -174,7 +176,7 @@ def _merged(chart: Chart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, borde
     return X[kept], F.reshape(-1, 3), bool(len(a))
 
 
-def _flipped(chart: Chart, X: Floats, F: Ints, by_valence: bool) -> tuple[Floats, Ints]:
+def _flipped(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Floats, Ints]:
     """Edges turned within their two faces: towards six edges at each vertex (four on the border), or to Delaunay.
 
              c                    c
@@ -236,7 +238,7 @@ def _can_flip(V: Floats, quad: Ints, edges: EdgeTable, n: int) -> Bools:
     return np.asarray(fine)
 
 
-def _relaxed(chart: Chart, X: Floats, F: Ints) -> Floats:
+def _relaxed(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     """Vertices moved along the surface to the mean of their neighbours; those of the border along it."""
     V, edges, n = chart.place(X), edge_table(F), len(X)
     border = on_boundary(edges, n)

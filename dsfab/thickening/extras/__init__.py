@@ -8,6 +8,6 @@ from dsfab.thickening.extras.cutting import Holes, Trim
 from dsfab.thickening.extras.feet import Feet
 from dsfab.thickening.extras.make import Extra, with_extras
 from dsfab.thickening.extras.ring import Ring
-from dsfab.thickening.extras.splitting import Split
+from dsfab.thickening.extras.splitting import SplitBodies
 
-__all__ = ["Base", "Extra", "Feet", "Holes", "Ring", "Split", "Trim", "with_extras"]
+__all__ = ["Base", "Extra", "Feet", "Holes", "Ring", "SplitBodies", "Trim", "with_extras"]

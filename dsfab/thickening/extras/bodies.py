@@ -39,7 +39,7 @@ def box(low: Floats, high: Floats) -> "manifold3d.Manifold":
     return manifold3d.Manifold.cube((high - low).tolist()).translate(low.tolist())
 
 
-def united(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
+def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
     """All that lies in one of the bodies at least."""
     import manifold3d
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from dsfab.errors import SolidError
 from dsfab.surface.pickers import STRICT, Picker, Real
 from dsfab.thickening.extras.base import Base
-from dsfab.thickening.extras.bodies import box, positive, united
+from dsfab.thickening.extras.bodies import box, positive, united_bodies
 
 if TYPE_CHECKING:
     import manifold3d
@@ -37,7 +37,7 @@ class Feet:
             blocks.append(box(low, high))
         if not blocks:
             raise SolidError("thickening.extra 'feet': none of the picked vertices is on the sheet; set pattern.keep")
-        standing = united([solid, *blocks])
+        standing = united_bodies([solid, *blocks])
         if len(standing.decompose()) > len(solid.decompose()):
             raise SolidError("thickening.extra 'feet': a foot does not meet the solid; raise sink or margin")
         return standing

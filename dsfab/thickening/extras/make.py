@@ -12,7 +12,7 @@ from dsfab.thickening.extras.base import Base
 from dsfab.thickening.extras.cutting import Holes, Trim
 from dsfab.thickening.extras.feet import Feet
 from dsfab.thickening.extras.ring import Ring
-from dsfab.thickening.extras.splitting import Split
+from dsfab.thickening.extras.splitting import SplitBodies
 from dsfab.thickening.intersect import intersecting_pairs
 from dsfab.thickening.solid import Solid, judge
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SPECK = 1e-6
 """Pieces under this share of the solid's volume are crumbs of the cutting, and left out."""
 
-Extra = Feet | Ring | Holes | Trim | Split
+Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:

@@ -10,7 +10,7 @@ from dsfab.errors import SolidError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, Picker, Real
 from dsfab.thickening.extras.base import Base
-from dsfab.thickening.extras.bodies import positive, united
+from dsfab.thickening.extras.bodies import positive, united_bodies
 from dsfab.thickening.intersect import intersecting_pairs
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Ring:
         if not loops:
             raise SolidError("thickening.extra 'ring': no boundary of the surface is there, or picked; check at")
         beams = [_beam(base.surface, loop, self.width, self.height) for loop in loops]
-        whole = united([solid, *beams])
+        whole = united_bodies([solid, *beams])
         if len(whole.decompose()) > len(solid.decompose()):
             raise SolidError(
                 "thickening.extra 'ring': a beam does not meet the solid; make it wider, or pick loops the pattern "

@@ -10,7 +10,7 @@ from dsfab.arrays import Floats
 from dsfab.errors import SolidError
 from dsfab.surface.pickers import STRICT, Real, Vector
 from dsfab.thickening.extras.base import Base
-from dsfab.thickening.extras.bodies import drill, positive, united
+from dsfab.thickening.extras.bodies import drill, positive, united_bodies
 
 if TYPE_CHECKING:
     import manifold3d
@@ -20,7 +20,7 @@ HALVINGS = 12
 
 
 @dataclass(frozen=True)
-class Split:
+class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
 
     bed    : metres along x, y, z that a part may have; parts are equally large along each axis.
@@ -44,14 +44,14 @@ class Split:
         ends = np.array(solid.bounding_box()).reshape(2, 3)
         levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]
         drills = [drill for axis in range(3) for drill in self._drills(solid, axis, levels)] if self.dowel else []
-        solid = solid - united(drills) if drills else solid
+        solid = solid - united_bodies(drills) if drills else solid
         for axis, inner in enumerate(levels):
             parts, normal = [], np.eye(3)[axis]
             for number, level in enumerate(inner[1:-1]):
                 solid, below = solid.split_by_plane(normal.tolist(), float(level))
                 parts.append(below.translate((number * self.apart * normal).tolist()))
             parts.append(solid.translate(((len(inner) - 2) * self.apart * normal).tolist()))
-            solid = united(parts)
+            solid = united_bodies(parts)
         return solid
 
     def _levels(self, low: float, high: float, bed: float) -> Floats:

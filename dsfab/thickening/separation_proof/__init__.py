@@ -14,7 +14,7 @@ by look to that number is counted on the rim of a block of faces around the cyli
 What is proven needs no test of pairs, whatever part of the cells is kept. The rest is for `intersecting_pairs`.
 """
 
-from dsfab.thickening.separation_proof.layer import Layer
+from dsfab.thickening.separation_proof.layer import OffsetLayer
 from dsfab.thickening.separation_proof.proof import apart
 
-__all__ = ["Layer", "apart"]
+__all__ = ["OffsetLayer", "apart"]

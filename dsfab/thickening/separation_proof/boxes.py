@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, grouped, lengths
-from dsfab.thickening.separation_proof.layer import Layer
+from dsfab.thickening.separation_proof.layer import OffsetLayer
 
 REACH = 2
 """A block is a box and this many boxes around it on each side."""
@@ -36,7 +36,7 @@ class Boxes:
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
 
-def boxes_of(layer: Layer, off: float, count: int) -> Boxes:
+def boxes_of(layer: OffsetLayer, off: float, count: int) -> Boxes:
     """The faces of the uncut surface in boxes that are larger than any prism."""
     uncut = layer.uncut
     middle = uncut.centroids

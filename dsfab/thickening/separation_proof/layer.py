@@ -1,4 +1,4 @@
-"""`Layer`: what is to be proven about."""
+"""`OffsetLayer`: what is to be proven about."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from dsfab.thickening.offset import SHIFT, Side
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class OffsetLayer:
     """A thickened surface before anything is removed.
 
     uncut  : an edge-manifold surface, faces consistently oriented, with half-thickness vectors D (n, 3), metres.

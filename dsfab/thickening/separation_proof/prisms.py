@@ -4,7 +4,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats
 from dsfab.thickening.separation_proof.boxes import Boxes
-from dsfab.thickening.separation_proof.layer import Layer
+from dsfab.thickening.separation_proof.layer import OffsetLayer
 
 CHUNK = 1 << 14
 """Cells looked at together: as many as the processor's cache takes."""
@@ -12,7 +12,7 @@ CHUNK = 1 << 14
 Three = tuple[Floats, Floats, Floats]
 
 
-def prisms(layer: Layer, boxes: Boxes, off: float) -> tuple[Bools, Floats, Floats]:
+def prisms(layer: OffsetLayer, boxes: Boxes, off: float) -> tuple[Bools, Floats, Floats]:
     """(m',) prisms that may be folded; (k,) the least cosine between skins and axis in each box; (m',) the reach."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)

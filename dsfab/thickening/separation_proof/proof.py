@@ -7,7 +7,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.surface.topology import misoriented_edges
 from dsfab.thickening.rounding import is_fine, rounding_step
 from dsfab.thickening.separation_proof.boxes import boxes_of
-from dsfab.thickening.separation_proof.layer import Layer
+from dsfab.thickening.separation_proof.layer import OffsetLayer
 from dsfab.thickening.separation_proof.prisms import prisms
 from dsfab.thickening.separation_proof.windings import fronts, once_around
 
@@ -22,7 +22,7 @@ MOST_BAD = 0.05
 """With a larger share of folded prisms nothing is proven."""
 
 
-def apart(layer: Layer) -> Bools:
+def apart(layer: OffsetLayer) -> Bools:
     """(m',) cells whose prism surely meets no other one, however its sides are divided by diagonals.
 
     This holds for the vertices as they are and as files of single precision hold them (where `is_fine`).
@@ -48,7 +48,7 @@ def apart(layer: Layer) -> Bools:
     return sure
 
 
-def _near(layer: Layer, folded: Bools, reach: Floats) -> Bools:
+def _near(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     """(m',) cells whose prisms may come near a folded one."""
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)

@@ -5,7 +5,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, grouped, lengths
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.separation_proof.boxes import REACH, Boxes, steps
-from dsfab.thickening.separation_proof.layer import Layer
+from dsfab.thickening.separation_proof.layer import OffsetLayer
 from dsfab.thickening.separation_proof.prisms import CHUNK
 
 
@@ -22,7 +22,7 @@ def fronts(boxes: Boxes, cosine: Floats) -> Bools:
     return good
 
 
-def once_around(layer: Layer, boxes: Boxes, good: Bools, off: float) -> Bools:
+def once_around(layer: OffsetLayer, boxes: Boxes, good: Bools, off: float) -> Bools:
     """(k,) boxes, of the good ones (k,), around whose cylinder the rim of the block runs once, outside."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + off
