@@ -18,6 +18,7 @@ import ast
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -324,3 +325,47 @@ def test_one_version():
     import dsfab
 
     assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"] == dsfab.__version__
+
+
+# --- sizes and names
+
+
+def definitions(kind: type) -> Iterator[tuple[str, ast.AST]]:
+    """Module and node of every class or function of the product."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, kind):
+                yield path.relative_to(PACKAGE).as_posix(), node
+
+
+def test_a_class_name_has_one_home():
+    homes = Counter(node.name for _, node in definitions(ast.ClassDef) if not node.name.startswith("_"))
+    assert [name for name, count in homes.items() if count > 1] == []
+
+
+def parameters(node: ast.FunctionDef) -> list[str]:
+    """Names, without the object or the class itself."""
+    given = node.args
+    return [one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs) if one.arg not in ("self", "cls")]
+
+
+def test_no_public_function_takes_over_seven_parameters():
+    many = [
+        f"{where}: {node.name}"
+        for where, node in definitions(ast.FunctionDef)
+        if len(parameters(node)) > 7 and not node.name.startswith("_")
+    ]
+    assert many == []
+
+
+LONG = 3
+"""How many functions are longer than 45 lines, their docstrings left out; it may only shrink."""
+
+
+def test_functions_are_short():
+    lengths = []
+    for where, node in definitions(ast.FunctionDef):
+        told = ast.get_docstring(node, clean=False)
+        lengths.append((node.end_lineno - node.lineno + 1 - (told.count("\n") + 1 if told else 0), where, node.name))
+    assert sum(length > 45 for length, *_ in lengths) <= LONG, sorted(lengths)[-LONG - 1 :]
+    assert sorted(lengths)[len(lengths) * 9 // 10][0] <= 18

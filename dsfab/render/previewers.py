@@ -9,7 +9,7 @@ from dsfab.render.previewer import Previewer
 
 
 class Previewers:
-    """Previewers for presets that follow one another; use as `with Studio(view=..., ...) as studio`.
+    """Previewers for presets that follow one another; use as `with Previewers(view=..., ...) as previewers`.
 
     options : those of `Previewer`, for all of them.
     """

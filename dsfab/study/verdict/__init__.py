@@ -1,9 +1,9 @@
 """A calibrated verdict: the compliance of a cut sheet with a bound that was tested on random designs.
 
-check ─► attached          pieces and loads (setting.py)
-      ─► Climb.up ─► finer, on_mesh ─► level        mesh after mesh (climb.py, finer.py, levels.py)
-                  ─► estimate                       value and bound (rules.py)
-      ─► Verdict                                    what is told (verdict.py)
+check ─► attached_material                           pieces and loads (loaded_surface.py)
+      ─► Refinement.up ─► finer, on_mesh ─► level    mesh after mesh (refinement.py, finer.py, levels.py)
+                       ─► estimate                   value and bound (rules.py)
+      ─► Verdict                                     what is told (verdict.py)
 """
 
 from dsfab.study.verdict.check import BUDGET, check
