@@ -356,10 +356,10 @@ def test_a_design_that_does_not_carry_its_loads_has_a_report_that_says_why(tmp_p
 
 @pytest.mark.parametrize(("loose", "drawn"), [("drop", True), ("refuse", False)])
 def test_what_cannot_be_cut_or_is_a_mechanism_fails_and_is_told(tmp_path, monkeypatch, loose, drawn):
-    def mechanism(brief, structure, *_, **__):
+    def mechanism(task, structure, *_, **__):
         if structure.cells is not structure.sheet:
             raise StaticsError("the sheet is a mechanism: it turns about a hinge")
-        return quick(brief, structure)
+        return quick(task, structure)
 
     small(monkeypatch)
     made = draft(load_preset("cantilever", {**LOST, "slicing.loose": loose}))

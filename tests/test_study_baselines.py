@@ -23,7 +23,7 @@ def made():
 
 
 @pytest.fixture(scope="module")
-def brief(made):
+def task(made):
     return ComparisonTask.of(made, 0.45 * made.surface.area)
 
 
@@ -32,16 +32,16 @@ def stiff(variants) -> Structure:
 
 
 @pytest.mark.parametrize("name", sorted(BASELINES))
-def test_every_baseline_has_the_mass_asked_for_and_what_is_kept(brief, name):
-    structure = stiff(BASELINES[name](brief))
-    area, thickness = structure.sheet.surface.area, brief.preset.statics.thickness
-    assert area * structure.thickness == pytest.approx(brief.area * thickness, rel=SAME_MASS)
+def test_every_baseline_has_the_mass_asked_for_and_what_is_kept(task, name):
+    structure = stiff(BASELINES[name](task))
+    area, thickness = structure.sheet.surface.area, task.preset.statics.thickness
+    assert area * structure.thickness == pytest.approx(task.area * thickness, rel=SAME_MASS)
     if name == "thinner":
-        assert area == brief.surface.area
+        assert area == task.surface.area
         return
     assert structure.thickness == thickness
     # the held edge and the disc around the load are there
-    assert (structure.sheet.same_vertex()[brief.statics.load.held | brief.statics.load.loaded] >= 0).all()
+    assert (structure.sheet.same_vertex()[task.statics.load.held | task.statics.load.loaded] >= 0).all()
     length = np.linalg.norm(np.diff(structure.sheet.surface.V[structure.sheet.surface.edges.ends], axis=1), axis=2)
     rim = structure.sheet.surface.edges.boundary & (np.abs(structure.sheet.surface.V[:, 1]) > 0.5 - 1e-9)[
         structure.sheet.surface.edges.ends
@@ -49,8 +49,8 @@ def test_every_baseline_has_the_mass_asked_for_and_what_is_kept(brief, name):
     assert length[rim].sum() == pytest.approx(2 * 2.0)
 
 
-def test_tensors_turn_in_the_tangent_plane_and_keep_their_values(brief):
-    tensors, surface = brief.diffusion.tensors, brief.surface
+def test_tensors_turn_in_the_tangent_plane_and_keep_their_values(task):
+    tensors, surface = task.diffusion.tensors, task.surface
     once = turned_tensors(surface, tensors, np.pi / 4)
     twice = turned_tensors(surface, once, np.pi / 4)
     assert twice.major == pytest.approx(tensors.minor, abs=1e-9)  # a quarter turn swaps the families
@@ -71,38 +71,38 @@ def test_tensors_turn_on_curved_surfaces_too():
     assert turned_tensors(ball.surface, once, np.pi / 4).major == pytest.approx(ball.diffusion.tensors.minor, abs=1e-9)
 
 
-def test_a_grid_follows_the_longest_axis_first_and_the_load_where_there_is_none(brief):
-    assert np.abs(principal_axes(brief)) == pytest.approx(np.eye(3)[:2], abs=1e-3)
+def test_a_grid_follows_the_longest_axis_first_and_the_load_where_there_is_none(task):
+    assert np.abs(principal_axes(task)) == pytest.approx(np.eye(3)[:2], abs=1e-3)
     ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     assert np.abs(principal_axes(ComparisonTask.of(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)
 
 
-def test_a_scaled_field_counts_as_a_mode_does(brief):
-    surface = brief.surface
+def test_a_scaled_field_counts_as_a_mode_does(task):
+    surface = task.surface
     x, mass = scaled_field(surface, 7 + 3 * surface.V[:, 0]), voronoi_mass(surface)
     assert mass @ x == pytest.approx(0, abs=1e-12)
     assert mass @ x**2 == pytest.approx(surface.area / (4 * np.pi))
 
 
-def test_more_is_drawn_where_loose_pieces_are_dropped(brief):
+def test_more_is_drawn_where_loose_pieces_are_dropped(task):
     """A disc in the middle touches nothing: it is left out, and the block at the support grows instead."""
-    disc = -np.linalg.norm(brief.surface.V - [0.45, 0.0, 0.0], axis=1)
-    every = np.full(brief.surface.n, np.inf)
+    disc = -np.linalg.norm(task.surface.V - [0.45, 0.0, 0.0], axis=1)
+    every = np.full(task.surface.n, np.inf)
 
-    def drawing(brief, share, tolerance):
+    def drawing(task, share, tolerance):
         def layers(x):
-            block = Layer("block", -brief.surface.V[:, 0], np.array([1 - 2 * x]), every)
+            block = Layer("block", -task.surface.V[:, 0], np.array([1 - 2 * x]), every)
             return [Layer("disc", disc, np.array([-0.1]), every), block]
 
-        return layers(solved_factor(lambda x: area_share(brief, layers(x)), share, tolerance))
+        return layers(solved_factor(lambda x: area_share(task, layers(x)), share, tolerance))
 
-    structure = matched_structure(brief, drawing)
-    assert structure.sheet.surface.area == pytest.approx(brief.area, rel=SAME_MASS)
-    assert structure.loose == pytest.approx(np.pi * 0.01 / (brief.area + np.pi * 0.01), rel=0.1)
+    structure = matched_structure(task, drawing)
+    assert structure.sheet.surface.area == pytest.approx(task.area, rel=SAME_MASS)
+    assert structure.loose == pytest.approx(np.pi * 0.01 / (task.area + np.pi * 0.01), rel=0.1)
     assert structure.pieces == 1
-    assert sliced_structure(brief, drawing(brief, brief.share, 1e-4)).sheet.surface.area < (1 - SAME_MASS) * brief.area
+    assert sliced_structure(task, drawing(task, task.share, 1e-4)).sheet.surface.area < (1 - SAME_MASS) * task.area
     with pytest.raises(PatternError, match="falls apart: without its loose pieces its mass is"):
-        matched_structure(brief, lambda brief, share, tolerance: drawing(brief, 0.3, 1e-4))
+        matched_structure(task, lambda task, share, tolerance: drawing(task, 0.3, 1e-4))
 
 
 def test_a_brief_of_chosen_modes_has_no_more_to_choose():

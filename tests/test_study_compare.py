@@ -150,9 +150,9 @@ def test_the_full_sheet_moves_most_under_its_load_and_a_strength_is_compared(can
 def test_any_judge_may_take_the_place_of_the_quick_one(cantilever):
     seen = []
 
-    def strict(brief, structure):
+    def strict(task, structure):
         seen.append(structure)
-        return replace(quick(brief, structure), bound=0.01, verdict="pass")
+        return replace(quick(task, structure), bound=0.01, verdict="pass")
 
     compared = comparison(cantilever, ("thinner", "grid"), strict)
     assert len(seen) == 4  # of the four grids the stiffest alone
@@ -191,13 +191,13 @@ def test_a_name_of_no_competitor_is_refused(cantilever):
 def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
     """The most accurate elements answer for both; buckling differs by the membrane stress of the quick ones."""
     made = draft(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "statics.frequencies": 1, "statics.buckling": 1}))
-    brief = ComparisonTask.of(made, made.surface.area / 2)
+    task = ComparisonTask.of(made, made.surface.area / 2)
     whole = Structure.uncut(made.surface, made.preset.statics.thickness)
-    (case,) = quick(brief, whole, Ask(frequencies=1, buckling=1)).cases.values()
+    (case,) = quick(task, whole, Ask(frequencies=1, buckling=1)).cases.values()
     known = made.statics.answers
     assert case.frequency == pytest.approx(known.vibration.hertz[0], rel=1e-9)
     assert case.buckling == pytest.approx(known.buckling.factor[0], rel=0.2)
-    (alone,) = quick(brief, whole).cases.values()
+    (alone,) = quick(task, whole).cases.values()
     assert (alone.frequency, alone.buckling) == (None, None)
 
 

@@ -230,12 +230,12 @@ def test_stripes_come_back_after_modes(dome):
 
 
 def test_competitors_share_the_mean_distance(dome):
-    brief = ComparisonTask.of(dome, 60.0)
-    assert brief.even is dome.pattern.even
+    task = ComparisonTask.of(dome, 60.0)
+    assert task.even is dome.pattern.even
     pairs = ((dome.diffusion.major, 1.6), (dome.diffusion.minor, 1.0))
     asked = [frequency_for(dome.surface, modes.mode(1), spacing) for modes, spacing in pairs]
-    assert brief.frequency == pytest.approx(asked)
-    given = brief.on_modes.pattern
+    assert task.frequency == pytest.approx(asked)
+    given = task.on_modes.pattern
     assert (given.method, given.major.spacing, given.minor.spacing) == ("modes", 1.6, 1.0)
     assert given.width == dome.preset.pattern.width
     on_modes = ComparisonTask.of(pipeline.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)

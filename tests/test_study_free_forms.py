@@ -45,7 +45,7 @@ def on_modes(chosen: Modes) -> Design:
     return draft(load_preset(ROOF_MODES, given))
 
 
-def brief_of(made: Design, preset: Preset, even=None) -> ComparisonTask:
+def task_of(made: Design, preset: Preset, even=None) -> ComparisonTask:
     frequency, area = made.pattern.frequency, SHARE * made.surface.area
     return ComparisonTask(preset, made.surface, made.statics, made.diffusion, frequency, area, even)
 
@@ -57,8 +57,8 @@ def modes(chosen: Modes) -> float:
     found = []
     for rule in ("constant", "graded"):
         own = overridden(made.settled, {"pattern.width.rule": rule})
-        brief = brief_of(made, own)
-        found.append(quick(brief, striped_structure(brief, own, made.diffusion)).compliance)
+        task = task_of(made, own)
+        found.append(quick(task, striped_structure(task, own, made.diffusion)).compliance)
     return min(found)
 
 
@@ -74,14 +74,14 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
     width = {"pattern.width.rule": rule, "pattern.width.q": q}
     own = overridden(own, {"pattern.method": "stripes", "pattern.halve": halve, **apart, **width})
     even = even_stripes(own, surface, statics)
-    brief = brief_of(made, own, even)
+    task = task_of(made, own, even)
     if rule != "stressed":
-        structure = striped_structure(brief, own, diffusion, even)
+        structure = striped_structure(task, own, diffusion, even)
     else:
         grading = stressed_step(own, made.stressed, Log(None), even=even)
-        structure = widened_structure(brief, own, striped_families(own, made.stressed, 0.0, grading, even))
-    assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
-    return quick(brief, structure).compliance
+        structure = widened_structure(task, own, striped_families(own, made.stressed, 0.0, grading, even))
+    assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)
+    return quick(task, structure).compliance
 
 
 @pytest.mark.parametrize(

@@ -147,9 +147,9 @@ def test_simp_on_the_cantilever_cut_along_its_level_line_is_1_58_times_as_soft_a
     disc = {"kind": "force", "at": {"pick": "ball", "center": [1.0, 0.0, 0.0], "radius": 0.1}, "force": [0, -1000.0, 0]}
     changes = {"surface.edge": 0.04, "surface.load": [disc], "pattern": {"keep": 0.01}}
     made = draft(dsfab.load_preset("cantilever", changes))
-    brief = ComparisonTask.of(made, made.surface.area / 2)
-    structure = level_line(brief, optimised_densities(brief, Simp(radius=0.04)).density)
-    assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
+    task = ComparisonTask.of(made, made.surface.area / 2)
+    structure = level_line(task, optimised_densities(task, Simp(radius=0.04)).density)
+    assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)
     assert structure.pieces == 1
     cut = (structure.sheet.surface, sheet_load(made.surface, structure.sheet, made.load))
     full, sliced = (_converged(*pair) for pair in ((made.surface, made.load), cut))

@@ -56,8 +56,8 @@ def test_over_modes_they_are_as_stiff_as_recorded(name):
         compliance = []
         for preset, stripes in ((own, even), (base, None)):
             shared = surface, made.statics, made.diffusion, made.pattern.frequency
-            brief = ComparisonTask(preset, *shared, share * surface.area, stripes)
-            compliance.append(quick(brief, striped_structure(brief, preset, made.diffusion, stripes)).compliance)
+            task = ComparisonTask(preset, *shared, share * surface.area, stripes)
+            compliance.append(quick(task, striped_structure(task, preset, made.diffusion, stripes)).compliance)
         assert compliance[0] < limit * compliance[1]
 
 
@@ -70,8 +70,8 @@ def test_on_a_dome_widths_that_even_out_the_stress_come_near_to_the_uncut_sheet(
     own = overridden(striped_alike(made), keys)
     even = even_stripes(own, surface, statics)
     grading = stressed_step(own, made.stressed, Log(None), even=even)
-    brief = ComparisonTask(own, surface, statics, diffusion, made.pattern.frequency, share * surface.area, even)
-    structure = widened_structure(brief, own, striped_families(own, made.stressed, 0.0, grading, even))
-    assert structure.sheet.surface.area == pytest.approx(brief.area, rel=1e-3)
+    task = ComparisonTask(own, surface, statics, diffusion, made.pattern.frequency, share * surface.area, even)
+    structure = widened_structure(task, own, striped_families(own, made.stressed, 0.0, grading, even))
+    assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)
     uncut = Structure.uncut(surface, own.statics.thickness)
-    assert quick(brief, structure).compliance < most * quick(brief, uncut).compliance
+    assert quick(task, structure).compliance < most * quick(task, uncut).compliance

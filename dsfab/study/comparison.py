@@ -30,12 +30,12 @@ class Comparison:
     """The design against its competitors; the smaller the compliance, the stiffer.
 
     The loads are those that the pattern follows: one case or combination, or several, whose compliances are then added
-    with the weights of [diffusion] (1 each when left out). `brief` is what all of them share;
+    with the weights of [diffusion] (1 each when left out). `task` is what all of them share;
     `pattern` the measures of what the design draws, where it is judged as it is drawn.
     """
 
     name: str
-    brief: ComparisonTask
+    task: ComparisonTask
     full: Competitor
     design: Competitor
     rivals: tuple[Competitor, ...]
@@ -87,12 +87,12 @@ def comparison(
     except DsfabError as error:
         if refuse:
             raise
-        brief, uncut = ComparisonTask.of(design, design.surface.area), Competitor("design", error=str(error))
-        return _compared(brief, uncut, {}, (judge, judge), told)
-    brief = ComparisonTask.of(design, slicing.sheet.surface.area)
+        task, uncut = ComparisonTask.of(design, design.surface.area), Competitor("design", error=str(error))
+        return _compared(task, uncut, {}, (judge, judge), told)
+    task = ComparisonTask.of(design, slicing.sheet.surface.area)
     own = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
-    entered = _entered(brief, "design", [Variant("", lambda: own)], judge, refuse)
-    compared = _compared(brief, entered, rivals, (judge, rival_judge or judge), told)
+    entered = _entered(task, "design", [Variant("", lambda: own)], judge, refuse)
+    compared = _compared(task, entered, rivals, (judge, rival_judge or judge), told)
     return replace(compared, pattern=design.quality())
 
 
@@ -108,39 +108,39 @@ def compare_at(
     rivals = chosen(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
-    brief = ComparisonTask.of(made, share * made.surface.area)
-    variant = Variant("", lambda: striped_structure(brief, brief.preset, brief.diffusion, brief.even))
-    return _compared(brief, _entered(brief, "design", [variant], judge), rivals, (judge, judge), told)
+    task = ComparisonTask.of(made, share * made.surface.area)
+    variant = Variant("", lambda: striped_structure(task, task.preset, task.diffusion, task.even))
+    return _compared(task, _entered(task, "design", [variant], judge), rivals, (judge, judge), told)
 
 
 def _compared(
-    brief: ComparisonTask,
+    task: ComparisonTask,
     design: Competitor,
     rivals: dict[str, Baseline],
     judges: tuple[Judge, Judge],
     told: Told | None,
 ) -> Comparison:
     """judges : of the full sheet, and of the competitors."""
-    whole = Variant("", lambda: Structure.uncut(brief.surface, brief.preset.statics.thickness))
-    full = _entered(brief, "full", [whole], judges[0], refuse=True)
+    whole = Variant("", lambda: Structure.uncut(task.surface, task.preset.statics.thickness))
+    full = _entered(task, "full", [whole], judges[0], refuse=True)
     entered = []
     for name, baseline in rivals.items():
         if told:
             told(name)
         start = time.perf_counter()
         try:
-            variants = baseline(brief)
+            variants = baseline(task)
         except DsfabError as error:
             entered.append(Competitor(name, error=str(error), seconds=time.perf_counter() - start))
             continue
         late = time.perf_counter() - start
-        one = _entered(brief, name, variants, judges[1])
+        one = _entered(task, name, variants, judges[1])
         entered.append(replace(one, seconds_made=one.seconds_made + late, seconds=one.seconds + late))
-    return Comparison(brief.preset.name, brief, full, design, tuple(entered))
+    return Comparison(task.preset.name, task, full, design, tuple(entered))
 
 
 def _entered(
-    brief: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
+    task: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
 ) -> Competitor:
     """The stiffest of the variants; `refuse` raises what the first of them is refused for."""
     start, making, found, errors = time.perf_counter(), 0.0, [], []
@@ -150,7 +150,7 @@ def _entered(
         try:
             structure = variant.make()
             making += time.perf_counter() - before
-            found.append((variant.says, structure, (quick if several else judge)(brief, structure)))
+            found.append((variant.says, structure, (quick if several else judge)(task, structure)))
         except DsfabError as error:
             if refuse:
                 raise
@@ -160,23 +160,23 @@ def _entered(
     if not found:
         told = f"none of {len(errors)} variants carries the loads; the first: {errors[0]}" if several else errors[0]
         lost = Competitor(name, spread=spread, error=told, seconds_made=making, seconds=time.perf_counter() - start)
-        return lost if several or structure is None else _measured(brief, lost, structure)
+        return lost if several or structure is None else _measured(task, lost, structure)
     says, structure, judgement = found[int(np.argmin(values))]
     try:
-        judgement = judge(brief, structure) if several and judge is not quick else judgement
+        judgement = judge(task, structure) if several and judge is not quick else judgement
     except DsfabError as error:
         return Competitor(name, says, spread=spread, error=str(error), seconds=time.perf_counter() - start)
     entered = Competitor(name, says, judgement=judgement, spread=spread, seconds_made=making)
-    return replace(_measured(brief, entered, structure), seconds=time.perf_counter() - start)
+    return replace(_measured(task, entered, structure), seconds=time.perf_counter() - start)
 
 
-def _measured(brief: ComparisonTask, entered: Competitor, structure: Structure) -> Competitor:
+def _measured(task: ComparisonTask, entered: Competitor, structure: Structure) -> Competitor:
     """With the structure, its mass and its sizes."""
     area = structure.sheet.surface.area
     return replace(
         entered,
-        area_fraction=area / brief.surface.area,
-        mass=area * structure.thickness * brief.preset.statics.density,
+        area_fraction=area / task.surface.area,
+        mass=area * structure.thickness * task.preset.statics.density,
         thickness=structure.thickness,
         pieces=structure.pieces,
         loose=structure.loose,

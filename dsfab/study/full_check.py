@@ -19,7 +19,7 @@ def seconds_needed(triangles: int, plane: bool) -> float:
 
 
 def full(
-    brief: ComparisonTask,
+    task: ComparisonTask,
     structure: Structure,
     ask: Ask | None = None,
     every: bool = False,
@@ -38,26 +38,26 @@ def full(
     Raises StaticsError when the structure does not carry the loads that its pattern follows.
     """
     try:
-        first = quick(brief, structure, ask, every)
+        first = quick(task, structure, ask, every)
     except StaticsError as error:
-        if not every or set(brief.all_loads) == set(brief.loads):
+        if not every or set(task.all_loads) == set(task.loads):
             raise
         told = f"it carries what its pattern follows, but not every load case: {error}"
-        return replace(full(brief, structure, ask, False, budget, progress), verdict="fail", reason=told)
-    statics = brief.preset.statics
+        return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=told)
+    statics = task.preset.statics
     made = SheetMaterial(statics.material, structure.thickness, statics.law)
-    loads = brief.all_loads if every else brief.loads
-    found = check(LoadedSurface(brief.surface, made, loads), structure.drawn, "full", budget, progress)
+    loads = task.all_loads if every else task.loads
+    found = check(LoadedSurface(task.surface, made, loads), structure.drawn, "full", budget, progress)
     if found.status == "fail":
         raise StaticsError(found.reason)
     if not found.levels:
         return replace(first, verdict="unknown", reason=f"{found.reason}; {first.reason}")
-    value, bound = _together(brief, found)
+    value, bound = _together(task, found)
     return replace(first, compliance=value, bound=bound, verdict=found.status, reason=found.reason, check=found)
 
 
-def _together(brief: ComparisonTask, found: Verdict) -> tuple[float, float]:
+def _together(task: ComparisonTask, found: Verdict) -> tuple[float, float]:
     """Compliance, J, of what the pattern follows, with its weights; and the bound, a share."""
-    cases = [(weight, found.case(name)) for name, weight in brief.preset.followed.items()]
+    cases = [(weight, found.case(name)) for name, weight in task.preset.followed.items()]
     value = sum(weight * case.value for weight, case in cases)
     return value, sum(weight * case.value * case.bound for weight, case in cases) / value

@@ -96,11 +96,11 @@ def _full_for_whole_sheets(whole: Judge, cut: Judge) -> Judge:
     """`whole` for what is not cut, once for each thickness, and `cut` for the rest."""
     known: dict[float, Judgement] = {}
 
-    def judge(brief: ComparisonTask, made: Structure) -> Judgement:
+    def judge(task: ComparisonTask, made: Structure) -> Judgement:
         if made.cells is not made.sheet:
-            return cut(brief, made)
+            return cut(task, made)
         if made.thickness not in known:
-            known[made.thickness] = whole(brief, made)
+            known[made.thickness] = whole(task, made)
         return known[made.thickness]
 
     return judge

@@ -113,15 +113,15 @@ class Answered:
     stress: SheetStress
 
 
-def solved_loads(brief: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, Answered]:
+def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, Answered]:
     """Each load that the pattern follows (`every`: each case and combination) on a structure's sheet.
 
     Raises StaticsError when the structure does not carry its loads: a concentrated load on a piece that reaches no
     support counts as not carried.
     """
-    statics, surface = brief.preset.statics, structure.sheet.surface
-    given = brief.all_loads if every else brief.loads
-    loads = sheet_loads(brief.surface, structure.drawn, structure.sheet, given)
+    statics, surface = task.preset.statics, structure.sheet.surface
+    given = task.all_loads if every else task.loads
+    loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
     sheet = SheetModel(surface, statics.material, structure.thickness, statics.law)
     answers = solve_cases(sheet, loads, elements_of("displacement"))
     return {
@@ -130,7 +130,7 @@ def solved_loads(brief: ComparisonTask, structure: Structure, every: bool = Fals
     }
 
 
-def quick(brief: ComparisonTask, structure: Structure, ask: Ask | None = None, every: bool = False) -> Judgement:
+def quick(task: ComparisonTask, structure: Structure, ask: Ask | None = None, every: bool = False) -> Judgement:
     """One solve on the mesh as it is cut, for compliance, displacements, stress and reactions.
 
     Typically within 2 %, nine in ten within 5 %, which is the bound that is told: good for comparing like with like,
@@ -141,9 +141,9 @@ def quick(brief: ComparisonTask, structure: Structure, ask: Ask | None = None, e
 
     Raises what `solved_loads` raises.
     """
-    found = solved_loads(brief, structure, every)
-    cases = {name: _carried(brief, structure, one, ask or Ask()) for name, one in found.items()}
-    total = sum(weight * cases[name].compliance for name, weight in brief.preset.followed.items())
+    found = solved_loads(task, structure, every)
+    cases = {name: _carried(task, structure, one, ask or Ask()) for name, one in found.items()}
+    total = sum(weight * cases[name].compliance for name, weight in task.preset.followed.items())
     typical, most = rules.QUICK
     told = f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {most:.0%}: no verdict"
     if structure.cells is structure.sheet:
@@ -151,9 +151,9 @@ def quick(brief: ComparisonTask, structure: Structure, ask: Ask | None = None, e
     return Judgement(total, cases, bound=most, reason=told)
 
 
-def _carried(brief: ComparisonTask, structure: Structure, found: Answered, ask: Ask) -> Carried:
+def _carried(task: ComparisonTask, structure: Structure, found: Answered, ask: Ask) -> Carried:
     load, answer, stress = found.load, found.equilibrium, found.stress
-    statics, surface = brief.preset.statics, structure.sheet.surface
+    statics, surface = task.preset.statics, structure.sheet.surface
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     moved = np.linalg.norm(answer.u, axis=1)
     largest = _extreme(surface, stress.largest)
@@ -165,10 +165,10 @@ def _carried(brief: ComparisonTask, structure: Structure, found: Answered, ask: 
         _extreme(surface, np.maximum(-principal[..., 1].min(axis=1), 0)),
         largest,
         (largest.quantile / strength, largest.value / strength) if strength else None,
-        _reactions(brief, structure, answer),
+        _reactions(task, structure, answer),
         answer.imbalance,
         answer.residual,
-        *_modes(brief, structure, load, answer, ask),
+        *_modes(task, structure, load, answer, ask),
     )
 
 
@@ -191,21 +191,21 @@ def _point(x: Floats) -> tuple[float, float, float]:
 
 
 def _reactions(
-    brief: ComparisonTask, structure: Structure, answer: Equilibrium
+    task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
     """Of each support, newtons: what several of them hold is shared equally."""
-    supports = brief.preset.surface.support
-    holds = [support.fixed(brief.surface) | (support.springs(brief.surface) > 0) for support in supports]
+    supports = task.preset.surface.support
+    holds = [support.fixed(task.surface) | (support.springs(task.surface) > 0) for support in supports]
     marks = np.array([structure.sheet.between(hold) for hold in holds])
     shares = marks / np.maximum(marks.sum(axis=0), 1)
     return tuple(_point((answer.reaction * share).sum(axis=0)) for share in shares)
 
 
 def _modes(
-    brief: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
+    task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
     """`buckling`, `frequency` and `refusals` of a `Carried`."""
-    statics = brief.preset.statics
+    statics = task.preset.statics
     sheet = SheetModel(structure.sheet.surface, statics.material, structure.thickness, statics.law)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
     try:

@@ -67,15 +67,15 @@ def race(vertices: int) -> None:
     edge = 0.02 * (5988 / vertices) ** 0.5
     preset, auto = (load_preset("cantilever", {"surface.edge": edge, **more}) for more in ({}, AUTO))
     made = draft(preset)
-    brief = ComparisonTask.of(made, preset.pattern.width.solid_fraction * made.surface.area)
+    task = ComparisonTask.of(made, preset.pattern.width.solid_fraction * made.surface.area)
     rows = [("pattern, modes given", *timed(lambda: cut(preset))), ("pattern, modes auto", *timed(lambda: cut(auto)))]
     usual, FaceStiffness.factor = FaceStiffness.factor, anew
-    seconds, found = timed(lambda: optimised_densities(brief, Simp(radius=0.04)), 1)
+    seconds, found = timed(lambda: optimised_densities(task, Simp(radius=0.04)), 1)
     FaceStiffness.factor = usual
-    rows.append((f"SIMP, {len(found.history)} steps, SuperLU anew", seconds, level_line(brief, found.density).sheet))
+    rows.append((f"SIMP, {len(found.history)} steps, SuperLU anew", seconds, level_line(task, found.density).sheet))
     for most in (60, 1000):
-        seconds, found = timed(lambda most=most: optimised_densities(brief, Simp(radius=0.04, iterations=most)), 1)
-        rows.append((f"SIMP, {len(found.history)} steps", seconds, level_line(brief, found.density).sheet))
+        seconds, found = timed(lambda most=most: optimised_densities(task, Simp(radius=0.04, iterations=most)), 1)
+        rows.append((f"SIMP, {len(found.history)} steps", seconds, level_line(task, found.density).sheet))
     print(f"\n{made.surface.n} vertices{'':18s} CPU s  clock s  x uncut")
     for name, (cpu, clock), sheet in rows:
         print(f"{name:32s} {cpu:8.2f} {clock:8.2f} {worth(made, sheet):8.3f}", flush=True)

@@ -28,7 +28,7 @@ def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Picture
     """Everything that was found. rows : those of `results.json`, at several volumes."""
     from dsfab.preset_file import preset_toml
 
-    preset, known = found.brief.preset, versions()
+    preset, known = found.task.preset, versions()
     make = _parts if found.carries else failed.parts
     parts = make(found, pictures, Numbers(), charts(found, rows), known, preset_toml(preset, brief=True))
     facts = [

@@ -56,9 +56,9 @@ class Findings:
     share: float | None = None
 
     @property
-    def brief(self) -> ComparisonTask:
+    def task(self) -> ComparisonTask:
         """What all competitors share."""
-        return self.compared.brief
+        return self.compared.task
 
     @property
     def design(self) -> Competitor:
@@ -95,14 +95,14 @@ class Findings:
     @cached_property
     def fields(self) -> Mapping[str, Answered]:
         """What is drawn, of each load."""
-        every = set(self.judged.cases) != set(self.brief.loads)
-        return solved_loads(self.brief, self.structure, every)
+        every = set(self.judged.cases) != set(self.task.loads)
+        return solved_loads(self.task, self.structure, every)
 
     @cached_property
     def cases(self) -> list[str]:
         """The names of what was judged, the governing one first."""
         if not self.carries:
-            return list(self.brief.loads)
+            return list(self.task.loads)
         if self.judged.check:
             return [case.name for case in self.judged.check.cases]
         return sorted(self.judged.cases, key=lambda name: -self.judged.cases[name].compliance)
@@ -110,7 +110,7 @@ class Findings:
     @property
     def plane(self) -> bool:
         """Whether the sheet is loaded in its own plane, and solved there."""
-        return flat_axis(self.brief.surface, *self.brief.all_loads.values()) is not None
+        return flat_axis(self.task.surface, *self.task.all_loads.values()) is not None
 
     @property
     def governing(self) -> Carried:
@@ -199,7 +199,7 @@ class Findings:
         status: Status = "fail" if usual > 1 else "pass" if peak <= 1 else "unknown"
         told = f"{usual:.0%} on 99.9 % of the area, {peak:.0%} at the peak"
         return JudgedStructure(
-            "Stress against the strength", status, told, quantity(self.brief.preset.statics.strength, "Pa")
+            "Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa")
         )
 
     def _buckles(self) -> JudgedStructure | None:

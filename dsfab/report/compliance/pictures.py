@@ -59,28 +59,28 @@ class Pictures:
     @cached_property
     def up(self) -> Floats:
         """(3,) the direction that is up, the same in all pictures."""
-        brief = self.found.brief
-        return up_axis(brief.surface.V, brief.surface, brief.statics.load)
+        task = self.found.task
+        return up_axis(task.surface.V, task.surface, task.statics.load)
 
     def design(self, caption: str, width: float) -> ReportFigure:
         """What is built, with its loads and supports."""
-        sheet, brief = self.found.structure.sheet.surface, self.found.brief
-        return self._figure(caption, width, SIZE, sheet.V, sheet.F, brief.surface, brief.statics.load)
+        sheet, task = self.found.structure.sheet.surface, self.found.task
+        return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def everything(self, caption: str, width: float) -> ReportFigure:
         """All material, with its loads and supports; what is not built is red."""
-        made, brief = self.found.structure, self.found.brief
+        made, task = self.found.structure, self.found.task
         sheet = made.drawn
         lost = np.where(kept_cells(sheet, made.sheet), -1, 0)
         red = replace(WHITE, families=(RED,))
         return self._figure(
-            caption, width, SIZE, sheet.surface.V, sheet.surface.F, brief.surface, brief.statics.load, red, lost
+            caption, width, SIZE, sheet.surface.V, sheet.surface.F, task.surface, task.statics.load, red, lost
         )
 
     def case(self, name: str, caption: str, width: float) -> ReportFigure:
         """The uncut surface with the loads and supports of one case."""
-        surface = self.found.brief.surface
-        load = self.found.brief.all_loads[name]
+        surface = self.found.task.surface
+        load = self.found.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette)
 
@@ -93,7 +93,7 @@ class Pictures:
     def displacement(self, shown: Answered, limit: float, caption: str) -> ReportFigure:
         """The deformed sheet, coloured by how far it moved; `caption` is given the factor as {factor}."""
         sheet, u = self.found.structure.sheet.surface, shown.equilibrium.u
-        factor = nice(MOVES * self.found.brief.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
+        factor = nice(MOVES * self.found.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         told = caption.format(factor=digits_of(factor, 2))
         return self._banded(told, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")

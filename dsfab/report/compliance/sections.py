@@ -167,7 +167,7 @@ def reactions(found: Findings, number: Numbers) -> ReportSection:
 
 def scope(found: Findings) -> list[ReportSection]:
     """What was assumed, and what nobody looked at."""
-    statics = found.brief.preset.statics
+    statics = found.task.preset.statics
     assumed = [
         "Linear elastic, isotropic material; small displacements; loads that do not follow the motion.",
         f"A thin sheet of one thickness ({length(statics.thickness)}); its own weight acts where a load asks "

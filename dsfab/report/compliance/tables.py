@@ -49,11 +49,11 @@ def _over_full(found: Findings) -> str:
 
 def structure_table(found: Findings, number: Numbers) -> Table:
     """What was checked."""
-    preset, design, brief = found.brief.preset, found.design, found.brief
+    preset, design, task = found.task.preset, found.design, found.task
     statics, sheet = preset.statics, found.structure.sheet.surface if found.drawn else None
-    size = [length(float(x)) for x in np.ptp(brief.surface.V, axis=0)]
+    size = [length(float(x)) for x in np.ptp(task.surface.V, axis=0)]
     rows = [
-        ("Surface", f"{digits_of(brief.surface.area)} m², {' × '.join(size)}"),
+        ("Surface", f"{digits_of(task.surface.area)} m², {' × '.join(size)}"),
         ("Kept", _kept(design, sheet)),
         ("Thickness", length(statics.thickness)),
         ("Mass", mass(design.mass) if sheet else "-"),
@@ -61,7 +61,7 @@ def structure_table(found: Findings, number: Numbers) -> Table:
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
         ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not given: stress is not judged"),
-        ("Mesh of the surface", f"{_thousands(brief.surface.n)} vertices, edges of {length(brief.surface.mean_edge)}"),
+        ("Mesh of the surface", f"{_thousands(task.surface.n)} vertices, edges of {length(task.surface.mean_edge)}"),
     ]
     if sheet:
         rows.append(("Mesh as it is cut", f"{_thousands(sheet.m)} triangles"))
@@ -100,15 +100,15 @@ def _kept(design: Competitor, sheet: Surface | None) -> str:
 
 def loads_table(found: Findings, number: Numbers) -> Table:
     """The sum of the forces of each case, and where it acts."""
-    brief, rows = found.brief, []
-    surface, cases = brief.surface, brief.statics.cases
+    task, rows = found.task, []
+    surface, cases = task.surface, task.statics.cases
     sums = {name: resultant(surface, case.load.force).force for name, case in cases.items()}
     factor, unit = unit_for(max(float(np.abs(force).max()) for force in sums.values()), "N")
     combined = any(case.factors for case in cases.values())
     for name in found_order(found):
         case = cases[name]
         made = " + ".join(f"{k:g} {escaped(part)}" for part, k in case.factors.items()) if case.factors else ""
-        followed = "yes" if name in brief.preset.followed else "no"
+        followed = "yes" if name in task.preset.followed else "no"
         judged = "yes" if name in found.cases else "no"
         made_of = (made,) if combined else ()
         rows.append((escaped(name), *made_of, *(_small(x / factor) for x in sums[name]), followed, judged))
@@ -120,12 +120,12 @@ def loads_table(found: Findings, number: Numbers) -> Table:
 
 def found_order(found: Findings) -> list[str]:
     """All cases: those that were judged first."""
-    return [*found.cases, *(name for name in found.brief.statics.cases if name not in found.cases)]
+    return [*found.cases, *(name for name in found.task.statics.cases if name not in found.cases)]
 
 
 def acting_table(found: Findings, number: Numbers) -> Table:
     """Every load and every support, as the preset gives them."""
-    given = found.brief.preset.surface
+    given = found.task.preset.surface
     rows = [("Load", load.case, load.kind.replace("_", " "), _places(load)) for load in given.load]
     rows += [
         (

@@ -14,41 +14,41 @@ from dsfab.study.baselines.task import ComparisonTask, Structure, Variant
 from dsfab.study.simp import Densities, Simp, densities
 
 
-def simp(brief: ComparisonTask) -> list[Variant]:
+def simp(task: ComparisonTask) -> list[Variant]:
     """Densities of the same area by SIMP, cut where they exceed the value that gives that area."""
-    return [Variant("", lambda: _cut(brief, optimised_densities(brief)))]
+    return [Variant("", lambda: _cut(task, optimised_densities(task)))]
 
 
-def optimised_densities(brief: ComparisonTask, ask: Simp | None = None) -> Densities:
-    """The densities of faces for the area, loads and kept regions of a brief."""
-    statics, weights = brief.preset.statics, brief.preset.followed
-    sheet = SheetModel(brief.surface, statics.material, statics.thickness, statics.law)
-    return densities(sheet, brief.loads, brief.area, brief.kept_faces, weights, ask)
+def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densities:
+    """The densities of faces for the area, loads and kept regions of a task."""
+    statics, weights = task.preset.statics, task.preset.followed
+    sheet = SheetModel(task.surface, statics.material, statics.thickness, statics.law)
+    return densities(sheet, task.loads, task.area, task.kept_faces, weights, ask)
 
 
-def level_line(brief: ComparisonTask, density: Floats) -> Structure:
+def level_line(task: ComparisonTask, density: Floats) -> Structure:
     """The structure where densities of faces (m,), averaged around the vertices, exceed one value."""
-    return matched_structure(brief, partial(_drawing, vertex_means(brief.surface, density)))
+    return matched_structure(task, partial(_drawing, vertex_means(task.surface, density)))
 
 
-def _cut(brief: ComparisonTask, found: Densities) -> Structure:
+def _cut(task: ComparisonTask, found: Densities) -> Structure:
     """`level_line`; where it falls apart, the reason tells how much was left grey."""
     try:
-        return level_line(brief, found.density)
+        return level_line(task, found.density)
     except PatternError as error:
         raise PatternError(
-            f"{error}; SIMP left {found.grey(brief.surface):.0%} of the area neither void nor material"
+            f"{error}; SIMP left {found.grey(task.surface):.0%} of the area neither void nor material"
         ) from None
 
 
-def _drawing(field: Floats, brief: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
+def _drawing(field: Floats, task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
     """What is kept, and where a field (n,) exceeds the value that makes `share` of the surface material."""
     high, low = float(field.max()), float(field.min())
     margin = 1e-3 * (high - low)
-    every = np.full(brief.surface.n, np.inf)
+    every = np.full(task.surface.n, np.inf)
 
     def layers(depth: float) -> list[Layer]:
         level = high + margin - depth * (high - low + 2 * margin)
-        return [*brief.kept, Layer("simp", field, np.array([level]), every)]
+        return [*task.kept, Layer("simp", field, np.array([level]), every)]
 
-    return layers(solved_factor(lambda depth: area_share(brief, layers(depth)), share, tolerance))
+    return layers(solved_factor(lambda depth: area_share(task, layers(depth)), share, tolerance))

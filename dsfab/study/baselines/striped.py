@@ -31,51 +31,51 @@ TIE = 1e-3
 """Weight of the axes of supports and loads where the surface's own are no clear ones: on a sphere, on a square."""
 
 
-def isotropic(brief: ComparisonTask) -> list[Variant]:
+def isotropic(task: ComparisonTask) -> list[Variant]:
     """Stripes of plain width and the same frequencies on modes that do not hear the stress (r = 1): all pairs."""
     blind = overridden(
-        brief.on_modes,
-        {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": brief.share}},
+        task.on_modes,
+        {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}},
     )
-    diffusion = cache(lambda: diffusion_step(blind, brief.surface, brief.statics, Log(None)))
+    diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     both = blind.pattern.major, blind.pattern.minor
     alike = both[0].stripes == both[1].stripes and both[0].spacing == both[1].spacing
     # without stress both families have the same modes: (1, 2) is (2, 1) where they are striped alike
     wanted = [(a, b) for a, b in PAIRS if not alike or a <= b]
-    return _pairs(brief, blind, diffusion, wanted)
+    return _pairs(task, blind, diffusion, wanted)
 
 
-def rotated_stripes(brief: ComparisonTask) -> list[Variant]:
+def rotated_stripes(task: ComparisonTask) -> list[Variant]:
     """The design's tensors and stripes turned by 45 degrees in the tangent plane: all pairs of modes."""
 
     @cache
     def diffusion() -> DiffusionResult:
-        tensors = turned_tensors(brief.surface, brief.diffusion.tensors, np.pi / 4)
-        axes = load_axes(brief.surface, brief.statics.load)
-        operators = (diffusion_operator(brief.surface, D) for D in (tensors.major, tensors.minor))
-        major, minor = (diffusion_modes(brief.surface, L, MODES, axes) for L in operators)
+        tensors = turned_tensors(task.surface, task.diffusion.tensors, np.pi / 4)
+        axes = load_axes(task.surface, task.statics.load)
+        operators = (diffusion_operator(task.surface, D) for D in (tensors.major, tensors.minor))
+        major, minor = (diffusion_modes(task.surface, L, MODES, axes) for L in operators)
         return DiffusionResult(tensors, major, minor)
 
-    return _pairs(brief, brief.on_modes, diffusion, PAIRS)
+    return _pairs(task, task.on_modes, diffusion, PAIRS)
 
 
-def von_mises(brief: ComparisonTask) -> list[Variant]:
+def von_mises(task: ComparisonTask) -> list[Variant]:
     """Stripes of one family on the von Mises stress, of plain width: the paper's answer to "why not follow that?"."""
-    value = as_mode(brief.surface, brief.statics.answers.stress.largest)
+    value = as_mode(task.surface, task.statics.answers.stress.largest)
     return [
-        Variant(f"phase {phase:g}", partial(_plain, brief, {"von Mises": (value, brief.frequency[0])}, phase))
+        Variant(f"phase {phase:g}", partial(_plain, task, {"von Mises": (value, task.frequency[0])}, phase))
         for phase in PHASES
     ]
 
 
-def grid(brief: ComparisonTask) -> list[Variant]:
+def grid(task: ComparisonTask) -> list[Variant]:
     """Stripes of plain width, straight along the surface's two principal axes, as many as the design has."""
-    centred = brief.surface.V - brief.surface.V.mean(axis=0)
+    centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
-        name: (scaled_field(brief.surface, centred @ axis), frequency)
-        for name, axis, frequency in zip(("along", "across"), principal_axes(brief), brief.frequency, strict=True)
+        name: (scaled_field(task.surface, centred @ axis), frequency)
+        for name, axis, frequency in zip(("along", "across"), principal_axes(task), task.frequency, strict=True)
     }
-    return [Variant(f"phase {phase:g}", partial(_plain, brief, fields, phase)) for phase in PHASES]
+    return [Variant(f"phase {phase:g}", partial(_plain, task, fields, phase)) for phase in PHASES]
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
@@ -101,9 +101,9 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
     return np.asarray(value * np.sqrt(surface.area / (4 * np.pi) / (mass @ value**2)))
 
 
-def principal_axes(brief: ComparisonTask) -> Floats:
+def principal_axes(task: ComparisonTask) -> Floats:
     """(2, 3) unit axes along which the surface is longest; where it is equally long, nearer the loads and supports."""
-    surface, load = brief.surface, brief.statics.load
+    surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
@@ -113,21 +113,21 @@ def principal_axes(brief: ComparisonTask) -> Floats:
 
 
 def _pairs(
-    brief: ComparisonTask, preset: Preset, diffusion: Callable[[], DiffusionResult], pairs: Iterable[tuple[int, int]]
+    task: ComparisonTask, preset: Preset, diffusion: Callable[[], DiffusionResult], pairs: Iterable[tuple[int, int]]
 ) -> list[Variant]:
     """A variant for each pair of modes, all on one `diffusion`, which is made when the first is."""
     phases = preset.pattern.major.shift, preset.pattern.minor.shift
 
     def made(pair: tuple[int, int]) -> Structure:
-        return striped_structure(brief, preset.settled(pair, phases), diffusion())
+        return striped_structure(task, preset.settled(pair, phases), diffusion())
 
     drawn = [FAMILIES.index(name) for name in preset.pattern.family_names]
     different = {tuple(pair[k] for k in drawn): pair for pair in reversed([*pairs])}  # the first of each
     return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in reversed([*different.values()])]
 
 
-def _plain(brief: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
+def _plain(task: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
     """Stripes of plain width on fields (n,) with a frequency each."""
-    preset = overridden(brief.on_modes, {"pattern.width": {"solid_fraction": brief.share}})
+    preset = overridden(task.on_modes, {"pattern.width": {"solid_fraction": task.share}})
     stripes = [(name, x, Stripes(frequency, phase)) for name, (x, frequency) in fields.items()]
-    return widened_structure(brief, preset, [ModeFamily.on(brief.surface, name, own, x) for name, x, own in stripes])
+    return widened_structure(task, preset, [ModeFamily.on(task.surface, name, own, x) for name, x, own in stripes])

@@ -136,4 +136,4 @@ class Variant:
 
 
 Baseline = Callable[[ComparisonTask], list[Variant]]
-"""A way to spend the material of a brief. Of several variants the stiffest competes."""
+"""A way to spend the material of a task. Of several variants the stiffest competes."""

@@ -5,7 +5,7 @@ from functools import partial
 from dsfab.study.baselines.task import ComparisonTask, Structure, Variant
 
 
-def thinner(brief: ComparisonTask) -> list[Variant]:
+def thinner(task: ComparisonTask) -> list[Variant]:
     """The whole surface, everywhere as thin as the design is light."""
-    thickness = brief.share * brief.preset.statics.thickness
-    return [Variant("", partial(Structure.uncut, brief.surface, thickness))]
+    thickness = task.share * task.preset.statics.thickness
+    return [Variant("", partial(Structure.uncut, task.surface, thickness))]
