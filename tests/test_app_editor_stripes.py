@@ -193,7 +193,7 @@ def test_widths_follow_in_the_same_frame(page, key, value):
     assert abs(live - before) > 0.01 * before
     page.run("dsfab.work.ask = window.asked; dsfab.solve()")
     solved(page)
-    assert page.run(SEEN) == pytest.approx(live, rel=0.01)
+    assert page.run(SEEN) == pytest.approx(live, rel=0.03)  # openings close as a whole once it is solved
 
 
 @seen_in_a_page
@@ -259,7 +259,7 @@ def test_one_family_alone_is_seen_by_both(page):
     assert live < 0.8 * before
     page.run("dsfab.work.ask = window.asked; dsfab.solve()")
     solved(page)
-    assert page.run(SEEN) == pytest.approx(live, rel=0.01)
+    assert page.run(SEEN) == pytest.approx(live, rel=0.03)  # openings close as a whole once it is solved
 
 
 @seen_in_a_page

@@ -82,7 +82,7 @@ def built(name, **given):
 def test_the_crown_of_a_sphere_closes_as_a_whole():
     """It had 18 ragged holes, of which two counted as slits: openings that closed from one end."""
     made = built("sphere_graded")
-    quality = measured_pattern(made, symmetry=False)
+    quality = made.quality(symmetry=False)
     assert (quality.dead_ends, quality.slits) == (0, 0)
     top = Openings.of(made.slicing.cells).places[:, 2]
     assert top.max() < 0.8
@@ -114,6 +114,6 @@ def test_no_preset_has_a_slit_or_a_dead_end_by_any_width(name, rule):
 def test_no_roof_has_a_slit_or_a_dead_end(file, edge):
     given = {"surface.file": str(mesh_file(file)), "surface.unit": "m"} | ({"surface.refine": edge} if edge else {})
     made = built("roof", **given)
-    quality = measured_pattern(made, symmetry=False)
+    quality = made.quality(symmetry=False)
     assert (quality.dead_ends, quality.slits) == (0, 0)
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.5, abs=5e-3)

@@ -239,7 +239,7 @@ def test_a_mistake_of_ours_ends_one_run_only(tmp_path, monkeypatch):
             raise ZeroDivisionError("ours")
         return 1.0
 
-    monkeypatch.setattr(worker, "measured", broken)
+    monkeypatch.setattr(worker, "metric_value", broken)
     swept(tmp_path, plan())
     failed = [row for row in SweepFolder.at(tmp_path).rows() if row.state == "failed"]
     assert [row.error for row in failed] == ["kept_share: ZeroDivisionError: ours"] * 2

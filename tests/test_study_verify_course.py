@@ -17,7 +17,7 @@ from dsfab.study.verification.plane import kirsch, kirsch_stress
 from dsfab.study.verification.problem import Test
 from dsfab.study.verification.published import PUBLISHED, Publication, Published
 from dsfab.study.verification.recovery import corner_stress, vertex_stress
-from dsfab.study.verification.rows import TestRow, observed_rate
+from dsfab.study.verification.rows import VerificationRow, observed_rate
 from dsfab.surface import Surface
 
 BEST = elements_of("displacement")
@@ -148,9 +148,9 @@ def test_unknowns_are_those_that_the_supports_leave_free():
     assert TESTS["straight_beam_out_of_plane"].problem(1, "diagonal").nodal_unknowns() == 5 * 2 * 6
 
 
-def rows_of(*found: tuple[int, int, float], test="cook") -> list[TestRow]:
+def rows_of(*found: tuple[int, int, float], test="cook") -> list[VerificationRow]:
     return [
-        TestRow(test, "diagonal", str(BEST), cells, unknowns, value, 1.0, value, None, "", "ok")
+        VerificationRow(test, "diagonal", str(BEST), cells, unknowns, value, 1.0, value, None, "", "ok")
         for cells, unknowns, value in found
     ]
 

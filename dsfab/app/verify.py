@@ -14,7 +14,7 @@ from dsfab.app.verify_calibration import summary_text
 from dsfab.wording import table
 
 if TYPE_CHECKING:
-    from dsfab.study.verification import Test, TestRow
+    from dsfab.study.verification import Test, VerificationRow
 
 HEAD = ("test", "mesh", "elements", "cells", "unknowns", "value", "reference", "ratio", "of limit", "rate", "target",
         "verdict")  # fmt: skip
@@ -79,7 +79,7 @@ def verify(
     return int(bool(verification.failures(rows)))
 
 
-def _cells(row: "TestRow") -> tuple[str, ...]:
+def _cells(row: "VerificationRow") -> tuple[str, ...]:
     numbers = (
         "" if row.value is None else f"{row.value:.5g}",
         f"{row.reference:.5g}",
@@ -91,7 +91,7 @@ def _cells(row: "TestRow") -> tuple[str, ...]:
     return (row.test, row.mesh, row.elements, str(row.cells), str(row.unknowns), *numbers, row.verdict)
 
 
-def _remarks(tests: Sequence["Test"], rows: Sequence["TestRow"]) -> list[str]:
+def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list[str]:
     """Below the table: known shortfalls, targets, the spread between patterns, and the standing against others."""
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table

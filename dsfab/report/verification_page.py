@@ -11,7 +11,7 @@ from dsfab import __version__
 from dsfab.export.folder import whole_or_nothing
 from dsfab.report.verification_plots import COLOURS, curves, drawing
 from dsfab.statics import REPORTED, USES, elements_of
-from dsfab.study.verification import Standing, Test, TestRow, pattern_spread, shortfalls, standings
+from dsfab.study.verification import Standing, Test, VerificationRow, pattern_spread, shortfalls, standings
 
 PAIR = str(elements_of("displacement"))
 """The pair that targets and published values are about."""
@@ -38,7 +38,7 @@ figure { display: flex; flex-wrap: wrap; gap: 1rem; align-items: center; margin:
 """
 
 
-def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[TestRow]) -> Path:
+def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationRow]) -> Path:
     """Write `index.html` about these rows into `folder` and return its path; raises ExportError."""
     text = page(tests, rows)
     with whole_or_nothing(folder) as partial:
@@ -46,7 +46,7 @@ def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[TestRow]) -> 
     return folder / "index.html"
 
 
-def page(tests: Sequence[Test], rows: Sequence[TestRow]) -> str:
+def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     """The whole page. Two calls with equal rows give equal text: no clock is in it."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
@@ -64,7 +64,7 @@ def page(tests: Sequence[Test], rows: Sequence[TestRow]) -> str:
     return "\n".join(parts)
 
 
-def _head(tests: Sequence[Test], rows: Sequence[TestRow]) -> str:
+def _head(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     limits = {test.name: test.limit for test in tests}
     aimed = [row for row in rows if row.met is not None]
     missed = "".join(
@@ -116,14 +116,14 @@ def _cells(count: int) -> str:
     return "1 cell" if count == 1 else f"{count} cells"
 
 
-def _error(row: TestRow, limit: float | None) -> str:
+def _error(row: VerificationRow, limit: float | None) -> str:
     if row.value is None:
         return "no value"
     of = f" of {limit:.5g}, the limit of thin sheets" if limit else ""
     return f"{row.value / (limit or row.reference):.4f}{of}; wanted within {100 * (row.target or 0):.2g} %"
 
 
-def _summary(tests: Sequence[Test], rows: Sequence[TestRow]) -> str:
+def _summary(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     pairs = list(dict.fromkeys(row.elements for row in rows))
     head = "".join(f"<th colspan=2>{escape(pair)}</th>" for pair in pairs)
     lines = []
@@ -167,7 +167,7 @@ def _field(against: Sequence[Standing]) -> str:
     )
 
 
-def _section(test: Test, rows: Sequence[TestRow], against: Sequence[Standing], short: Mapping[str, str]) -> str:
+def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing], short: Mapping[str, str]) -> str:
     here = [row for row in rows if row.test == test.name]
     beside = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
@@ -185,7 +185,7 @@ def _limit(test: Test) -> str:
     return "" if test.limit is None else f" Targets are about {test.limit:.6g}; the second ratio is over it."
 
 
-def _table(test: Test, rows: Sequence[TestRow]) -> str:
+def _table(test: Test, rows: Sequence[VerificationRow]) -> str:
     """Meshes down, pairs side by side, the most accurate one first."""
     colours = dict(zip(dict.fromkeys(row.elements for row in rows), COLOURS, strict=False))
     pairs = list(reversed(colours))
@@ -208,7 +208,7 @@ def _table(test: Test, rows: Sequence[TestRow]) -> str:
     )
 
 
-def _numbers(row: TestRow) -> str:
+def _numbers(row: VerificationRow) -> str:
     ratio = "" if row.ratio is None else f"{row.ratio:.4f}"
     if row.of_limit is not None:
         ratio += f" <span class=quiet>/ {row.of_limit:.4f}</span>"

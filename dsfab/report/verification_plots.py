@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.study.verification import Problem, Standing, Test, TestRow
+from dsfab.study.verification import Problem, Standing, Test, VerificationRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,7 @@ ARROWS = 8
 """At most so many loads are drawn."""
 
 
-def curves(test: Test, rows: Sequence[TestRow], against: Sequence[Standing]) -> str:
+def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
     """Error in percent over the number of unknowns: a line for each pair and pattern, marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):

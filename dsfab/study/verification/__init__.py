@@ -11,7 +11,7 @@ from dsfab.study.verification import beams, plane, plates, shells, vessels
 from dsfab.study.verification.benchmark_comparison import Standing, shortfalls, standings
 from dsfab.study.verification.meshes import Mesh
 from dsfab.study.verification.problem import Problem, Test
-from dsfab.study.verification.rows import TestRow, failures, pattern_spread, series
+from dsfab.study.verification.rows import VerificationRow, failures, pattern_spread, series
 
 __all__ = [
     "PAIRS",
@@ -20,7 +20,7 @@ __all__ = [
     "Problem",
     "Standing",
     "Test",
-    "TestRow",
+    "VerificationRow",
     "choose",
     "failures",
     "pattern_spread",
@@ -56,7 +56,7 @@ def verify(
     tests: Sequence[Test],
     pairs: Sequence[Elements] = PAIRS,
     progress: Callable[[str, str], None] | None = None,
-) -> Iterator[TestRow]:
+) -> Iterator[VerificationRow]:
     """The rows of all tests, patterns and pairs, series by series as they are solved."""
     for test in tests:
         if progress:

@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.statics import PAPER, elements_of
 from dsfab.study.verification.problem import Test
 from dsfab.study.verification.published import PUBLISHED, Published
-from dsfab.study.verification.rows import TestRow
+from dsfab.study.verification.rows import VerificationRow
 
 SAME = 0.005
 """Errors closer than this count as alike: references themselves differ by as much."""
@@ -39,7 +39,7 @@ class Standing:
     outcome: Outcome
 
 
-def standings(rows: Sequence[TestRow], tests: Mapping[str, Test]) -> list[Standing]:
+def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
     """Every published value of the tests that `rows` has with the pair for displacements."""
     found = []
     for published in PUBLISHED:
@@ -50,7 +50,7 @@ def standings(rows: Sequence[TestRow], tests: Mapping[str, Test]) -> list[Standi
     return found
 
 
-def worst_by_cells(rows: Sequence[TestRow]) -> dict[int, tuple[int, float]]:
+def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
     """Unknowns and the largest error over the patterns, for each number of cells that no pattern failed on."""
     found: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
@@ -61,7 +61,7 @@ def worst_by_cells(rows: Sequence[TestRow]) -> dict[int, tuple[int, float]]:
     return found
 
 
-def shortfalls(rows: Sequence[TestRow]) -> dict[str, str]:
+def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
     """By test, a line where the paper's elements are off, with published values of triangles of constant strain."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):

@@ -11,7 +11,7 @@ from dsfab.study.verification.problem import Problem, Test
 
 
 @dataclass(frozen=True)
-class TestRow:
+class VerificationRow:
     """One mesh of one test with one pair of elements.
 
     unknowns : size of the system that is solved, supports taken off.
@@ -45,7 +45,7 @@ class TestRow:
     of_limit: float | None = None
 
 
-def series(test: Test, mesh: Mesh, elements: Elements) -> list[TestRow]:
+def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     """All refinements of one test on one pattern with one pair of elements."""
     problems = [test.problem(cells, mesh) for cells in test.cells]
     if elements.bending == "hinge" and any(problem.needs_rotations for problem in problems):
@@ -61,7 +61,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[TestRow]:
         target = test.targets.get(cells) if elements == elements_of("displacement") else None
         value = values[k]
         rows.append(
-            TestRow(
+            VerificationRow(
                 test.name,
                 mesh,
                 str(elements),
@@ -82,7 +82,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[TestRow]:
     return rows
 
 
-def failures(rows: Iterable[TestRow]) -> list[TestRow]:
+def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
     """Those of the pairs that something is reported from which are off on the finest mesh, or refused."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
@@ -97,7 +97,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
     return math.log2(first / second) if first > smallest and second > smallest else None
 
 
-def pattern_spread(rows: Iterable[TestRow]) -> dict[tuple[str, str, int], float]:
+def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
     """Largest over smallest value, less 1, among the patterns of each (test, elements, cells) run on several."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
