@@ -5,7 +5,6 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.pipeline.design import Design
-from dsfab.pipeline.measures import measured_pattern
 from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_slits
 from dsfab.slicing.openings import NARROWER
 from dsfab.surface import Surface
@@ -93,7 +92,7 @@ def test_the_crown_of_a_sphere_closes_as_a_whole():
 @pytest.mark.parametrize("rule", ["constant", "graded"])
 @pytest.mark.parametrize("name", ["barrel_vault", "dome", "globe", "snow_vault", "tower"])
 def test_no_preset_has_a_slit_or_a_dead_end_by_any_width(name, rule):
-    quality = measured_pattern(built(name, **{"pattern.width.rule": rule}), symmetry=False)
+    quality = built(name, **{"pattern.width.rule": rule}).quality(symmetry=False)
     assert (quality.dead_ends, quality.slits) == (0, 0)
 
 
