@@ -9,13 +9,14 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, follow_weights
+from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
 from dsfab.surface import Combination, Load
@@ -30,10 +31,12 @@ class Statics(Section):
 
     thickness: Annotated[float, Gt(0)]
     """Metres; also the thickness of the finished solid."""
-    young: Annotated[float, Gt(0)] = 210e9
+    material: Annotated[str | None, AfterValidator(known_name)] = None
+    """S235, GL24h, ... (see `dsfab materials`): gives young, poisson, density and strength where these are left out."""
+    young: Annotated[float, Gt(0), AfterValidator(modulus)] = 210e9
     """Young's modulus, Pa."""
     poisson: Annotated[float, Gt(-1), Lt(0.5)] = 0.3
-    density: Annotated[float, Ge(0)] = 7850.0
+    density: Annotated[float, Ge(0), AfterValidator(specific_mass)] = 7850.0
     """kg/m3."""
     law: Law = "plane_stress"
     """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
@@ -41,17 +44,36 @@ class Statics(Section):
     """constant strain (the paper), or quadratic or hybrid: right for slender parts too, at several times the cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
-    strength: Annotated[float, Ge(0)] = 0.0
+    strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Pa that the largest stress is compared with (steel S235: 235e6); 0 compares nothing."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
     """How many natural frequencies of the uncut sheet to find."""
     buckling: Annotated[int, Ge(0), Le(10)] = 0
     """How many load factors to find at which the uncut sheet buckles."""
 
+    _named = model_validator(mode="before")(with_material)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the values are the same: what a material is called makes no difference."""
+        return isinstance(other, Statics) and self._values == other._values
+
+    def __hash__(self) -> int:
+        return hash(self._values)
+
     @property
-    def material(self) -> Material:
-        """The material of the sheet."""
+    def _values(self) -> tuple[Any, ...]:
+        return tuple(value for key, value in self if key != "material")
+
+    @property
+    def elastic(self) -> Material:
+        """The material of the sheet as the statics know it."""
         return Material(self.young, self.poisson, self.density)
+
+    @property
+    def material_words(self) -> str:
+        """'GL24h', or 'GL24h, but for density'; nothing where no material is named."""
+        own = own_values(dict(self))
+        return f"{self.material}, but for {', '.join(own)}" if self.material and own else self.material or ""
 
     @property
     def elements(self) -> Elements:

@@ -10,8 +10,10 @@ import tomli_w
 from pydantic import ValidationError
 
 from dsfab.errors import PresetError, did_you_mean
+from dsfab.materials import KEYS
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
+from dsfab.preset_material import own_values, replaced
 from dsfab.preset_surface import Given, MeshSurface, missing_preset
 
 
@@ -98,11 +100,15 @@ def parse_override(text: str) -> tuple[str, Any]:
 def preset_toml(preset: Preset, brief: bool = False) -> str:
     """The complete preset, defaults included, as TOML that builds the same design again.
 
+    A material is told by its name, with those values only that are not its own.
     brief : for people to read: a mesh that Python holds is told by its size, not by its numbers.
     """
     values = preset.model_dump(mode="json", exclude_none=True)
     if brief and isinstance(given := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {given.mesh.n} vertices, {given.mesh.m} triangles"
+    if preset.statics.elastic:
+        own, statics = own_values(values["statics"]), values["statics"]
+        values["statics"] = {key: value for key, value in statics.items() if key not in KEYS or key in own}
     surface = values["surface"]
     # the shape first, then what holds it and what presses on it
     values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}
@@ -131,7 +137,11 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys. One of two keys that exclude each other, set without the other one, takes the other's place."""
+    """Set dotted keys. One of two keys that exclude each other, set without the other one, takes the other's place.
+
+    A material takes the place of all values of the old one, but for those that are set with it.
+    """
+    replaced(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # a later key may reach into this value
     for family in ("pattern.major", "pattern.minor"):

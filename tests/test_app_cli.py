@@ -92,6 +92,18 @@ def test_presets_are_listed_with_a_sentence_each(capsys):
     assert all(len(line.split()) > 5 for line in out.splitlines())
 
 
+def test_materials_are_listed_with_their_values_and_sources(capsys):
+    code, out, _ = run(capsys, "materials")
+    assert code == 0
+    assert out.count("source: ") == out.count("strength: ") == 9
+    (line,) = [line for line in out.splitlines() if line.startswith("GL24h ")]
+    assert line.split(None, 1)[1] == (
+        "young 11.5 GPa, poisson 0.3, density 420 kg/m3, strength 12.3 MPa, expansion 5e-6/K"
+    )
+    assert "19.2 MPa x 0.8 / 1.25" in out
+    assert "EN 14080" in out
+
+
 def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
     file = tmp_path / "box.stl"
     trimesh.creation.box((2000, 1000, 500)).export(file)
@@ -240,7 +252,7 @@ def test_wrong_usage_ends_with_code_2(capsys, arguments):
 def test_help_and_version(capsys):
     code, out, _ = run(capsys, "--help")
     assert code == 0
-    for name in ("bench", "build", "compare", "inspect", "presets", "verify"):
+    for name in ("bench", "build", "compare", "inspect", "materials", "presets", "verify"):
         (line,) = [line for line in out.splitlines() if f"│ {name} " in line]
         assert len(line.strip("│ ").split()) > 4, "each command says what it does"
     code, out, _ = run(capsys, "--version")

@@ -52,6 +52,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "units": {"errors"},
     "limits": set(),
+    "materials": {"errors"},
     "wording": set(),
     "ways_out": set(),
     "arrays": {"errors"},
@@ -62,8 +63,9 @@ ALLOWED: dict[str, set[str]] = {
     "preset_cases": GROUND | {"surface"},
     "preset_errors": GROUND | {"pattern", "surface", "thickening"},
     "preset_surface": GROUND | {"preset_errors", "surface"},
-    "preset": GROUND | {"surface", "preset_cases", "preset_surface"} | STAGES,
-    "preset_file": GROUND | {"preset", "preset_errors", "preset_surface"},
+    "preset_material": GROUND | {"materials"},
+    "preset": GROUND | {"surface", "preset_cases", "preset_material", "preset_surface"} | STAGES,
+    "preset_file": GROUND | {"materials", "preset", "preset_errors", "preset_material", "preset_surface"},
     "results": GROUND | {"surface", "preset"} | STAGES,
     "pipeline": GROUND | {"surface", "preset", "preset_surface", "results"} | STAGES,
     "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "export", "pipeline"} | STAGES,
@@ -77,7 +79,7 @@ ALLOWED: dict[str, set[str]] = {
     | {"delivery", "study", "render"}
     | STAGES,
     "app": GROUND
-    | {"surface", "preset", "preset_file", "results", "pipeline", "export"}
+    | {"materials", "surface", "preset", "preset_file", "results", "pipeline", "export"}
     | {"delivery", "study", "render", "report"}
     | STAGES,
 }

@@ -73,7 +73,7 @@ def test_the_best_of_the_candidates_is_drawn_and_its_compliance_is_that_of_its_c
     statics = chosen.preset.statics
     load = sheet_load(chosen.surface, chosen.sheet, chosen.load)
     own = solve_statics(
-        SheetModel(chosen.sheet.surface, statics.material, statics.thickness),
+        SheetModel(chosen.sheet.surface, statics.elastic, statics.thickness),
         load,
         elements=Elements("constant", "midedge"),
     )

@@ -5,9 +5,19 @@ from pathlib import Path
 
 import pytest
 
+from dsfab.delivery.archive import sections
 from dsfab.errors import DsfabError, PresetError
+from dsfab.materials import KEYS, MATERIALS
 from dsfab.preset import STAGES, Preset
-from dsfab.preset_file import headline, load_preset, parse_override, preset_from, preset_toml, shipped_presets
+from dsfab.preset_file import (
+    headline,
+    load_preset,
+    overridden,
+    parse_override,
+    preset_from,
+    preset_toml,
+    shipped_presets,
+)
 from dsfab.preset_surface import FileSurface
 
 SHIPPED = sorted(shipped_presets())
@@ -116,6 +126,15 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
         ({"surface.span": -1}, r"surface\.span = -1: should be greater than 0"),
         ({"statics.law": "plane_stres"}, r"statics\.law = 'plane_stres': should be .*; did you mean plane_stress\?"),
         ({"statics.thickness": "thick"}, r"statics\.thickness = 'thick': should be a valid number"),
+        (
+            {"statics.material": "GL24"},
+            r"statics\.material: 'GL24' is not known; did you mean GL24h\?; use one of S235, .*, PLA, or leave it out",
+        ),
+        ({"statics.material": 3}, r"statics\.material = 3: should be a valid string"),
+        ({"statics.young": 11}, r"statics\.young: 11 Pa is no .*: pascals are asked, write 11e9 for 11 GPa"),
+        ({"statics.young": 210000}, r"pascals are asked, write 210000e6 for 210000 MPa"),
+        ({"statics.density": 7.85}, r"statics\.density: 7\.85 kg/m3 is no solid: write 7850 for 7\.85 t/m3 or g/cm3"),
+        ({"statics.strength": 235}, r"statics\.strength: 235 Pa is no .*: pascals are asked, write 235e6 for 235 MPa"),
         ({"statics.poisson": 0.5}, r"statics\.poisson = 0\.5: should be less than 0\.5"),
         ({"diffusion.r": 0.5}, r"diffusion\.r = 0\.5: should be greater than or equal to 1"),
         (
@@ -193,3 +212,60 @@ def test_presets_are_values():
     assert preset_from(preset.model_dump(mode="json", exclude_none=True)) == preset
     assert isinstance(preset, Preset)
     assert Path(shipped_presets()["dome"]).suffix == ".toml"
+
+
+# --- materials by name
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_material_gives_its_values_and_says_where_they_are_from(name):
+    statics = load_preset("dome", {"statics.material": name.upper()}).statics
+    one = MATERIALS[name]
+    assert statics.material == name
+    assert (statics.young, statics.poisson, statics.density, statics.strength) == tuple(one.values.values())
+    assert 1e9 < one.young < 1e12
+    assert 0 < one.poisson < 0.5
+    assert 300 < one.density < 9000
+    assert 1e6 < one.strength < 1e9
+    assert 1e-6 < one.expansion < 1e-4
+    assert one.source
+    assert one.says
+
+
+DESIGN = {"GL24h": 19.2 * 0.8 / 1.25, "CLT": 14.5 / 2 * 0.8 / 1.25, "plywood": 37.5 * 0.8 / 1.2, "PLA": 50 / 2.5}
+DESIGN |= {"aluminium 6082": 240 / 1.1, "concrete C30/37": 30 / 1.5, "GFRP": 170 / 3, "S235": 235, "S355": 355}
+
+
+def test_design_strengths_are_characteristic_ones_over_partial_factors():
+    assert DESIGN.keys() == MATERIALS.keys()
+    for name, megapascals in DESIGN.items():
+        assert MATERIALS[name].strength == pytest.approx(megapascals * 1e6, rel=0.01)
+
+
+def test_own_values_win_over_those_of_a_material_and_a_new_material_over_all_old_ones():
+    heavy = load_preset("dome", {"statics.material": "S355", "statics.density": 8000.0, "statics.strength": 0})
+    assert (heavy.statics.young, heavy.statics.density, heavy.statics.strength) == (210e9, 8000.0, 0.0)
+    assert heavy.statics.material_words == "S355, but for density, strength"
+    timber = overridden(heavy, {"statics.material": "clt"}).statics  # though the preset says young = 210e9
+    assert {key: getattr(timber, key) for key in KEYS} == MATERIALS["CLT"].values
+    assert timber.material_words == "CLT"
+    assert load_preset("dome").statics.material_words == ""
+
+
+def test_a_written_preset_holds_the_name_and_what_is_not_of_the_material(tmp_path):
+    heavy = load_preset("dome", {"statics.material": "S355", "statics.density": 8000.0})
+    (tmp_path / "again.toml").write_text(preset_toml(heavy), encoding="utf-8")
+    written = tomllib.loads(preset_toml(heavy))["statics"]
+    assert (written["material"], written["density"]) == ("S355", 8000.0)
+    assert not {"young", "poisson", "strength"} & set(written)
+    assert load_preset(tmp_path / "again.toml").statics.model_dump() == heavy.statics.model_dump()
+
+
+def test_a_material_named_or_spelled_out_is_the_same_design():
+    named, spelled = load_preset("dome", {"statics.material": "S235"}), load_preset("dome", {"statics.strength": 235e6})
+    assert named.first_difference(spelled) is None
+    assert named.statics == spelled.statics
+    assert hash(named.statics) == hash(spelled.statics)
+    assert named.statics != load_preset("dome").statics  # that has no strength
+    assert named.statics != "S235"
+    assert sections(named) == sections(spelled), "what a folder keeps of one is not made again for the other"

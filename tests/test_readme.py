@@ -10,6 +10,7 @@ import trimesh
 
 import dsfab
 from dsfab.app.cli import main
+from dsfab.materials import MATERIALS
 from dsfab.statics import USES
 from dsfab.study.verdict.rules import QUICK
 from dsfab.study.verification import TESTS
@@ -99,6 +100,16 @@ def test_a_mesh_in_memory_becomes_a_file_as_the_readme_says(desk):
     assert names["design"].sheet.surface.area / names["design"].surface.area == pytest.approx(0.45, abs=0.005)
     assert "MANIFOLD_SOLID_BREP" in (desk / "roof.step").read_text(encoding="ascii")
     assert names["others"].gain("isotropic") > 3
+
+
+def test_the_table_of_materials_is_that_of_dsfab():
+    rows = README.partition("<!-- materials -->")[2].partition("\n\n")[0].strip().splitlines()[2:]
+    found = {row.split("|")[1].strip(" `"): [float(cell) for cell in row.split("|")[2:7]] for row in rows}
+    units = (1e9, 1.0, 1.0, 1e6, 1e-6)
+    assert list(found) == list(MATERIALS)
+    for name, numbers in found.items():
+        values = (*MATERIALS[name].values.values(), MATERIALS[name].expansion)
+        assert [x * unit for x, unit in zip(numbers, units, strict=True)] == pytest.approx(values, rel=1e-12)
 
 
 def test_the_preset_of_the_readme_builds(tmp_path):

@@ -62,9 +62,9 @@ def test_verified_elements_answer_everything_from_the_one_factor_of_the_statics(
     answers, sheet, s = made.statics.answers, made.preset.statics, made.surface
     assert answers.elements == sheet.elements
     assert answers.equilibrium is made.statics.equilibrium
-    again = frequencies(SheetModel(s, sheet.material, sheet.thickness), made.load.fixed, 2, elements=sheet.elements)
+    again = frequencies(SheetModel(s, sheet.elastic, sheet.thickness), made.load.fixed, 2, elements=sheet.elements)
     factors = buckling(
-        SheetModel(s, sheet.material, sheet.thickness), made.load, answers.equilibrium, 3, elements=sheet.elements
+        SheetModel(s, sheet.elastic, sheet.thickness), made.load, answers.equilibrium, 3, elements=sheet.elements
     )
     assert_allclose(answers.vibration.hertz, again.hertz, rtol=1e-7)
     assert_allclose(answers.buckling.factor, factors.factor, rtol=1e-7)
@@ -81,7 +81,7 @@ def test_hinges_leave_the_answers_to_the_most_accurate_elements_and_say_so(facto
     weight = sheet.density * sheet.thickness * GRAVITY
     spread = spread_load(made.surface, made.preset.surface.load, weight)
     rich = solve_statics(
-        SheetModel(made.surface, sheet.material, sheet.thickness, sheet.law),
+        SheetModel(made.surface, sheet.elastic, sheet.thickness, sheet.law),
         made.load,
         elements=Elements("hybrid", "hhj"),
         spread=spread,

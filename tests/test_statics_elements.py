@@ -444,13 +444,13 @@ def test_presets_name_their_elements(preset):
     weight = asked.density * asked.thickness * GRAVITY
     spread = spread_load(surface, designs[1].preset.surface.load, weight)
     again = solve_statics(
-        SheetModel(surface, asked.material, asked.thickness, asked.law),
+        SheetModel(surface, asked.elastic, asked.thickness, asked.law),
         rich.load,
         elements=Elements("quadratic", "hhj"),
         spread=spread,
     )
     assert answer.compliance == pytest.approx(again.compliance, rel=1e-12)
-    assert np.allclose(rich.sigma, stress(surface, asked.material, again.u, asked.law, again.bubbles), rtol=1e-9)
+    assert np.allclose(rich.sigma, stress(surface, asked.elastic, again.u, asked.law, again.bubbles), rtol=1e-9)
     assert set(rich.equilibrium.on_edges) == set((BEST if preset == DOME_MODES else BEST.in_plane).on_edges)
     assert not plain.equilibrium.on_edges
     assert rich.sigma.shape == plain.sigma.shape

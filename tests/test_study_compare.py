@@ -94,7 +94,7 @@ def test_a_complete_sheet_cut_into_cells_is_as_stiff_as_the_uncut_one(cantilever
     whole = cells.kept(np.ones(cells.surface.m, dtype=bool))
     values = [
         solve_statics(
-            SheetModel(s, statics.material, statics.thickness), load, Elements("quadratic", "midedge")
+            SheetModel(s, statics.elastic, statics.thickness), load, Elements("quadratic", "midedge")
         ).compliance
         for s, load in ((surface, cantilever.load), (whole.surface, sheet_load(surface, whole, cantilever.load)))
     ]

@@ -113,7 +113,7 @@ def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
     made, statics = Design.of(full), full.statics
     loads = {"": made.load}
     whole = solve_cases(
-        SheetModel(made.surface, statics.material, statics.thickness, statics.law),
+        SheetModel(made.surface, statics.elastic, statics.thickness, statics.law),
         loads,
         elements=Elements("constant", "midedge"),
     )

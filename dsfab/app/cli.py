@@ -32,6 +32,9 @@ app.command("dsfab.app.editor.command:edit", name="edit", help="Change a design 
 app.command("dsfab.app.sweep:sweep", name="sweep", help="Make many designs of a preset; stop and go on at any time.")
 app.command("dsfab.app.compare:compare", name="compare", help="Compare a design with others of the same mass.")
 app.command("dsfab.app.listing:presets", name="presets", help="List the presets that come with dsfab.")
+app.command(
+    "dsfab.app.listing:materials", name="materials", help="List the materials that a preset may name, with sources."
+)
 app.command("dsfab.app.listing:inspect", name="inspect", help="Say what a mesh file is, and whether it is sound.")
 app.command(
     "dsfab.app.verify:verify", name="verify", help="Solve structures with known answers: can the statics be trusted?"

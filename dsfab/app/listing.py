@@ -1,4 +1,4 @@
-"""`dsfab presets` and `dsfab inspect`: what there is, what a mesh file is, and whether a design can be made."""
+"""`dsfab presets`, `materials` and `inspect`: what there is, what a mesh file is, and whether a design can be made."""
 
 import json
 from pathlib import Path
@@ -25,6 +25,20 @@ def presets() -> int:
     width = max(map(len, found), default=0)
     for name, path in found.items():
         out(f"{name:<{width}}  {headline(path)}")
+    return 0
+
+
+def materials() -> int:
+    """List the materials that [statics] may name (`material = "GL24h"`), with their values and sources."""
+    from dsfab.materials import MATERIALS
+
+    for name, one in MATERIALS.items():
+        out(
+            f"{name:<15}  young {one.young / 1e9:g} GPa, poisson {one.poisson:g}, density {one.density:g} kg/m3, "
+            f"strength {one.strength / 1e6:g} MPa, expansion {one.expansion * 1e6:g}e-6/K"
+        )
+        out(f"{'':<15}  strength: {one.says}")
+        out(f"{'':<15}  source: {one.source}")
     return 0
 
 

@@ -105,8 +105,8 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """What a design is made by, as JSON has it."""
-    found: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY)))
+    """What a design is made by, as JSON has it: of a material the values, however it is called."""
+    found: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return found
 
 

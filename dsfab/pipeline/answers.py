@@ -41,13 +41,13 @@ def answers_step(
 
     def stiffness(elements: Elements) -> csr_array:
         if elements not in made:
-            made[elements] = sheet_stiffness(SheetModel(surface, sheet.material, sheet.thickness, sheet.law), elements)
+            made[elements] = sheet_stiffness(SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law), elements)
         return made[elements]
 
     ask, again = sheet.ask, KeptFactor(2)
     if ask and log.progress:
         log.progress("statics", f"answering by {ask.elements(sheet.elements)} elements")
-    model = SheetModel(surface, sheet.material, sheet.thickness, sheet.law)
+    model = SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law)
     found: list[Answers] = []
     with log.row("answers"):
         for loading, answer in solved:

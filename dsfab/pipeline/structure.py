@@ -60,16 +60,16 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     plane = flat_axis(surface, *loads) is not None
     elements = sheet.elements.in_plane if plane else sheet.elements
     with log.row("membrane"):
-        K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, elements)
+        K = membrane_stiffness(surface, sheet.elastic, sheet.thickness, sheet.law, elements)
     if elements.bending:
         with log.row("bending"):
-            K = added(K, bending_stiffness(surface, sheet.material, sheet.thickness, elements))
+            K = added(K, bending_stiffness(surface, sheet.elastic, sheet.thickness, elements))
     factor_of = _timed(sheet.ask.factor_of(sheet.elements), log)
     with log.row("statics"):
         sums = [[ld.factors.get(case.name, 0.0) for case in solved] for ld in acting if ld.factors is not None]
         found = equilibria(surface, K, loads, elements, spreads=spreads, sums=sums, factor_of=factor_of)
     with log.row("stress"):
-        sigma = [stress(surface, sheet.material, a.u, sheet.law, a.bubbles) for a in found]
+        sigma = [stress(surface, sheet.elastic, a.u, sheet.law, a.bubbles) for a in found]
     answers = answers_step(sheet, surface, list(zip(acting, found, strict=True)), plane, {elements: K}, factor_of, log)
     results = {
         ld.name: CaseResult(ld.load, e, s, a, ld.factors)

@@ -116,7 +116,7 @@ class Trial:
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
         """Of a sheet's faces."""
         ask = self.preset.statics
-        return FaceStiffness.of(SheetModel(surface, ask.material, ask.thickness, ask.law), list(loads.values()))
+        return FaceStiffness.of(SheetModel(surface, ask.elastic, ask.thickness, ask.law), list(loads.values()))
 
     def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[Drawable], list[Layer]]:
         radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
@@ -130,5 +130,5 @@ class Trial:
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
         """Joules, the weighted sum over what the pattern follows."""
         ask, pair = self.preset.statics, elements_of(use)
-        answers = solve_cases(SheetModel(surface, ask.material, ask.thickness, ask.law), loads, pair)
+        answers = solve_cases(SheetModel(surface, ask.elastic, ask.thickness, ask.law), loads, pair)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())

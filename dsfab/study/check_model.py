@@ -84,7 +84,7 @@ def _checked(
     across = 2 if axis is None else axis
     sheet = preset.statics
     holding = {name: fixed for name, fixed in held.items() if fixed.any()}
-    held_sheet = SheetModel(surface, sheet.material, sheet.thickness, clamped=all_clamped(load))
+    held_sheet = SheetModel(surface, sheet.elastic, sheet.thickness, clamped=all_clamped(load))
     model = six_node_model(held_sheet, holding, steps, load.spring, element, across)
     turn = axes_of_file(across)
     stored = {name: (a.compliance - float(np.sum(load.spring * a.u**2))) / 2 for name, a in answers.items()}
@@ -113,7 +113,7 @@ def _answers(
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")
     return solve_cases(
-        SheetModel(surface, sheet.material, sheet.thickness), cases, pair, spreads=spreads, combinations=sums
+        SheetModel(surface, sheet.elastic, sheet.thickness), cases, pair, spreads=spreads, combinations=sums
     )
 
 

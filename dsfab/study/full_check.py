@@ -45,7 +45,7 @@ def full(
         told = f"it carries what its pattern follows, but not every load case: {error}"
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=told)
     statics = task.preset.statics
-    made = SheetMaterial(statics.material, structure.thickness, statics.law)
+    made = SheetMaterial(statics.elastic, structure.thickness, statics.law)
     loads = task.all_loads if every else task.loads
     found = check(LoadedSurface(task.surface, made, loads), structure.drawn, "full", budget, progress)
     if found.status == "fail":

@@ -122,7 +122,7 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
     statics, surface = task.preset.statics, structure.sheet.surface
     given = task.all_loads if every else task.loads
     loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
-    sheet = SheetModel(surface, statics.material, structure.thickness, statics.law)
+    sheet = SheetModel(surface, statics.elastic, structure.thickness, statics.law)
     answers = solve_cases(sheet, loads, elements_of("displacement"))
     return {
         name: Answered(loads[name], answer, sheet_stress(sheet, answer.elements, answer))
@@ -206,7 +206,7 @@ def _modes(
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
     """`buckling`, `frequency` and `refusals` of a `Carried`."""
     statics = task.preset.statics
-    sheet = SheetModel(structure.sheet.surface, statics.material, structure.thickness, statics.law)
+    sheet = SheetModel(structure.sheet.surface, statics.elastic, structure.thickness, statics.law)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
     try:
         if ask.buckling:

@@ -28,10 +28,10 @@ def stage(preset, surface, load):
     """dsfab's statics stage: seconds of CPU and of the clock, and the stiffness."""
     sheet = preset.statics
     cpu, wall = time.process_time(), time.perf_counter()
-    K = membrane_stiffness(surface, sheet.material, sheet.thickness, sheet.law, sheet.elements)
-    K = added(K, bending_stiffness(surface, sheet.material, sheet.thickness, sheet.elements))
+    K = membrane_stiffness(surface, sheet.elastic, sheet.thickness, sheet.law, sheet.elements)
+    K = added(K, bending_stiffness(surface, sheet.elastic, sheet.thickness, sheet.elements))
     answer = equilibrium(surface, K, load, sheet.elements)
-    stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
+    stress(surface, sheet.elastic, answer.u, sheet.law, answer.bubbles)
     return time.process_time() - cpu, time.perf_counter() - wall, K
 
 

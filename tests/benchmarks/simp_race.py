@@ -51,7 +51,7 @@ def worth(made, sheet):
     """Compliance of a sheet over that of the whole surface."""
     ask, surface = made.preset.statics, made.surface
     whole, part = (
-        solve_statics(SheetModel(s, ask.material, ask.thickness), load, Elements("quadratic", "hinge")).compliance
+        solve_statics(SheetModel(s, ask.elastic, ask.thickness), load, Elements("quadratic", "hinge")).compliance
         for s, load in ((surface, made.load), (sheet.surface, sheet_load(surface, sheet, made.load)))
     )
     return part / whole

@@ -58,6 +58,7 @@ def structure_table(found: Findings, number: Numbers) -> Table:
         ("Thickness", length(statics.thickness)),
         ("Mass", mass(design.mass) if sheet else "-"),
         ("Smallest member", length(design.smallest_member)),
+        *([("Material", statics.material_words)] if statics.material else []),
         ("Young's modulus; Poisson's ratio", f"{quantity(statics.young, 'Pa')}; {statics.poisson:g}"),
         ("Density", f"{statics.density:g} kg/m³"),
         ("Strength", quantity(statics.strength, "Pa") if statics.strength else "not given: stress is not judged"),

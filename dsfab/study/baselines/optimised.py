@@ -22,7 +22,7 @@ def simp(task: ComparisonTask) -> list[Variant]:
 def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densities:
     """The densities of faces for the area, loads and kept regions of a task."""
     statics, weights = task.preset.statics, task.preset.followed
-    sheet = SheetModel(task.surface, statics.material, statics.thickness, statics.law)
+    sheet = SheetModel(task.surface, statics.elastic, statics.thickness, statics.law)
     return densities(sheet, task.loads, task.area, task.kept_faces, weights, ask)
 
 

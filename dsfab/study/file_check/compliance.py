@@ -66,13 +66,13 @@ def carrying(found: FileContents, design: Design, edge: float | None = None) -> 
     loads = sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, given)
     t = statics.thickness
     longest = edge or max(EDGE * t, COARSE * found.size)
-    model = SolidModel.of(tetrahedra(found, longest), statics.material)
+    model = SolidModel.of(tetrahedra(found, longest), statics.elastic)
     points = SupportPoints(model, sheet, t, SHIFT[design.preset.thickening.side])
     at = points.mean(sheet.V, sheet.vertex_normals)
     forces = [at.T @ load.force.ravel() for load in loads.values()]
     solid = compliances(model, _holding(points, at, loads, RIGID * statics.young * t), forces)
     pair = elements_of("compliance_once")
-    answers = solve_cases(SheetModel(sheet, statics.material, t, statics.law), loads, pair)
+    answers = solve_cases(SheetModel(sheet, statics.elastic, t, statics.law), loads, pair)
     weights = np.array([design.preset.followed[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
     return SolidCompliance(

@@ -24,7 +24,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
     def solved() -> dict[str, Equilibrium]:
         made, sheet = design.preset.statics, design.sheet.surface
-        return solve_cases(SheetModel(sheet, made.material, made.thickness, made.law), loads_on(design), pair)
+        return solve_cases(SheetModel(sheet, made.elastic, made.thickness, made.law), loads_on(design), pair)
 
     return design.once("slicing", f"carried by {pair}", solved)
 
@@ -35,7 +35,7 @@ def verdict(design: Design) -> Verdict:
     def checked() -> Verdict:
         statics = design.preset.statics
         loads = {name: design.statics.cases[name].load for name in design.preset.followed}
-        setting = LoadedSurface(design.surface, SheetMaterial(statics.material, statics.thickness, statics.law), loads)
+        setting = LoadedSurface(design.surface, SheetMaterial(statics.elastic, statics.thickness, statics.law), loads)
         return check(setting, design.slicing.cells.kept())
 
     return design.once("slicing", "verdict", checked)

@@ -110,7 +110,7 @@ def _compliance(made: Design, answers: Mapping[str, Equilibrium]) -> float:
 def _buckling(made: Design) -> float:
     """The lowest factor of all loads that the pattern follows."""
     statics, sheet = made.preset.statics, made.sheet.surface
-    given, loads, lowest = (statics.material, statics.thickness, statics.law), loads_on(made), float("inf")
+    given, loads, lowest = (statics.elastic, statics.thickness, statics.law), loads_on(made), float("inf")
     for name, answer in _answers(made).items():
         found = buckling(SheetModel(sheet, given[0], given[1], given[2]), loads[name], answer, 1)
         lowest = min([lowest, *found.factor.tolist()])
@@ -126,7 +126,7 @@ def _ersatz(made: Design) -> float:
     statics, surface = made.preset.statics, made.surface
     kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
     loads = [made.statics.cases[name].load for name in made.preset.followed]
-    sheet = FaceStiffness.of(SheetModel(surface, statics.material, statics.thickness, statics.law), loads)
+    sheet = FaceStiffness.of(SheetModel(surface, statics.elastic, statics.thickness, statics.law), loads)
     u = sheet.factor(ERSATZ + (1 - ERSATZ) * np.clip(kept, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))
 

@@ -40,7 +40,7 @@ class LoadedSurface:
     def of(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
         """That of a design, its cases and combinations, with `share` of its thickness."""
         statics = design.preset.statics
-        made = SheetMaterial(statics.material, share * statics.thickness, statics.law)
+        made = SheetMaterial(statics.elastic, share * statics.thickness, statics.law)
         return cls(design.surface, made, {name: case.load for name, case in design.statics.cases.items()})
 
 
