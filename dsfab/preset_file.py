@@ -14,7 +14,7 @@ from dsfab.materials import KEYS
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
 from dsfab.preset_material import own_values, replaced
-from dsfab.preset_surface import Given, MeshSurface, missing_preset
+from dsfab.preset_surface import FileSurface, Given, MeshSurface, missing_preset
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -95,6 +95,16 @@ def parse_override(text: str) -> tuple[str, Any]:
         return key.strip(), tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return key.strip(), value.strip()
+
+
+def require_mesh(preset: Preset) -> None:
+    """Raises PresetError for a shipped preset that waits for a mesh of the user's; it says how a command takes it."""
+    given = preset.surface
+    shipped_with = {path.parent for path in shipped_presets().values()}
+    if isinstance(given, FileSurface) and given.file.parent in shipped_with and not given.file.exists():
+        raise PresetError(
+            f"preset {preset.name} needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres"
+        )
 
 
 def preset_toml(preset: Preset, brief: bool = False) -> str:

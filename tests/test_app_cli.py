@@ -12,9 +12,11 @@ import pytest
 import trimesh
 
 from dsfab.app import bench as bench_module
+from dsfab.app.check import Expected
 from dsfab.app.cli import main
+from dsfab.app.terminal import Reporter
 from dsfab.export import FORMATS
-from dsfab.preset_file import load_preset
+from dsfab.preset_file import load_preset, shipped_presets
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
 
 SLOW = (".step", ".stp", ".stpz", ".brep")
@@ -224,7 +226,7 @@ def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
         (["build", "dome", "--set", "pattern.major.frequency"], "is not KEY=VALUE"),
         (["build", "dome", "--set", "surface.span=nan"], "should be a finite number"),
         (["build", "dome", "--mesh", "missing.obj"], "missing.obj"),
-        (["build", "figurine"], "bob.obj"),
+        (["build", "figurine"], "preset figurine needs a mesh of yours: add --mesh FILE"),
         (["build", "dome", "--format", "stp"], "did you mean step?"),
         (["build", "dome", "--format", "dwg"], "export.formats.0 = 'dwg'"),
         (["build", DOME_MODES, "--set", "pattern.major.mode=40", *QUICK], "pattern.major.mode = 40"),
@@ -333,3 +335,58 @@ def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
     assert code == 0
     facts = json.loads((tmp_path / "o" / "design.json").read_text())
     assert facts["surface"]["area_m2"] == pytest.approx(cap.area, rel=1e-5)
+
+
+# --- a mesh that is missing, and folders
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("build", "roof"),
+        ("build", str(shipped_presets()["roof"]), "--set", "statics.thickness=0.1"),
+        ("preview", "roof"),
+        ("export", "roof", "--to", "stl"),
+        ("inspect", "roof"),
+        ("compare", "roof"),
+        ("explore", "roof", "--vary", "pattern.major.spacing=1,2"),
+        ("bench", "roof"),
+        ("sweep", "roof", "--vary", "pattern.major.spacing=1,2"),
+    ],
+)
+def test_a_preset_that_waits_for_a_mesh_says_so(capsys, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    said = refused(capsys, *words)
+    assert said.endswith("preset roof needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_mesh_that_was_given_is_the_one_that_is_missed(capsys, tmp_path):
+    missed = str(tmp_path / "nowhere.obj")
+    assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--mesh", missed)
+    assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--set", f"surface.file={missed}")
+
+
+FEW = ("--set", "surface.edge=2")
+
+
+def test_a_folder_named_like_a_preset_shadows_nothing(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "dome").mkdir()
+    for name in ("preset.toml", "sweep.toml", "design.json"):
+        (tmp_path / "dome" / name).write_text("rubbish")
+    assert run(capsys, "export", "dome", *FEW, "--to", "ply", "--sheet", "uncut", "-q")[0] == 0
+    assert (tmp_path / "outputs" / "dome" / "dome.ply").is_file()
+    assert not (tmp_path / "dome" / "dome.ply").exists()
+    assert load_preset("dome").name == "dome"
+    monkeypatch.setattr("dsfab.app.listing._made", lambda name, picture: {"made of": name})
+    monkeypatch.setattr("dsfab.app.listing.fabrication_lines", lambda built: [str(built)])
+    assert run(capsys, "inspect", "dome")[1].strip() == "{'made of': 'dome'}"
+    assert "no design.json" in refused(capsys, "inspect", "./dome")
+    assert "preset.toml is not valid TOML" in refused(capsys, "export", "./dome", "--to", "stl")
+    assert "unknown key nothing" in refused(capsys, "sweep", "dome", "--vary", "nothing=1,2")
+    assert "sweep.toml" in refused(capsys, "sweep", "dome")
+    seen = []
+    monkeypatch.setattr("dsfab.pipeline.run", lambda preset, progress=None: seen.append(preset.name))
+    Expected().design("dome", Reporter(quiet=True))
+    assert seen == ["dome"]

@@ -85,6 +85,25 @@ def test_preview_shows_it_and_explains_what_it_cannot(capsys, tmp_path):
     assert "ask dsfab preview for it alone" in capsys.readouterr().err
 
 
+def test_a_built_folder_is_previewed_into_it_and_nothing_is_made_again(capsys, tmp_path, monkeypatch):
+    folder = tmp_path / "out"
+    assert (
+        main(["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder)]) == 0
+    )
+    words = ["--size", "320x240", "-o"]
+    assert main(["preview", "cantilever", "--set", "surface.edge=0.08", *words, str(tmp_path / "a.png")]) == 0
+    assert main(["preview", str(folder), "--size", "320x240"]) == 0
+    assert (folder / "cantilever.png").read_bytes() == (tmp_path / "a.png").read_bytes()
+    finished = ["--show", "fabrication", *words]
+    assert main(["preview", str(folder / "preset.toml"), *finished, str(tmp_path / "b.png")]) == 0
+    monkeypatch.setattr("dsfab.pipeline.run", None)
+    assert main(["preview", str(folder), *finished, str(tmp_path / "c.png")]) == 0
+    assert (tmp_path / "b.png").read_bytes() == (tmp_path / "c.png").read_bytes()
+    (tmp_path / "empty").mkdir()
+    assert main(["preview", str(tmp_path / "empty")]) == 1
+    assert "has no preset.toml, so dsfab did not build it" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_build_and_inspect_draw_it_when_asked(capsys, tmp_path):
     folder = tmp_path / "out"

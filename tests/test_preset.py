@@ -16,6 +16,7 @@ from dsfab.preset_file import (
     parse_override,
     preset_from,
     preset_toml,
+    require_mesh,
     shipped_presets,
 )
 from dsfab.preset_surface import FileSurface
@@ -191,6 +192,15 @@ def test_unreadable_preset_files_are_refused(write, says, tmp_path):
     write(path)
     with pytest.raises(PresetError, match=says):
         load_preset(path)
+
+
+def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
+    monkeypatch.setattr("dsfab.preset_file.shipped", lambda: {"roof": tmp_path / "roof.toml"})
+    with pytest.raises(PresetError, match="preset roof needs a mesh of yours: add --mesh FILE"):
+        require_mesh(load_preset("roof"))
+    (tmp_path / "roof.obj").write_text("a mesh")
+    require_mesh(load_preset("roof"))
 
 
 def test_an_unknown_preset_names_the_nearest_one():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Quiet, Set, Source
+from dsfab.app.options import Quiet, Set, Source, built_folder
 from dsfab.app.terminal import Reporter, out
 from dsfab.wording import length, mass
 
@@ -57,8 +57,8 @@ class Expected:
         """The design of the preset or built folder of this name."""
         from dsfab.pipeline import run
 
-        folder = Path(name) / "preset.toml"
-        return run(Source(self.set_).read(str(folder) if folder.is_file() else name), reporter)
+        folder = built_folder(name)
+        return run(Source(self.set_).read(str(folder / "preset.toml") if folder else name), reporter)
 
 
 def check(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.options import UNCHANGED, Quiet, Source, built_folder
 from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
@@ -82,13 +82,8 @@ def export(
 
 def _source(name: str, source: Source) -> tuple["Preset", Path]:
     """The preset, and the folder its files go to: the folder that was named, or that of `dsfab build`."""
-    from dsfab.preset_file import shipped_presets
-
-    folder = Path(name)
-    if (folder / "preset.toml").is_file():
+    if folder := built_folder(name):
         return source.read(str(folder / "preset.toml")), folder
-    if folder.is_dir() and name not in shipped_presets():
-        raise ExportError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")
     given = source.read(name)
     return given, Path("outputs") / given.name
 
@@ -97,7 +92,8 @@ def _built(name: str, given: "Preset") -> "Design | None":
     """What the folder that was named holds of such a design, which is then not made again."""
     from dsfab.delivery.archive import read_archive
 
-    return read_archive(Path(name), given) if (Path(name) / "preset.toml").is_file() else None
+    folder = built_folder(name)
+    return read_archive(folder, given) if folder else None
 
 
 def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> ExportRequest:

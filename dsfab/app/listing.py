@@ -43,7 +43,7 @@ def materials() -> int:
 
 
 def inspect(
-    file: Path,
+    file: str,
     /,
     *,
     unit: Annotated[str | None, Parameter(help="Unit of the file's numbers: mm, cm, m, in, ft.")] = None,
@@ -64,17 +64,18 @@ def inspect(
     from dsfab.preset_file import shipped_presets
     from dsfab.surface import describe
 
-    if file.is_dir() or file.suffix == ".toml" or (str(file) in shipped_presets() and not file.exists()):
-        built = _built(file) if file.is_dir() else None
+    path, named = Path(file), file in shipped_presets()  # a folder of a preset's name hides nothing
+    if named or path.is_dir() or path.suffix == ".toml":
+        built = _built(path) if path.is_dir() and not named else None
         if built is None or output is not None:
-            built = _made(str(file if built is None else file / "preset.toml"), output)
+            built = _made(file if built is None else str(path / "preset.toml"), output)
         for line in (*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)):
             out(line)
         return 0
     if output is not None:
         raise PresetError(f"-o {output}: a picture is made of a preset or a folder of results, not of a mesh file")
-    facts = describe(file, unit)
-    out(str(file))
+    facts = describe(path, unit)
+    out(str(path))
     rows = [(label, value) for label, value in _lines(facts) if value]
     width = max(len(label) for label, _ in rows)
     for label, value in rows:

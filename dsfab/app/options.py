@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.errors import DsfabError
+from dsfab.errors import DsfabError, PresetError
 
 if TYPE_CHECKING:
     from dsfab.preset import Preset
@@ -43,6 +43,21 @@ def picture_size(text: str) -> tuple[int, int]:
     )
 
 
+def built_folder(name: str) -> Path | None:
+    """The folder that `dsfab build` wrote, if one is named; a shipped preset of that name goes before it (`./dome`).
+
+    Raises PresetError for a folder that it did not write.
+    """
+    from dsfab.preset_file import shipped_presets
+
+    folder = Path(name)
+    if name in shipped_presets() or not folder.is_dir():
+        return None
+    if not (folder / "preset.toml").is_file():
+        raise PresetError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")
+    return folder
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Source:
@@ -53,10 +68,14 @@ class Source:
     unit: Unit = None
 
     def read(self, name: str) -> "Preset":
-        """The preset of this name or file with its changes; raises PresetError for what is not or cannot be."""
-        from dsfab.preset_file import load_preset
+        """The preset of this name or file with its changes; raises PresetError for what is not or cannot be, and for
+        one that takes a mesh where none is given."""
+        from dsfab.preset_file import load_preset, require_mesh
 
-        return load_preset(name, self.overrides(), self.mesh)
+        given = load_preset(name, self.overrides(), self.mesh)
+        if self.mesh is None:
+            require_mesh(given)
+        return given
 
     def overrides(self) -> dict[str, Any]:
         """The changes as values of dotted keys. Raises PresetError for a text that is not KEY=VALUE."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, picture_size
+from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, built_folder, picture_size
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
 from dsfab.render.answers import asking
@@ -77,19 +77,21 @@ class PictureOptions:
         Parameter(help="Comma list of loads, supports, reactions, person; or all, none [loads,supports,person]."),
     ] = None
     ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper"
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png].")] = None
+    output: Annotated[
+        Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png, in the folder if one is built].")
+    ] = None
     size_: Annotated[
         str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; each of several: 800x600].")
     ] = None
 
-    def page(self, preset: "Preset") -> Page:
-        """What is to be drawn of a preset; raises DsfabError for what cannot be."""
+    def page(self, preset: "Preset", folder: Path = Path()) -> Page:
+        """What is to be drawn of a preset, into `folder` unless told; raises DsfabError for what cannot be."""
         from dsfab.render.drawing import check_ground
 
         names = (FINISHED,) if self.show.strip() == FINISHED else shows(self.show, preset)
         marks = {} if self.layers is None else {"marks": _layers(self.layers)}
         pixels = picture_size(self.size_ or ("1600x1200" if len(names) == 1 else "800x600"))
-        path = self.output or Path(f"{preset.name}.png")
+        path = self.output or folder / f"{preset.name}.png"
         if path.suffix.lower() != ".png":
             raise DsfabError(f"-o {path} does not end in .png; previews are PNG files")
         check_ground(self.ground)
@@ -112,27 +114,29 @@ def preview(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`) or a TOML file.
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
     from dsfab.render.opengl import require_rendering
     from dsfab.render.previewers import Previewers
 
-    given = source.read(preset)
-    page = picture.page(given)
-    if watch and not Path(preset).is_file():
+    folder = built_folder(preset)
+    file = preset if folder is None else str(folder / "preset.toml")
+    given = source.read(file)
+    page = picture.page(given, folder or Path())
+    if watch and not Path(file).is_file():
         raise DsfabError(f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first")
     require_rendering()
     reporter = Reporter(quiet)
     with Previewers(show=page.names[0], **page.options) as studio:
 
         def draw(preset: "Preset") -> None:
-            _draw(studio, preset, page, reporter)
+            _draw(studio, preset, page, reporter, folder)
             if not quiet:
                 out(f"  {page.path}  {size(page.path.stat().st_size)}")
 
         try:
             if watch:
-                return _watch(Path(preset), lambda: draw(source.read(preset)), reporter)
+                return _watch(Path(file), lambda: draw(source.read(file)), reporter)
             draw(given)
         finally:
             reporter.stop()
@@ -151,13 +155,13 @@ def _layers(text: str) -> tuple[str, ...]:
     return names
 
 
-def _draw(studio: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
-    """One picture, or several on one page, into one file."""
+def _draw(studio: "Previewers", preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
+    """One picture, or several on one page, into one file. built : a folder that may hold the design already."""
     from dsfab.render.panels import panels
     from dsfab.render.png import write_png
 
     if page.names == (FINISHED,):
-        return _draw_finished(preset, page, reporter)
+        return _draw_finished(preset, page, reporter, built)
     for name in page.names:
         preset = asking(preset, name)
     if len(page.names) == 1:
@@ -177,14 +181,15 @@ def _draw(studio: "Previewers", preset: "Preset", page: Page, reporter: Reporter
     return None
 
 
-def _draw_finished(preset: "Preset", page: Page, reporter: Reporter) -> None:
-    """The design cut, thickened and measured, with the places of what is smallest."""
+def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
+    """The design cut, thickened and measured, with the places of what is smallest; not made again if it is built."""
+    from dsfab.delivery.archive import read_archive
     from dsfab.pipeline import run
     from dsfab.render.fabrication import workshop_picture
     from dsfab.render.png import write_png
     from dsfab.study.fabrication import fabrication
 
-    design = run(preset, reporter)
+    design = (read_archive(built, preset) if built else None) or run(preset, reporter)
     reporter("fabrication", "measuring members, gaps and walls")
     made = fabrication(design)
     reporter("preview", f"drawing {page.path.name}")

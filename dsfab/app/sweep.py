@@ -75,9 +75,9 @@ class Work:
     scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None
     extend: Annotated[bool, Parameter(negative=(), help="Add what is new to an existing sweep.")] = False
 
-    def folder(self, what: str) -> Path | None:
+    def folder(self, what: str, varied: bool) -> Path | None:
         """Where the sweep is kept; None for a new one without --output. Raises DsfabError for two folders."""
-        if Path(what).is_dir():
+        if _goes_on(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
             return Path(what)
@@ -123,11 +123,19 @@ def sweep(
         from dsfab.app.sweep_ask import ask
 
         return ask(Path(what), choice.best, choice.by, choice.build, quiet)
-    given, title = _given(what, bool(vary or (plan.sample or "").startswith("csv:")))
+    varied = bool(vary or (plan.sample or "").startswith("csv:"))
+    given, title = _given(what, varied)
     values = with_options(given, source, vary, plan.tables(given))
     if words(plan.keep) == ["nothing"]:
         values["keep"] = []
-    return _run(values, title, work.folder(what), work, quiet)
+    return _run(values, title, work.folder(what, varied), work, quiet)
+
+
+def _goes_on(what: str, varied: bool) -> bool:
+    """Whether a sweep's folder is named; where something varies, a shipped preset of that name goes before it."""
+    from dsfab.preset_file import shipped_presets
+
+    return Path(what).is_dir() and not (varied and what in shipped_presets())
 
 
 def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
@@ -136,7 +144,7 @@ def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
     from dsfab.study.sweeps.plan_file import read_plan
 
     path = Path(what)
-    if path.is_dir():
+    if _goes_on(what, varied):
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
         return read_plan(path / SWEEP), f"sweep {path / SWEEP}"

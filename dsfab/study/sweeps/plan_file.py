@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 
 from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, read_toml
+from dsfab.preset_file import load_preset, read_toml, require_mesh
 from dsfab.study.sweeps.plan import Plan, Search
 from dsfab.study.sweeps.values import Range
 
@@ -55,7 +55,10 @@ def _line(key: str, value: Any) -> str:
 
 def base_preset(plan: Plan) -> Preset:
     """What all runs of a plan start from; raises PresetError."""
-    return load_preset(plan.preset, plan.set, plan.mesh)
+    given = load_preset(plan.preset, plan.set, plan.mesh)
+    if plan.mesh is None:
+        require_mesh(given)
+    return given
 
 
 def _from_folder(values: dict[str, Any], folder: Path) -> dict[str, Any]:
