@@ -76,6 +76,7 @@ __all__ = [
     "sheet_stiffness",
     "sheet_stress",
     "solve_cases",
+    "solve_for",
     "solve_statics",
     "spread_load",
     "stress",
@@ -97,6 +98,22 @@ def solve_statics(
     """
     spreads = None if spread is None else {"load": spread}
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
+
+
+def solve_for(sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid) -> dict[str, Equilibrium]:
+    """`solve_cases` by the elements of a use.
+
+    On a sheet with needles of faces, which its cut may have left, elements that are one order more accurate may not be
+    solved: then it is by those that bear needles (see `Equilibrium.elements`).
+
+    Raises StaticsError as `solve_cases` does.
+    """
+    try:
+        return solve_cases(sheet, loads, elements_of(use))
+    except StaticsError:
+        if not needles_told(sheet.surface):
+            raise
+        return solve_cases(sheet, loads, elements_of("needles"))
 
 
 def solve_cases(

@@ -14,7 +14,7 @@ from dsfab.statics.elements import PAPER, Elements
 Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "frequency", "buckling", "six_nodes"]
 """What is reported."""
 
-Aid = Literal["spread", "ranking", "directions"]
+Aid = Literal["needles", "spread", "ranking", "directions"]
 """What is not reported itself, but leads to what is."""
 
 
@@ -44,6 +44,7 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
         "frequency": Use(_HYBRID, 0.02, "natural frequencies"),
         "buckling": Use(_HYBRID, 0.02, "factors of linear buckling"),
         "six_nodes": Use(_SIX_NODES, 0.02, "what a program with six-node triangles should find"),
+        "needles": Use(Elements("quadratic", "midedge"), None, "one solve of sheets with needles of faces"),
         "spread": Use(Elements("quadratic", "midedge"), None, "beside the compliance, for its bound alone"),
         "ranking": Use(Elements("constant", "midedge"), None, "which of many candidates is stiffer"),
         "directions": Use(PAPER, None, "directions of the stress, as in the paper"),

@@ -17,10 +17,9 @@ from dsfab.statics import (
     SheetModel,
     SheetStress,
     buckling,
-    elements_of,
     frequencies,
     sheet_stress,
-    solve_cases,
+    solve_for,
 )
 from dsfab.statics.supports import all_clamped
 from dsfab.study.baselines import ComparisonTask, Structure
@@ -123,7 +122,7 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
     given = task.all_loads if every else task.loads
     loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
     sheet = SheetModel(surface, statics.elastic, structure.thickness, statics.law)
-    answers = solve_cases(sheet, loads, elements_of("displacement"))
+    answers = solve_for(sheet, loads, "displacement")
     return {
         name: Answered(loads[name], answer, sheet_stress(sheet, answer.elements, answer))
         for name, answer in answers.items()

@@ -2,7 +2,7 @@
 
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_loads
-from dsfab.statics import Aid, Equilibrium, Quantity, SheetModel, elements_of, solve_cases
+from dsfab.statics import Aid, Equilibrium, Quantity, SheetModel, elements_of, solve_for
 from dsfab.study.verdict import LoadedSurface, SheetMaterial, Verdict, check
 from dsfab.surface import LoadCase
 
@@ -24,7 +24,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
     def solved() -> dict[str, Equilibrium]:
         made, sheet = design.preset.statics, design.sheet.surface
-        return solve_cases(SheetModel(sheet, made.elastic, made.thickness, made.law), loads_on(design), pair)
+        return solve_for(SheetModel(sheet, made.elastic, made.thickness, made.law), loads_on(design), use)
 
     return design.once("slicing", f"carried by {pair}", solved)
 
