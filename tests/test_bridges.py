@@ -8,8 +8,10 @@ import pyvista
 import trimesh
 
 import dsfab
-from dsfab.errors import SolidError, SurfaceError
+from dsfab.errors import SolidError, StaticsError, SurfaceError
+from dsfab.pipeline import draft
 from dsfab.surface import Surface
+from dsfab.surface.topology import euler_characteristic, pieces
 from dsfab.thickening import Solid
 from tests.presets import DOME_MODES
 
@@ -54,6 +56,46 @@ def test_units_are_those_that_are_given_or_said() -> None:
     assert np.allclose(Surface.from_mesh(100 * V, TRIANGLES, "cm").V, V)
     with pytest.raises(SurfaceError, match="use one of mm, cm"):
         Surface.of(mesh, "inch-ish")
+
+
+@pytest.mark.parametrize(("height", "subdivisions"), [(0.0, 3), (0.1, 2), (0.1, 3), (0.45, 3)])
+def test_vertices_at_the_same_place_are_one_in_meshes_of_libraries(height: float, subdivisions: int) -> None:
+    """A ball that trimesh cuts is parted along the cut; some of its vertices differ in the last digit."""
+    ball = trimesh.creation.icosphere(subdivisions, 5.0)
+    cap = ball.slice_plane([0, 0, 5 * height], [0, 0, 1])
+    for mesh in (cap, pyvista.PolyData.from_regular_faces(cap.vertices, cap.faces)):
+        surface = Surface.of(mesh)
+        assert pieces(surface.F, surface.edges)[0] == 1
+        assert euler_characteristic(surface.F, surface.edges) == 1  # a disc: no slit is left
+        assert surface.area == pytest.approx(cap.area, rel=1e-12)
+    kept = Surface.from_mesh(cap.vertices, cap.faces)
+    assert np.array_equal(kept.V, cap.vertices)
+    assert pieces(kept.F, kept.edges)[0] > 20
+
+
+def test_merged_vertices_keep_their_order_and_polygons_their_corners() -> None:
+    W = np.vstack([V, V[[3, 2]] + 1e-12, V[3]])
+    surface = Surface.of(SimpleNamespace(vertices=W, faces=[QUAD, [5, 6, 4]]))
+    assert np.array_equal(surface.V, V)
+    assert faces(surface) == faces(Surface.from_mesh(V, [QUAD, TRIANGLE]))
+    near = Surface.of(SimpleNamespace(vertices=np.vstack([V, V[[3, 2]] + 1e-6]), faces=[QUAD, [5, 6, 4]]))
+    assert near.n == 7
+    with pytest.raises(SurfaceError, match="not finite"):
+        Surface.of(SimpleNamespace(vertices=W * np.nan, faces=TRIANGLES))
+
+
+def test_pieces_that_vertices_at_the_same_place_part_are_told_so() -> None:
+    cap = trimesh.creation.icosphere(3, 5.0).slice_plane([0, 0, 0.5], [0, 0, 1])
+    given = {"loads": [dsfab.SelfWeight()], "statics": {"thickness": 0.05}}
+    for end, says in (("max", "48 of 49 pieces .* remove it"), ("min", "piece 2 of 49 can turn .*: .* directions")):
+        held = dsfab.Support(dsfab.Side("z", end, 0.001))
+        with pytest.raises(StaticsError, match=f"{says}, or merge its 94 vertices that lie where another one does$"):
+            dsfab.run(dsfab.Preset(surface=(cap.vertices, cap.faces), supports=[held], **given))
+    whole = draft(dsfab.Preset(surface=cap, supports=[dsfab.Support(dsfab.Side("z", "min", 0.001))], **given))
+    assert not [note for note in whole.notes if "pieces" in note.text]
+    apart = np.vstack([V, V + 9.0]), np.vstack([TRIANGLES, TRIANGLES + len(V)])
+    with pytest.raises(StaticsError, match=r"support each piece or remove it$"):
+        dsfab.run(dsfab.Preset(surface=apart, supports=[dsfab.Support(dsfab.Side("x", "min", 0.1))], **given))
 
 
 def test_faces_are_turned_the_same_way_and_a_surface_is_itself() -> None:

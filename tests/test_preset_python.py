@@ -151,7 +151,10 @@ def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: di
         (lambda: preset(3), "a int is no mesh that dsfab knows"),
         (lambda: preset((HYPAR.V * np.nan, HYPAR.F)), "vertices are not finite"),
         (lambda: dsfab.run(preset("nowhere.obj")), "nowhere.obj does not exist; check the path"),
-        (lambda: dsfab.run(preset((HYPAR.V * 1000, HYPAR.F))), r"that is no sheet; check surface\.unit"),
+        (
+            lambda: dsfab.run(preset((HYPAR.V * 1000, HYPAR.F))),
+            r'check the unit, dsfab\.Surface\.of\(mesh, "mm"\) for millimetres, and statics\.thickness',
+        ),
         (lambda: dsfab.run(preset(two_roofs(), supports=[dsfab.Support(dsfab.Side("x", "min", 1.0))])), "no support"),
     ],
 )

@@ -17,8 +17,10 @@ from dsfab.statics import Ask, Elements, SheetModel, solve_statics
 from dsfab.study import compare_at
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.comparison import comparison
+from dsfab.study.competitors import Competitor
 from dsfab.study.judging import quick
 from dsfab.surface import LoadCase
+from dsfab.wording import mass
 from tests.presets import DOME_MODES, SPHERE_GRADED_MODES
 from tests.zoo import grid
 
@@ -33,6 +35,18 @@ def cantilever():
 @pytest.fixture(scope="module")
 def compared(cantilever):
     return comparison(cantilever)
+
+
+def test_a_comparison_is_shown_in_a_line_each(compared):
+    head, *lines = repr(compared).splitlines()
+    assert head.split()[:3] == ["Comparison", "of", "cantilever"]
+    assert [line.split()[0] for line in lines] == [one.name for one in compared.competitors]
+    own = compared.design
+    assert " ".join(lines[1].split()) == f"design {own.compliance:.4g} J 1 x the design's {mass(own.mass)}"
+    (rival,) = [line for line in lines if line.startswith("isotropic")]
+    assert f"{compared.gain('isotropic'):.3g} x the design's" in rival
+    lost = replace(compared, rivals=(Competitor("grid", error="it falls"),))
+    assert repr(lost).splitlines()[-1].split() == ["grid", "does", "not", "carry", "the", "loads"]
 
 
 def test_handed_over_loads_keep_their_resultant_and_supports_hold_what_is_left(cantilever):

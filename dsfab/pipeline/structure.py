@@ -11,9 +11,10 @@ from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.notes import note_statics
 from dsfab.preset import Preset
+from dsfab.preset_surface import MeshSurface
 from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import Factor, FactorOf, added, bending_stiffness, equilibria, flat_axis, membrane_stiffness, stress
-from dsfab.surface import Surface
+from dsfab.surface import Surface, coincident
 from dsfab.surface.topology import pieces
 
 PLAUSIBLE = (3.0, 1e5)
@@ -29,7 +30,9 @@ def surface_step(preset: Preset, log: Log) -> Surface:
         surface = preset.surface.build()
         count = pieces(surface.F, surface.edges)[0]
     if count > 1:
-        log.note("surface", f"the surface has {count} separate pieces; each needs its own supports")
+        doubled = coincident(surface.V)
+        merge = f", unless its {doubled} vertices that lie where another one does are merged" if doubled else ""
+        log.note("surface", f"the surface has {count} separate pieces; each needs its own supports{merge}")
     return surface
 
 
@@ -39,9 +42,9 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     slenderness = surface.size / thickness
     told = f"the surface is {surface.size:.3g} m large and the sheet {thickness:.3g} m thick"
     if not PLAUSIBLE[0] < slenderness < PLAUSIBLE[1]:
-        raise SurfaceError(
-            f"{told}: that is no sheet; check surface.unit (mm, m, in ...) and statics.thickness (metres)"
-        )
+        held = isinstance(preset.surface, MeshSurface)  # it has no surface.unit
+        unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,' if held else "surface.unit (mm, m, in ...)"
+        raise SurfaceError(f"{told}: that is no sheet; check {unit} and statics.thickness (metres)")
     if not USUAL[0] < slenderness < USUAL[1]:
         log.note(
             "statics", f"{told}: thin-sheet statics hold for ratios of about 20 to 2000; check units and thickness"

@@ -4,6 +4,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import StaticsError
+from dsfab.surface import coincident
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import pieces
@@ -39,7 +40,7 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
         where = surface.centroids[label == unheld[0]].mean(axis=0).round(3).tolist()
         raise StaticsError(
             f"{len(unheld)} of {count} pieces of the surface touch no support (the first is around {where} m); "
-            "support each piece or remove it"
+            f"support each piece or remove it{_parted(surface)}"
             if count > 1
             else "no vertex of the surface is supported; add a [[surface.support]]"
         )
@@ -52,7 +53,16 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
         free = free_motions(surface.V, np.unique(surface.F[mine]), stopped, turning)
         if free:
             which = "the surface" if count == 1 else f"piece {k + 1} of {count}"
-            raise StaticsError(f"{which} can {' and '.join(free)}: the supports do not stop it; hold more directions")
+            raise StaticsError(
+                f"{which} can {' and '.join(free)}: the supports do not stop it; hold more directions"
+                + (_parted(surface) if count > 1 else "")
+            )
+
+
+def _parted(surface: Surface) -> str:
+    """What to do where pieces are parted by vertices at the same place; else nothing."""
+    doubled = coincident(surface.V)
+    return f", or merge its {doubled} vertices that lie where another one does" if doubled else ""
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:

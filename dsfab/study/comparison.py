@@ -20,12 +20,13 @@ from dsfab.study.baselines import DEFAULT, Baseline, ComparisonTask, Structure, 
 from dsfab.study.baselines.matching import striped_structure
 from dsfab.study.competitors import Competitor, Spread
 from dsfab.study.judging import Judge, quick
+from dsfab.wording import mass, table
 
 Told = Callable[[str], None]
 """Called with the name of the competitor that is about to be made."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """The design against its competitors; the smaller the compliance, the stiffer.
 
@@ -54,6 +55,16 @@ class Comparison:
         """Compliance of a competitor over the design's: above 1 the design is stiffer; nan where neither carries."""
         rival, own = self[name].compliance, self.design.compliance
         return rival / own if np.isfinite(own) else 0.0 if np.isfinite(rival) else float("nan")
+
+    def __repr__(self) -> str:
+        """A line for each: its name, its compliance, how often that is the design's, and its mass."""
+        rows = (
+            (one.name, f"{one.compliance:.4g} J", f"{self.gain(one.name):.3g} x the design's", mass(one.mass))
+            if np.isfinite(one.compliance)
+            else (one.name, "does not carry the loads", "", "")
+            for one in self.competitors
+        )
+        return table((f"Comparison of {self.name}", "compliance", "", "mass"), rows)
 
     def record(self) -> dict[str, Any]:
         """Plain values for a file, SI units: `name`, and `competitors`, a flat table of one row each."""

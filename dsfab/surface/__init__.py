@@ -7,6 +7,7 @@ from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeigh
 from dsfab.surface.mesh import Surface
 from dsfab.surface.nearest import nearest
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
+from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import MeshFacts, describe, normalized, read_surface
 from dsfab.surface.refine import refined
@@ -38,6 +39,7 @@ __all__ = [
     "Vertices",
     "Wind",
     "box",
+    "coincident",
     "describe",
     "load_cases",
     "nearest",

@@ -1,6 +1,7 @@
 """Meshes of other libraries as surfaces, and ours as theirs; metres here, each library imported when asked for."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,7 +9,8 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.polygons import polygons, triangles
+from dsfab.surface.places import merged
+from dsfab.surface.polygons import Polygons, polygons, triangles
 from dsfab.surface.reader import orientable
 from dsfab.units import metres_per
 
@@ -21,8 +23,23 @@ def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     """A surface of vertices V (n, 3), numbers in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
 
     Polygons are cut into triangles, and faces turned the same way, as those of a file are (`dsfab.read_surface`).
-    Raises SurfaceError for what is no mesh, and as `read_surface` does.
+    Vertices keep their numbers, and so those at the same place stay apart. Raises SurfaceError for what is no mesh, and
+    as `read_surface` does.
     """
+    mesh = _polygons(V, F)
+    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+
+
+def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
+    """The same with vertices at the same place made one: libraries have them where a mesh was cut or has a seam."""
+    mesh = _polygons(V, F)
+    fewer, became = merged(mesh.V)
+    mesh = replace(mesh, V=fewer, corners=became[mesh.corners])
+    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+
+
+def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
+    """V (n, 3) and polygons F, checked. Raises SurfaceError for what is no mesh."""
     try:
         faces = [[int(corner) for corner in face] for face in F]
         mesh = polygons(np.asarray(V, dtype=np.float64).reshape(-1, 3).tolist(), faces)
@@ -32,13 +49,15 @@ def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
         ) from None
     if faces and not (mesh.corners.min() >= 0 and mesh.corners.max() < len(mesh.V) and mesh.sizes.min() >= 3):
         raise SurfaceError(f"faces need three corners or more, each one of 0..{len(mesh.V) - 1}; repair the mesh")
-    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+    return mesh
 
 
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     """The surface that a mesh of another library is: trimesh, pyvista, compas, meshio, or any with vertices and faces.
 
     unit : of its numbers; None takes the unit that it says itself (trimesh may), else metres.
+
+    Vertices at the same place become one, as those of STL and GLB files do; a `Surface` is taken as it is.
     Raises SurfaceError for what is none of these, and as `surface_from` does.
     """
     if isinstance(mesh, Surface):
@@ -47,15 +66,15 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     unit = unit or (own if isinstance(own, str) and own else "m")
     if hasattr(mesh, "to_vertices_and_faces"):  # compas
         V, F = mesh.to_vertices_and_faces()
-        return surface_from(V, F, unit)
+        return _merged_surface(V, F, unit)
     if hasattr(mesh, "extract_surface") and hasattr(mesh, "points"):  # pyvista
         shell = mesh.extract_surface(algorithm=None) if not hasattr(type(mesh), "regular_faces") else mesh
-        return surface_from(shell.points, shell.irregular_faces, unit)
+        return _merged_surface(shell.points, shell.irregular_faces, unit)
     if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # meshio
         cells = [face for kind in ("triangle", "quad") for face in mesh.cells_dict.get(kind, ())]
-        return surface_from(mesh.points, cells, unit)
+        return _merged_surface(mesh.points, cells, unit)
     if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
-        return surface_from(mesh.vertices, mesh.faces, unit)
+        return _merged_surface(mesh.vertices, mesh.faces, unit)
     raise SurfaceError(
         f"a {type(mesh).__name__} is no mesh that dsfab knows; give one with vertices and faces, or call from_mesh"
     )
