@@ -196,7 +196,7 @@ def test_unreadable_preset_files_are_refused(write, says, tmp_path):
 
 def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
     (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
-    monkeypatch.setattr("dsfab.preset_file.shipped", lambda: {"roof": tmp_path / "roof.toml"})
+    monkeypatch.setattr("dsfab.preset_file.shipped_presets", lambda: {"roof": tmp_path / "roof.toml"})
     with pytest.raises(PresetError, match="preset roof needs a mesh of yours: add --mesh FILE"):
         require_mesh(load_preset("roof"))
     (tmp_path / "roof.obj").write_text("a mesh")
