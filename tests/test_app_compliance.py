@@ -25,7 +25,7 @@ from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_v
 from dsfab.report.compliance.words import digits_of, nice, percent, quantity, within
 from dsfab.study import compare_at
 from dsfab.study.comparison import comparison
-from dsfab.study.full_check import full
+from dsfab.study.judges import full
 from dsfab.study.judging import quick
 
 TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}

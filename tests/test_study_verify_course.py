@@ -13,10 +13,9 @@ from dsfab.study import verification
 from dsfab.study.verification import TESTS, Problem, pattern_spread, series, shortfalls, standings
 from dsfab.study.verification.beams import bent_strip, bent_strip_tip, straight_beam
 from dsfab.study.verification.meshes import MESHES, octant, square
-from dsfab.study.verification.plane import kirsch, kirsch_stress
+from dsfab.study.verification.plane import corner_stress, kirsch, kirsch_stress, vertex_stress
 from dsfab.study.verification.problem import Test
 from dsfab.study.verification.published import PUBLISHED, Publication, Published
-from dsfab.study.verification.recovery import corner_stress, vertex_stress
 from dsfab.study.verification.rows import VerificationRow, observed_rate
 from dsfab.surface import Surface
 

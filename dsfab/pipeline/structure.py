@@ -1,21 +1,58 @@
 """The first two steps: what is given, and how it carries the load."""
 
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools
 from dsfab.errors import SurfaceError
+from dsfab.limits import PRECISE
 from dsfab.pipeline.answers import answers_step
 from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.notes import note_statics
 from dsfab.preset import Preset
 from dsfab.preset_surface import MeshSurface
 from dsfab.results import CaseResult, StaticsResult
-from dsfab.statics import Factor, FactorOf, added, bending_stiffness, equilibria, flat_axis, membrane_stiffness, stress
+from dsfab.statics import (
+    Factor,
+    FactorOf,
+    added,
+    bending_stiffness,
+    equilibria,
+    flat_axis,
+    membrane_stiffness,
+    needles_told,
+    stress,
+)
 from dsfab.surface import Surface, coincident
 from dsfab.surface.topology import pieces
+
+FAR = 0.1
+"""The user is told when the sheet would move by more than this share of its size."""
+
+
+def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
+    """Notes on the answers of all cases (the worst of them is named), and on the mesh that they are for."""
+    answers = {name: case.equilibrium for name, case in cases.items()}
+    under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
+    moved = max(answers, key=lambda name: answers[name].largest_displacement)
+    if (far := answers[moved].largest_displacement) > FAR * surface.size:
+        log.note(
+            "statics",
+            f"the sheet would move by {far:.3g} m{under[moved]}, over a tenth of its size: directions stay "
+            "right (statics are linear), but the load is too large or the sheet too thin to be built",
+        )
+    rough = max(answers, key=lambda name: answers[name].residual)
+    if (residual := answers[rough].residual) > PRECISE:
+        log.note(
+            "statics",
+            f"the equations are solved to {residual:.1e}{under[rough]} (wanted: {PRECISE:g}): the sheet is very "
+            "thin or nearly a mechanism, or the mesh has needles",
+        )
+    if told := needles_told(surface):
+        log.note("statics", f"{told}: stresses there are poor; remesh the surface")
+
 
 PLAUSIBLE = (3.0, 1e5)
 """A surface's size over its thickness must lie between these."""
