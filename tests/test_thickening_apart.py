@@ -128,7 +128,7 @@ CHUNKS = (
     "thickening.normals",
     "thickening.offset",
     "thickening.separation_proof.prisms",
-    "thickening.separation_proof.windings",
+    "thickening.separation_proof.proof",
 )
 
 
