@@ -18,7 +18,7 @@ from dsfab.pattern import Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, follow_weights
 from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
-from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane
+from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
 from dsfab.surface import Combination, Load
 from dsfab.thickening import Extra, Side
 
@@ -68,6 +68,10 @@ class Statics(Section):
     def elastic(self) -> Material:
         """The material of the sheet as the statics know it."""
         return Material(self.young, self.poisson, self.density)
+
+    def sheet(self, thickness: float | None = None) -> SheetMaterial:
+        """What the sheet is made of; as thick as given, metres, or as it is."""
+        return SheetMaterial(self.elastic, self.thickness if thickness is None else thickness, self.law)
 
     @property
     def material_words(self) -> str:

@@ -1,6 +1,6 @@
 """What each stage of a design makes, as frozen values (see `dsfab.pipeline.Design`)."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -47,6 +47,10 @@ class StaticsResult:
     sigma: Floats
     answers: Answers
     cases: Mapping[str, CaseResult] = field(default_factory=dict)
+
+    def loads(self, names: Iterable[str]) -> dict[str, LoadCase]:
+        """The loads of some cases or combinations, by name, in the order asked for."""
+        return {name: self.cases[name].load for name in names}
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ import pytest
 import dsfab
 from dsfab.app.verify import verify
 from dsfab.slicing import cut
-from dsfab.statics import Material
-from dsfab.study.verdict import LoadedSurface, SheetMaterial, check, whole_sheet
+from dsfab.statics import Material, SheetMaterial
+from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import read_table, shipped_table, summary, table_text
 from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import MAIN, level

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, lengths
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface import Surface, nearest
 from dsfab.surface.divided import Divided, DividedField
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
@@ -70,8 +70,8 @@ def curve_fields(surface: Surface, regions: Sequence[tuple[Origins, float]]) -> 
 def _marks(divided: Divided, found: Sequence[Distances], reaches: Sequence[float]) -> Bools:
     """(e',) edges that are to be halved for one of the regions: none within one of those before it."""
     parts, whole = divided.surface, divided.whole
-    size, sides = _sizes(parts), parts.edges.of
-    finest, longest = np.zeros(len(size)), _sizes(whole)[whole.edges.of].max(axis=1)
+    size, sides = parts.edge_lengths, parts.edges.of
+    finest, longest = np.zeros(len(size)), whole.edge_lengths[whole.edges.of].max(axis=1)
     np.maximum.at(finest, sides.ravel(), np.repeat(FINEST * longest[divided.parent], 3))
     marks, open_ = np.zeros(len(size), dtype=bool), np.ones(parts.m, dtype=bool)
     for distances, reach in zip(found, reaches, strict=True):
@@ -94,11 +94,6 @@ def _crossings(surface: Surface, found: Sequence[Distances], reaches: Sequence[f
             close = (off > 0) & (off < 2 * ASIDE)
             at[close], count = 0.5 + way * off[close], count + close
     return np.where(count == 1, at, 0.5)
-
-
-def _sizes(surface: Surface) -> Floats:
-    """(e,) lengths of the edges."""
-    return lengths(np.diff(surface.V[surface.edges.ends], axis=1)[:, 0])
 
 
 def _most_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats]:

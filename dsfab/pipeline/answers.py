@@ -15,7 +15,6 @@ from dsfab.statics import (
     Equilibrium,
     FactorOf,
     KeptFactor,
-    SheetModel,
     SolvedCase,
     facet_number,
     sheet_answers,
@@ -39,15 +38,16 @@ def answers_step(
     made  : stiffnesses by their elements; others that are needed are added to it.
     """
 
+    model = sheet.sheet().on(surface)
+
     def stiffness(elements: Elements) -> csr_array:
         if elements not in made:
-            made[elements] = sheet_stiffness(SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law), elements)
+            made[elements] = sheet_stiffness(model, elements)
         return made[elements]
 
     ask, again = sheet.ask, KeptFactor(2)
     if ask and log.progress:
         log.progress("statics", f"answering by {ask.elements(sheet.elements)} elements")
-    model = SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law)
     found: list[Answers] = []
     with log.row("answers"):
         for loading, answer in solved:

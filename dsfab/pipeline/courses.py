@@ -165,7 +165,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
     """What surface, supports and followed loads have, if it is wanted."""
     if preset.pattern.symmetry == "none":
         return None
-    loads = [statics.cases[name].load for name in preset.followed]
+    loads = list(statics.loads(preset.followed).values())
     return found_symmetry(surface, load_axes(surface, statics.load), loads)
 
 

@@ -12,6 +12,7 @@ from dsfab.arrays import Floats
 from dsfab.errors import PresetError
 from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
+from dsfab.pipeline.handover import sheet_loads
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.pattern_stage import Before, pattern_stage
@@ -211,6 +212,13 @@ class Design:
         """
         cells, sheet = (self.slicing.cells, self.sheet) if self.has("slicing") else (None, None)
         return measured_pattern(self, symmetry, cells, sheet)
+
+    @property
+    def cut_loads(self) -> dict[str, LoadCase]:
+        """By name, the loads that the pattern follows, on the cut sheet; raises StaticsError where nothing carries
+        them."""
+        loads = self.statics.loads(self.preset.followed)
+        return sheet_loads(self.surface, self.slicing.cells.kept(), self.sheet, loads)
 
     @property
     def mass(self) -> float:

@@ -45,7 +45,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
     if log.progress:
         log.progress("diffusion", f"computing {ask.modes} modes of both families")
     with log.row("diffusion"):
-        loads = [statics.cases[name].load for name in preset.followed]
+        loads = statics.loads(preset.followed).values()
         symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
         sigma = followed_stress(preset, surface, statics)
         sigma = symmetry.stress(sigma) if symmetry else sigma

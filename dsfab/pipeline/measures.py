@@ -173,7 +173,7 @@ def used_symmetry(made: Patterned) -> Symmetry | None:
     if made.pattern.even is not None:
         return made.pattern.even.symmetry
     words = made.preset.diffusion.symmetry
-    loads = [made.statics.cases[name].load for name in made.preset.followed]
+    loads = made.statics.loads(made.preset.followed).values()
     return symmetry_of(made.surface, words, *loads) if words else None
 
 

@@ -167,13 +167,15 @@ def _reached(
 
     Where the share jumps because an opening is about to close, a little more or less of them do.
     """
-    for shift in CLOSINGS:
-        closing = factor * shift
-        with suppress(PatternError):
+    refused = list[PatternError]()
+    for closing in (factor * shift for shift in CLOSINGS):
+        try:
             relative = solved_factor(lambda x: share(layers(factor * x, closing)), wanted, tolerance, slope)  # noqa: B023
+        except PatternError as error:
+            refused.append(error)
+        else:
             return layers(factor * relative, closing), factor * relative
-    relative = solved_factor(lambda x: share(layers(factor * x, factor)), wanted, tolerance, slope)
-    return layers(factor * relative, factor), factor * relative
+    raise refused[0]
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:

@@ -7,6 +7,7 @@ truth does, at a third of the time of better elements.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +27,8 @@ from dsfab.pipeline.patterns import (
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import Preset
 from dsfab.results import Candidate, EvenStripes, PatternResult, StressedSurface
-from dsfab.slicing import Sheet, cut, filled_slits, resolve_pinches
-from dsfab.statics import Aid, FaceStiffness, Quantity, SheetModel, elements_of, solve_cases
+from dsfab.slicing import Sheet, Tidy, cut, filled_slits, resolve_pinches
+from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
 
@@ -36,13 +37,15 @@ SHARE_TOLERANCE = 2e-3
 
 
 class CarryingSheet(NamedTuple):
-    """All cells, the sheet that reaches supports, and `kept`, `whole` and `pieces` as in a `Candidate`."""
+    """All cells, the sheet that reaches supports, `kept`, `whole` and `pieces` as in a `Candidate`, and what was taken
+    off."""
 
     cells: Sheet
     sheet: Sheet
     kept: float
     whole: float
     pieces: int
+    tidy: Tidy | None
 
 
 class Tried(NamedTuple):
@@ -59,11 +62,15 @@ class Trial:
 
     def __init__(self, preset: Preset, given: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, given, given.surface, even
-        self.loads = {name: given.statics.cases[name].load for name in preset.followed}
+        self.loads = given.statics.loads(preset.followed)
         self.kept = kept_regions(preset, given.surface, given.load, even)
         self.factors: dict[tuple[int, int], float] = {}
         self._share = counted_share(given.surface, self.kept)
-        self.uncut = self.compliance(given.surface, self.loads)
+
+    @cached_property
+    def uncut(self) -> float:
+        """Joules of the uncut surface."""
+        return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
         """What these modes and phases of the major and of the minor stripes are worth; refused with its reason."""
@@ -84,8 +91,7 @@ class Trial:
         numbers = (ask.major.number, ask.minor.number), (ask.major.shift, ask.minor.shift)
         over = compliance / self.uncut
         candidate = Candidate(*numbers, compliance, over, found.kept, found.whole, found.pieces)
-        tidy = tidy_of(preset, self.given, layers)
-        pattern = replace(pattern_of(preset, families, layers), even=self.even, tidy=tidy)
+        pattern = replace(pattern_of(preset, families, layers), even=self.even, tidy=found.tidy)
         return Tried(candidate, pattern, found.sheet, found.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
@@ -105,9 +111,8 @@ class Trial:
         sheet = material if held.all() else material.kept(held[label])
         if lost := lost_load(surface, material, sheet, self.loads.values()):
             raise PatternError(lost)
-        return CarryingSheet(
-            cells, sheet, float(area.sum() / surface.area), float(area[held].max() / area.sum()), count
-        )
+        shares = float(area.sum() / surface.area), float(area[held].max() / area.sum())
+        return CarryingSheet(cells, sheet, *shares, count, tidy)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
         """By name, what acts on such a sheet of what the pattern follows."""
@@ -115,8 +120,7 @@ class Trial:
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
         """Of a sheet's faces."""
-        ask = self.preset.statics
-        return FaceStiffness.of(SheetModel(surface, ask.elastic, ask.thickness, ask.law), list(loads.values()))
+        return FaceStiffness.of(self.preset.statics.sheet().on(surface), list(loads.values()))
 
     def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[Drawable], list[Layer]]:
         radius = preset.pattern.width.widths(np.sqrt(self.surface.area)).radius
@@ -129,6 +133,5 @@ class Trial:
 
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
         """Joules, the weighted sum over what the pattern follows."""
-        ask, pair = self.preset.statics, elements_of(use)
-        answers = solve_cases(SheetModel(surface, ask.elastic, ask.thickness, ask.law), loads, pair)
+        answers = solve_for(self.preset.statics.sheet().on(surface), loads, use)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())

@@ -147,8 +147,9 @@ def _quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Float
 
 def _shortest(part: Surface, mesh: Floats) -> Feature:
     """The shortest edge of the triangles."""
-    ends = part.V[part.edges.ends]
-    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    length = part.edge_lengths
     k = int(length.argmin())
     face = int(part.edges.order[part.edges.start[k]] // 3)
-    return Feature(float(length[k]), ends[k].mean(axis=0), "an edge of a triangle", float(mesh[face]))
+    return Feature(
+        float(length[k]), part.V[part.edges.ends[k]].mean(axis=0), "an edge of a triangle", float(mesh[face])
+    )

@@ -146,8 +146,7 @@ class Openings:
     @cached_property
     def _lengths(self) -> Floats:
         """(e,) of the edges, metres."""
-        ends = self.part.V[self.part.edges.ends]
-        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+        return self.part.edge_lengths
 
     @cached_property
     def _beside(self) -> Ints:

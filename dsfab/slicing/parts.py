@@ -27,7 +27,7 @@ def inner_walls(void: Surface, whole: Surface, faces: Ints) -> Bools:
 
 def round_sizes(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
     """(count,) 4 area / perimeter of the pieces of a part; infinite for those that walls do not enclose wholly."""
-    length = np.linalg.norm(np.diff(part.V[part.edges.ends], axis=1)[:, 0], axis=1)
+    length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     whose = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
     around = np.bincount(whose, length[edge], count)

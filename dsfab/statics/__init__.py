@@ -15,7 +15,7 @@ from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
-from dsfab.statics.model import SheetModel
+from dsfab.statics.model import SheetMaterial, SheetModel
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
 from dsfab.statics.needles import flatness, needles_told
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
@@ -49,6 +49,7 @@ __all__ = [
     "Principal",
     "Quantity",
     "Resultant",
+    "SheetMaterial",
     "SheetModel",
     "SheetStress",
     "SolvedCase",
@@ -92,7 +93,7 @@ def solve_statics(
 ) -> Equilibrium:
     """Displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
 
-        Flat sheets loaded in their plane are solved in 2D, without bending.    spread : see `equilibrium`.
+    Flat sheets loaded in their plane are solved in 2D, without bending.    spread : see `equilibrium`.
 
     Raises StaticsError for mechanisms and for loads that act on nothing.
     """
@@ -108,10 +109,11 @@ def solve_for(sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | 
 
     Raises StaticsError as `solve_cases` does.
     """
+    elements = elements_of(use)
     try:
-        return solve_cases(sheet, loads, elements_of(use))
+        return solve_cases(sheet, loads, elements)
     except StaticsError:
-        if not needles_told(sheet.surface):
+        if elements.bending != "hhj" or not needles_told(sheet.surface):
             raise
         return solve_cases(sheet, loads, elements_of("needles"))
 
@@ -125,7 +127,6 @@ def solve_cases(
 ) -> dict[str, Equilibrium]:
     """`solve_statics` for several load cases on the same supports, by name, from one factorisation.
 
-    clamped      : (e,) edges that may not turn.
     spreads      : by case, see `equilibrium`; all of the cases, or None.
     combinations : by name, the factor of each case in it; they follow the cases in the answer.
 

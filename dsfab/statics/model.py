@@ -1,4 +1,4 @@
-"""`SheetModel`: the sheet that is solved."""
+"""`SheetModel`: the sheet that is solved; and `SheetMaterial`: what it is made of."""
 
 from dataclasses import dataclass, replace
 
@@ -27,3 +27,16 @@ class SheetModel:
         if self.clamped is None:
             return load
         return replace(load, clamped=self.clamped | load.clamped if len(load.clamped) else self.clamped)
+
+
+@dataclass(frozen=True)
+class SheetMaterial:
+    """What a sheet is made of: material, thickness in metres, and law."""
+
+    material: Material
+    thickness: float
+    law: Law = "plane_stress"
+
+    def on(self, surface: Surface) -> SheetModel:
+        """A sheet of it."""
+        return SheetModel(surface, self.material, self.thickness, self.law)

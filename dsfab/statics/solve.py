@@ -113,7 +113,7 @@ def equilibria(
 ) -> tuple[Equilibrium, ...]:
     """The `equilibrium` of each load, from one factorisation: k loads on the same supports, then sums of them.
 
-    K, clamped : (u, u) and (e,), see `equilibrium`.
+    K    : (u, u), see `equilibrium`.
     sums : what each combination multiplies the loads with, k factors each. A combination is not solved but summed, and
            its residual is the bound that follows from those of its parts.
 

@@ -12,7 +12,7 @@ from dsfab.statics import Ask, flat_axis
 from dsfab.study.baselines import DEFAULT, ComparisonTask, Structure, chosen
 from dsfab.study.comparison import Comparison, comparison
 from dsfab.study.judging import Judge, Judgement, quick
-from dsfab.study.verdict import BUDGET, LoadedSurface, SheetMaterial, Verdict, check
+from dsfab.study.verdict import BUDGET, LoadedSurface, Verdict, check
 
 TRIANGLE = {True: 4e-4, False: 1.7e-3}
 """Seconds of a full check for each triangle of the mesh as it is cut, in the plane and bent: measured on two meshes."""
@@ -50,7 +50,7 @@ def full(
         told = f"it carries what its pattern follows, but not every load case: {error}"
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=told)
     statics = task.preset.statics
-    made = SheetMaterial(statics.elastic, structure.thickness, statics.law)
+    made = statics.sheet(structure.thickness)
     loads = task.all_loads if every else task.loads
     found = check(LoadedSurface(task.surface, made, loads), structure.drawn, "full", budget, progress)
     if found.status == "fail":

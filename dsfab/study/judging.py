@@ -14,7 +14,6 @@ from dsfab.statics import (
     LAYERS,
     Ask,
     Equilibrium,
-    SheetModel,
     SheetStress,
     buckling,
     frequencies,
@@ -121,7 +120,7 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
     statics, surface = task.preset.statics, structure.sheet.surface
     given = task.all_loads if every else task.loads
     loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
-    sheet = SheetModel(surface, statics.elastic, structure.thickness, statics.law)
+    sheet = statics.sheet(structure.thickness).on(surface)
     answers = solve_for(sheet, loads, "displacement")
     return {
         name: Answered(loads[name], answer, sheet_stress(sheet, answer.elements, answer))
@@ -205,7 +204,7 @@ def _modes(
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
     """`buckling`, `frequency` and `refusals` of a `Carried`."""
     statics = task.preset.statics
-    sheet = SheetModel(structure.sheet.surface, statics.elastic, structure.thickness, statics.law)
+    sheet = statics.sheet(structure.thickness).on(structure.sheet.surface)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
     try:
         if ask.buckling:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from dsfab.arrays import Bools, Floats, Ints, lengths, sorted_order
+from dsfab.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
 from dsfab.surface.windows import SLACK, Windows, cross2, dot2, share
 
@@ -92,8 +92,7 @@ class _Front:
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
         self.F, self.edges, self.origins, self.reach = surface.F, surface.edges, origins, reach
-        ends = self.edges.ends
-        self.size = lengths(surface.V[ends[:, 1]] - surface.V[ends[:, 0]])
+        self.size = surface.edge_lengths
         self.middle = np.where(origins.edges, 0.0, np.inf)
         self.reached = origins.faces.copy()
         self.vertex = self._along_edges(surface.n, 2 * reach + self.size.max())
@@ -104,7 +103,7 @@ class _Front:
         self.turn = np.arctan2(high, along).ravel()  # the angle at a
         total = np.bincount(self.F.ravel(), self.turn, surface.n)
         full = np.full(surface.n, 2 * np.pi)
-        full[ends[self.edges.count != 2]] = np.pi
+        full[self.edges.ends[self.edges.count != 2]] = np.pi
         self.bending = total > full + SLACK
         self.bending[surface.pinches] = True
         self.corners = sorted_order(self.F.ravel())

@@ -192,8 +192,12 @@ class Surface:
     @cached_property
     def mean_edge(self) -> float:
         """Mean edge length, metres: the mesh width."""
-        a, b = self.V[self.edges.ends[:, 0]], self.V[self.edges.ends[:, 1]]
-        return float(np.linalg.norm(a - b, axis=1).mean())
+        return float(self.edge_lengths.mean())
+
+    @property
+    def edge_lengths(self) -> Floats:
+        """(e,) metres; not kept."""
+        return lengths(np.diff(self.V[self.edges.ends], axis=1)[:, 0])
 
     def faces_of(self, vertices: Bools) -> Bools:
         """(m,) whether all three corners of a face are among the (n,) marked vertices."""

@@ -8,7 +8,6 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.pattern import Layer, solved_factor, vertex_means
-from dsfab.statics import SheetModel
 from dsfab.study.baselines.matching import area_share, matched_structure
 from dsfab.study.baselines.task import ComparisonTask, Structure, Variant
 from dsfab.study.simp import Densities, Simp, densities
@@ -22,7 +21,7 @@ def simp(task: ComparisonTask) -> list[Variant]:
 def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densities:
     """The densities of faces for the area, loads and kept regions of a task."""
     statics, weights = task.preset.statics, task.preset.followed
-    sheet = SheetModel(task.surface, statics.elastic, statics.thickness, statics.law)
+    sheet = statics.sheet().on(task.surface)
     return densities(sheet, task.loads, task.area, task.kept_faces, weights, ask)
 
 

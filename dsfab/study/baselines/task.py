@@ -77,7 +77,7 @@ class ComparisonTask:
     @property
     def loads(self) -> dict[str, LoadCase]:
         """The loads that the pattern follows, on the uncut surface."""
-        return {name: self.statics.cases[name].load for name in self.preset.followed}
+        return self.statics.loads(self.preset.followed)
 
     @property
     def all_loads(self) -> dict[str, LoadCase]:

@@ -1,15 +1,14 @@
 """Does the solid in the file carry as the sheet of the design does? Ten-node tetrahedra beside shell elements."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Bools, Floats
 from dsfab.pipeline.design import Design
-from dsfab.pipeline.handover import sheet_loads
-from dsfab.statics import SheetModel, elements_of, flat_axis, solve_cases
+from dsfab.statics import elements_of, flat_axis, solve_for
 from dsfab.statics.supports import held_middles
 from dsfab.study.file_check.elastic import Holding, SolidModel, compliances
 from dsfab.study.file_check.reading import FileContents
@@ -62,17 +61,16 @@ def carrying(found: FileContents, design: Design, edge: float | None = None) -> 
     Sheets that are loaded in their plane do not leave it. Raises StaticsError when gmsh or the solver cannot do it.
     """
     sheet, statics = design.sheet.surface, design.preset.statics
-    given = {name: design.statics.cases[name].load for name in design.preset.followed}
-    loads = sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, given)
-    t = statics.thickness
+    loads, t = design.cut_loads, statics.thickness
     longest = edge or max(EDGE * t, COARSE * found.size)
     model = SolidModel.of(tetrahedra(found, longest), statics.elastic)
     points = SupportPoints(model, sheet, t, SHIFT[design.preset.thickening.side])
     at = points.mean(sheet.V, sheet.vertex_normals)
     forces = [at.T @ load.force.ravel() for load in loads.values()]
     solid = compliances(model, _holding(points, at, loads, RIGID * statics.young * t), forces)
-    pair = elements_of("compliance_once")
-    answers = solve_cases(SheetModel(sheet, statics.elastic, t, statics.law), loads, pair)
+    answers = solve_for(statics.sheet().on(sheet), loads, "compliance_once")
+    used = next(iter(answers.values())).elements
+    pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)  # none in a plane
     weights = np.array([design.preset.followed[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
     return SolidCompliance(

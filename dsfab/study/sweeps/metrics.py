@@ -13,8 +13,8 @@ from dsfab.pipeline.design import Design
 from dsfab.pipeline.directions import load_axes
 from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
 from dsfab.slicing.pattern_quality import PatternQuality
-from dsfab.statics import Equilibrium, FaceStiffness, SheetModel, buckling, elements_of
-from dsfab.study.sweeps.cut_sheet import cut_equilibria, loads_on, verdict
+from dsfab.statics import Equilibrium, FaceStiffness, buckling, elements_of
+from dsfab.study.sweeps.cut_sheet import cut_equilibria, verdict
 from dsfab.surface.hats import hat_gradients
 
 Metric = Callable[[Design], float]
@@ -93,7 +93,7 @@ def _symmetry_error(made: Design) -> float:
     """Of the symmetry that the pattern was made with; without one of that which is found; 0 where there is none."""
     group = used_symmetry(made)
     if group is None:
-        loads = [made.statics.cases[name].load for name in made.preset.followed]
+        loads = list(made.statics.loads(made.preset.followed).values())
         group = found_symmetry(made.surface, load_axes(made.surface, made.statics.load), loads)
     return symmetry_error(made.surface, drawn_on_chart(made), group) if group else 0.0
 
@@ -109,10 +109,9 @@ def _compliance(made: Design, answers: Mapping[str, Equilibrium]) -> float:
 
 def _buckling(made: Design) -> float:
     """The lowest factor of all loads that the pattern follows."""
-    statics, sheet = made.preset.statics, made.sheet.surface
-    given, loads, lowest = (statics.elastic, statics.thickness, statics.law), loads_on(made), float("inf")
+    sheet, loads, lowest = made.preset.statics.sheet().on(made.sheet.surface), made.cut_loads, float("inf")
     for name, answer in _answers(made).items():
-        found = buckling(SheetModel(sheet, given[0], given[1], given[2]), loads[name], answer, 1)
+        found = buckling(sheet, loads[name], answer, 1)
         lowest = min([lowest, *found.factor.tolist()])
     return lowest
 
@@ -123,10 +122,10 @@ ERSATZ = 1e-6
 
 def _ersatz(made: Design) -> float:
     """Compliance of the uncut surface, every face as stiff as the share of it that is kept."""
-    statics, surface = made.preset.statics, made.surface
+    surface = made.surface
     kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
-    loads = [made.statics.cases[name].load for name in made.preset.followed]
-    sheet = FaceStiffness.of(SheetModel(surface, statics.elastic, statics.thickness, statics.law), loads)
+    loads = list(made.statics.loads(made.preset.followed).values())
+    sheet = FaceStiffness.of(made.preset.statics.sheet().on(surface), loads)
     u = sheet.factor(ERSATZ + (1 - ERSATZ) * np.clip(kept, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))
 

@@ -8,7 +8,7 @@ check ─► attached_material                           pieces and loads (loade
 
 from dsfab.study.verdict.check import BUDGET, check
 from dsfab.study.verdict.levels import Level
-from dsfab.study.verdict.loaded_surface import Dropped, LoadedSurface, SheetMaterial, whole_sheet
+from dsfab.study.verdict.loaded_surface import Dropped, LoadedSurface, whole_sheet
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
 
 __all__ = [
@@ -18,7 +18,6 @@ __all__ = [
     "Dropped",
     "Level",
     "LoadedSurface",
-    "SheetMaterial",
     "Verdict",
     "check",
     "whole_sheet",

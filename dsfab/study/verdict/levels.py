@@ -11,7 +11,7 @@ from dsfab.sparse import peak_memory
 from dsfab.statics import (
     Elements,
     Equilibrium,
-    SheetModel,
+    SheetMaterial,
     SpreadLoad,
     elements_of,
     equilibria,
@@ -19,7 +19,6 @@ from dsfab.statics import (
     sheet_stiffness,
     sheet_stress,
 )
-from dsfab.study.verdict.loaded_surface import SheetMaterial
 from dsfab.surface import LoadCase, Surface
 
 MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
@@ -71,7 +70,7 @@ def level(
     # in the plane there is no bending, and the two pairs are one
     for pair in pairs[:1] if plane else pairs:
         elements = pair.in_plane if plane else pair
-        K = sheet_stiffness(SheetModel(surface, made.material, made.thickness, made.law), elements)
+        K = sheet_stiffness(made.on(surface), elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
         found[pair] = dict(zip(loads, answers, strict=True))
         del K
@@ -99,7 +98,7 @@ def recovery_errors(
     from the same averaged around each vertex [Zienkiewicz and Zhu 1987]. 0 for stress that is constant on each face."""
     if answer.compliance <= 0:
         return 0.0, 0.0
-    found = sheet_stress(SheetModel(surface, made.material, made.thickness, made.law), elements, answer)
+    found = sheet_stress(made.on(surface), elements, answer)
     C = np.linalg.inv(made.material.membrane(made.law)) * made.thickness
     D = np.linalg.inv(made.material.bending(made.thickness)) * (made.thickness**2 / 6) ** 2
     membrane = _squared(surface, found.smooth_membrane - found.membrane, np.asarray(C))

@@ -11,20 +11,11 @@ from dsfab.errors import StaticsError
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.slicing import Sheet
-from dsfab.statics import Law, Material, flat_axis
+from dsfab.statics import SheetMaterial, flat_axis
 from dsfab.statics.mechanisms import require_held
 from dsfab.statics.supports import all_clamped
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.topology import pieces
-
-
-@dataclass(frozen=True)
-class SheetMaterial:
-    """What a sheet is made of: material, thickness in metres, and law."""
-
-    material: Material
-    thickness: float
-    law: Law = "plane_stress"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +31,7 @@ class LoadedSurface:
     def of(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
         """That of a design, its cases and combinations, with `share` of its thickness."""
         statics = design.preset.statics
-        made = SheetMaterial(statics.elastic, share * statics.thickness, statics.law)
+        made = statics.sheet(share * statics.thickness)
         return cls(design.surface, made, {name: case.load for name, case in design.statics.cases.items()})
 
 

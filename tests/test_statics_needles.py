@@ -1,0 +1,45 @@
+"""One solve for a number that is told: by the elements of its use, or by those that bear needles of faces."""
+
+import numpy as np
+import pytest
+
+from dsfab.errors import StaticsError
+from dsfab.statics import Material, SheetModel, elements_of, solve_cases, solve_for
+from dsfab.surface import LoadCase, Surface
+from tests.zoo import lifted
+
+
+def bent_sheet(gap: float) -> SheetModel:
+    """A wavy sheet with a vertex so near to a neighbour, as a share of their edge, that two faces are needles."""
+    surface = lifted(lambda x, y: 0.3 * np.sin(3 * x) * y, 10)
+    V, middle = surface.V.copy(), int(np.abs(surface.V[:, :2] - 0.5).sum(axis=1).argmin())
+    beside = surface.F[(middle == surface.F).any(axis=1)]
+    other = int(beside[beside != middle][0])
+    V[middle] = V[other] + gap * (V[middle] - V[other])
+    return SheetModel(Surface(V, surface.F), Material(2e9, 0.3), 0.01)
+
+
+def pressed(surface: Surface, held: float) -> dict[str, LoadCase]:
+    x = surface.V[:, 0]
+    end = x > x.max() - 1e-9
+    force = np.where(end[:, None], [0.0, 0.0, -100.0], 0.0)
+    return {"load": LoadCase(np.repeat((x < x.min() + held)[:, None], 3, axis=1), force, end)}
+
+
+def test_needles_are_solved_by_elements_that_bear_them():
+    whole, spoilt = bent_sheet(1.0), bent_sheet(1e-5)
+    loads = pressed(spoilt.surface, 0.15)
+    with pytest.raises(StaticsError):
+        solve_cases(spoilt, loads, elements_of("displacement"))
+    found = solve_for(spoilt, loads, "displacement")["load"]
+    assert found.elements == elements_of("needles")
+    sound = solve_for(whole, pressed(whole.surface, 0.15), "displacement")["load"]
+    assert sound.elements == elements_of("displacement")
+    assert found.compliance == pytest.approx(sound.compliance, rel=0.1)
+
+
+def test_a_mechanism_is_refused_with_needles_or_without():
+    for gap in (1.0, 1e-5):
+        sheet = bent_sheet(gap)
+        with pytest.raises(StaticsError, match="hold more directions"):
+            solve_for(sheet, pressed(sheet.surface, 1e-9), "compliance_once")
