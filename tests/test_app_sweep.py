@@ -33,7 +33,7 @@ CHEAP = ("--metric", "kept_share,pieces", "--keep", "nothing")
 def here(tmp_path, monkeypatch):
     """A folder of one's own; runs are made in this process, which is quicker than to begin others."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(command, "_fleet", lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1))
+    monkeypatch.setattr(command, "_crew", lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1))
     return tmp_path
 
 

@@ -44,7 +44,7 @@ def plan(**changes) -> Plan:
 
 
 class Hands:
-    """A fleet of threads in this process; `fate` may kill a worker: raise when it is given a run."""
+    """A crew of threads in this process; `fate` may kill a worker: raise when it is given a run."""
 
     def __init__(self, job, count=2, fate=lambda number: None):
         self.job, self.fate, self.begun = job, fate, []
@@ -73,15 +73,15 @@ class Hands:
 
 
 def swept(folder: Path, asked: Plan, fate=lambda number: None, extend=False) -> list[int]:
-    """Make a sweep with a fleet of threads; returns the numbers of the runs that were begun."""
+    """Make a sweep with a crew of threads; returns the numbers of the runs that were begun."""
     with only_coordinator(sweep_folder(folder)):
         found = prepare(asked, folder, extend)
-        fleet = Hands(found.job(), fate=fate)
+        crew = Hands(found.job(), fate=fate)
         try:
-            found.run(fleet)
+            found.run(crew)
         finally:
-            fleet.close()
-    return sorted(fleet.begun)
+            crew.close()
+    return sorted(crew.begun)
 
 
 def measured(folder: Path) -> dict[int, tuple]:
@@ -162,10 +162,10 @@ def test_it_goes_on_where_it_was_interrupted(tmp_path):
 
     folder = sweep_folder(tmp_path / "broken")
     found = prepare(plan(), folder)
-    fleet = Hands(found.job())
+    crew = Hands(found.job())
     with pytest.raises(KeyboardInterrupt):
-        found.run(fleet, ctrl_c)
-    fleet.close()
+        found.run(crew, ctrl_c)
+    crew.close()
     with Store.open(folder) as store:
         assert store.counts() == {"done": 3, "waiting": 5}
     with (folder / "results.csv").open() as file:
@@ -388,14 +388,14 @@ def test_parquet_holds_what_the_csv_holds(tmp_path):
 def test_as_many_workers_as_memory_allows(monkeypatch):
     monkeypatch.setattr(local, "cores", lambda: 16)
     monkeypatch.setattr(local, "free_memory", lambda: 10_000)
-    fleet = LocalWorkers(None)
-    assert len(fleet.workers()) == 1  # until one run has shown what it needs
-    fleet.learn(Outcome(1, peak=1000))
-    assert len(fleet.workers()) == 8
-    fleet.learn(Outcome(2, peak=4000))
-    assert len(fleet.workers()) == 2
-    fleet.learn(Outcome(3, peak=90_000))
-    assert len(fleet.workers()) == 1
+    crew = LocalWorkers(None)
+    assert len(crew.workers()) == 1  # until one run has shown what it needs
+    crew.learn(Outcome(1, peak=1000))
+    assert len(crew.workers()) == 8
+    crew.learn(Outcome(2, peak=4000))
+    assert len(crew.workers()) == 2
+    crew.learn(Outcome(3, peak=90_000))
+    assert len(crew.workers()) == 1
     assert len(LocalWorkers(None, workers=5).workers()) == 5
     monkeypatch.undo()
     assert cores() >= 1
@@ -407,18 +407,18 @@ def test_processes_give_what_threads_give_and_survive_a_kill(tmp_path):
     swept(tmp_path / "threads", plan())
     with only_coordinator(sweep_folder(tmp_path / "processes")):
         found = prepare(plan(), tmp_path / "processes")
-        fleet = LocalWorkers(found.job(), 2)
+        crew = LocalWorkers(found.job(), 2)
         killed = []
 
         def kill_one(progress):
             if progress.last is not None and not killed:
-                killed.append(next(iter(fleet._pids.values())))
+                killed.append(next(iter(crew._pids.values())))
                 os.kill(killed[0], signal.SIGKILL)
 
         try:
-            found.run(fleet, kill_one)
+            found.run(crew, kill_one)
         finally:
-            fleet.close()
+            crew.close()
     assert killed
     assert measured(tmp_path / "processes") == measured(tmp_path / "threads")
 

@@ -127,10 +127,13 @@ def preview(
         raise DsfabError(f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first")
     require_rendering()
     reporter = Reporter(quiet)
-    with Previewers(show=page.names[0], **page.options) as studio:
+    with Previewers(show=page.names[0], **page.options) as previewers:
 
         def draw(preset: "Preset") -> None:
-            _draw(studio, preset, page, reporter, folder)
+            if page.names == (FINISHED,):
+                _draw_finished(preset, page, reporter, folder)
+            else:
+                _draw(previewers, preset, page, reporter)
             if not quiet:
                 out(f"  {page.path}  {size(page.path.stat().st_size)}")
 
@@ -155,34 +158,31 @@ def _layers(text: str) -> tuple[str, ...]:
     return names
 
 
-def _draw(studio: "Previewers", preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
-    """One picture, or several on one page, into one file. built : a folder that may hold the design already."""
+def _draw(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
+    """One picture, or several on one page, into one file."""
     from dsfab.render.panels import panels
     from dsfab.render.png import write_png
 
-    if page.names == (FINISHED,):
-        return _draw_finished(preset, page, reporter, built)
     for name in page.names:
         preset = asking(preset, name)
     if len(page.names) == 1:
-        previewer = studio.showing(preset, reporter)
+        previewer = previewers.showing(preset, reporter)
         reporter("preview", f"drawing {page.path.name}")
         previewer.write(page.path, page.pixels)
         reporter.done()
     else:
-        found = panels(studio.drafted(preset, reporter), page.names, page.pixels, reporter, **page.options)
+        found = panels(previewers.drafted(preset, reporter), page.names, page.pixels, reporter, **page.options)
         reporter.done()
         for line in found.left_out:
             reporter.say(f"preview     left out: {line}")
         write_png(found.pixels, page.path)
-    if studio.made:
-        for note in studio.made.notes:
+    if previewers.made:
+        for note in previewers.made.notes:
             reporter.say(f"note ({note.stage}): {note.text}")
-    return None
 
 
 def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
-    """The design cut, thickened and measured, with the places of what is smallest; not made again if it is built."""
+    """The design cut, thickened and measured, and where it is smallest; not made again if `built` holds it."""
     from dsfab.delivery.archive import read_archive
     from dsfab.pipeline import run
     from dsfab.render.fabrication import workshop_picture

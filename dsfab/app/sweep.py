@@ -182,38 +182,38 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
     draw = _drawer(plan)
     known = checked_plan(plan)
     folder = folder if folder is not None else Path("outputs") / f"{known[0].name}-sweep"
-    teller = SweepProgress(quiet, headline(plan), plan.limits)
+    line = SweepProgress(quiet, headline(plan), plan.limits)
     with only_coordinator(sweep_folder(folder)):
         found = prepare(plan, folder, work.extend, known)
         for row in found.rows():
             if row.state == "done":
-                teller.knows(row.number, row.metrics)
-        stopped = _conducted(found, _fleet(found, draw, work.workers, work.scheduler), teller)
+                line.knows(row.number, row.metrics)
+        stopped = _run_all(found, _crew(found, draw, work.workers, work.scheduler), line)
         if not quiet:
             out(summary(found))
     if stopped:
-        teller.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {folder}` goes on")
+        line.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {folder}` goes on")
     return 130 if stopped else 0
 
 
-def _conducted(found: "SweepFolder", fleet: "Workers", teller: Any) -> bool:
+def _run_all(found: "SweepFolder", crew: "Workers", line: Any) -> bool:
     """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
     from dsfab.report.sweep_folder import SweepPages
 
     shown, stopped = SweepPages(found), False
 
     def told(progress: "Progress") -> None:
-        teller(progress)
+        line(progress)
         shown.now_and_then()
 
     try:
         try:
-            found.run(fleet, told)
+            found.run(crew, told)
         except KeyboardInterrupt:
             stopped = True
         finally:
-            teller.stop()
-            fleet.close()
+            line.stop()
+            crew.close()
     finally:
         shown.write()
     return stopped
@@ -232,7 +232,7 @@ def _drawer(plan: "Plan") -> "Drawer | None":
     return SheetDrawer(size, plan.view)
 
 
-def _fleet(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
+def _crew(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
     if scheduler is not None:
         from dsfab.study.sweeps.cluster import DaskWorkers
 

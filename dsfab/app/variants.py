@@ -39,24 +39,24 @@ class Variants:
         done: dict[int, Tile] = {}
         listed = list(combinations(self.values))
         reporter("preview", f"drawing {total} variants")
-        with self._studio() as studio:
+        with self._previewers() as previewers:
             for index in best_order(self.values):
-                done[index] = self._tile(index + 1, listed[index], studio)
+                done[index] = self._tile(index + 1, listed[index], previewers)
         if all(tile.png is None for tile in done.values()):
             raise DsfabError(f"none of the {total} variants can be drawn; the first: {done[0].error}")
         return [done[index] for index in range(total)]
 
-    def _studio(self) -> Previewers:
+    def _previewers(self) -> Previewers:
         return Previewers(view=self.view, show=self.show, marks=self.show == "loads")
 
-    def _tile(self, number: int, changes: Mapping[str, Any], studio: Previewers) -> Tile:
+    def _tile(self, number: int, changes: Mapping[str, Any], previewers: Previewers) -> Tile:
         texts = {key: spelled_value(value) for key, value in changes.items()}
         sets = [f"{key}={text}" for key, text in texts.items()]
         words = [*self.base, *(word for text in sets for word in ("--set", text))]
         command = shlex.join([*words, "-o", f"outputs/{self.preset.name}-{number:03}"])
         parameters = tuple((self.short[key], text) for key, text in texts.items())
         try:
-            previewer = studio.showing(overridden(self.preset, changes))
+            previewer = previewers.showing(overridden(self.preset, changes))
             picture = previewer.picture(self.pixels, quality=light.QUICK, words=False)
         except DsfabError as error:
             return Tile(number, parameters, command, None, str(error))
@@ -65,15 +65,15 @@ class Variants:
     def _refuse(self, total: int, reporter: Reporter) -> None:
         """Draw the first variant that can be drawn alone, to say how long all would take."""
         reporter("preview", f"trying one of {total:,} variants")
-        with self._studio() as studio:
+        with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
-                tile = self._tile(number, changes, studio)
+                tile = self._tile(number, changes, previewers)
                 if tile.png is not None or number == ASKS:
                     break
             start = time.perf_counter()
-            self._tile(number, changes, studio)
+            self._tile(number, changes, previewers)
             picture = time.perf_counter() - start
-            rows = studio.made.seconds if studio.made else {}
+            rows = previewers.made.seconds if previewers.made else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
         files = size(total * picture_bytes(self.pixels))

@@ -73,7 +73,7 @@ class Editor(anywidget.AnyWidget):
         return changes
 
     def _received(self, _: object, content: Given, __: object) -> None:
-        """Answer a question of the page, see asks.py; what is large goes as bytes beside the message."""
+        """Answer a question of the page, see requests.py; what is large goes as bytes beside the message."""
         told: dict[str, Any] = {"answer": content.get("ask")}
         try:
             answer = self._answer(str(content.get("name")), content.get("given", {}))

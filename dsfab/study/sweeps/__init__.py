@@ -6,7 +6,7 @@ order                                  which run after which, so that stages are
 cut_sheet, metrics                     how the cut sheet of a design carries, and what can be asked of a design
 store, results                         one database per folder; tables, the best, the Pareto front
 worker, local, cluster                 who makes the runs: processes of this machine, or a Dask cluster
-conductor, folder                      the only one who writes, and what it writes
+scheduler, folder                      the only one who writes, and what it writes
 """
 
 from dsfab.study.sweeps.metrics import BASIC, METRICS

@@ -61,29 +61,29 @@ class SweepFolder:
         with Store.open(self.path) as store:
             return store.rows()
 
-    def run(self, fleet: Workers, told: Callable[[Progress], None] = lambda progress: None) -> None:
+    def run(self, crew: Workers, told: Callable[[Progress], None] = lambda progress: None) -> None:
         """Make every run that waits, and those in progress when it was last stopped."""
         with Store.open(self.path) as store:
             store.again()
             try:
                 if self.plan.search is None:
-                    conduct(store, fleet, _waiting(store), self.deliver, told)
+                    conduct(store, crew, _waiting(store), self.deliver, told)
                 else:
-                    self._search(store, fleet, told, self.plan.search.evaluations)
+                    self._search(store, crew, told, self.plan.search.evaluations)
             finally:
                 with suppress(DsfabError):
                     store.again()
                 with suppress(DsfabError):
                     self.write_tables()
 
-    def _search(self, store: Store, fleet: Workers, told: Callable[[Progress], None], total: int) -> None:
+    def _search(self, store: Store, crew: Workers, told: Callable[[Progress], None], total: int) -> None:
         """Let the search propose runs; those that are recorded are not made again."""
         progress = standing(store, max(total, sum(store.counts().values())))
 
         def make(proposed: Sequence[Changes]) -> dict[str, RunRow]:
             store.add(proposed, {})
             if waiting := _waiting(store):
-                conduct(store, fleet, waiting, self.deliver, told, progress)
+                conduct(store, crew, waiting, self.deliver, told, progress)
             return {digest(row.changes): row for row in store.rows()}
 
         search(self.plan, make)

@@ -54,7 +54,7 @@ class Progress:
 
 def conduct(
     store: Store,
-    fleet: Workers,
+    crew: Workers,
     runs: Mapping[int, Changes],
     deliver: Deliver,
     told: Callable[[Progress], None] = lambda progress: None,
@@ -68,7 +68,7 @@ def conduct(
     Raises DsfabError when nothing can be written, or when there are no workers. Whatever it ends with, runs in
     progress are then still recorded as running: `Store.again` lets them wait again.
     """
-    _Conductor(store, fleet, runs, deliver, told, progress or standing(store)).run()
+    _Scheduler(store, crew, runs, deliver, told, progress or standing(store)).run()
 
 
 def standing(store: Store, total: int | None = None) -> Progress:
@@ -77,17 +77,17 @@ def standing(store: Store, total: int | None = None) -> Progress:
     return Progress(total or sum(counts.values()), counts.get("done", 0), counts.get("failed", 0))
 
 
-class _Conductor:
+class _Scheduler:
     def __init__(
         self,
         store: Store,
-        fleet: Workers,
+        crew: Workers,
         runs: Mapping[int, Changes],
         deliver: Deliver,
         told: Callable[[Progress], None],
         progress: Progress,
     ) -> None:
-        self.store, self.fleet, self.runs, self.deliver, self.told = store, fleet, runs, deliver, told
+        self.store, self.crew, self.runs, self.deliver, self.told = store, crew, runs, deliver, told
         self.progress = progress
         self.rows = Rows(list(runs), list(runs.values()))
         self.busy: dict[Future[Outcome], tuple[str, int]] = {}
@@ -111,7 +111,7 @@ class _Conductor:
 
     def _hand_out(self) -> None:
         """A run for each worker that has none."""
-        there = list(self.fleet.workers())
+        there = list(self.crew.workers())
         for gone in self.known.difference(there):
             self.rows.leave(gone)
         self.known = set(there)
@@ -120,7 +120,7 @@ class _Conductor:
             if worker in occupied or (number := self.rows.take(worker)) is None:
                 continue
             self.store.start(number, worker)
-            self.busy[self.fleet.submit(worker, number, self.runs[number])] = (worker, number)
+            self.busy[self.crew.submit(worker, number, self.runs[number])] = (worker, number)
 
     def _receive(self, future: Future[Outcome]) -> None:
         worker, number = self.busy.pop(future)
@@ -129,11 +129,11 @@ class _Conductor:
         except Exception as error:  # not of the run, which returns its refusals: of what carries it
             self._worker_died(worker, number, error)
             return
-        self.fleet.learn(outcome)
+        self.crew.learn(outcome)
         self._record(outcome)
 
     def _worker_died(self, worker: str, number: int, error: Exception) -> None:
-        self.fleet.lost(worker)
+        self.crew.lost(worker)
         lost = self.store.lose(number)
         if lost < TRIES:
             self.rows.give_back(worker, number)

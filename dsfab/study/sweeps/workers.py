@@ -1,4 +1,4 @@
-"""`Workers`: who makes the runs, as the conductor sees them: workers by name, whose answers are futures."""
+"""`Workers`: who makes the runs, as the scheduler sees them: workers by name, whose answers are futures."""
 
 from collections.abc import Collection, Mapping
 from concurrent.futures import Future

@@ -45,41 +45,41 @@ def check(
         if not isinstance(subject, Design):
             raise ValueError("a setting has no sheet of its own: give one")
         sheet = subject.slicing.cells.kept()
-    climb = Refinement(setting, SmoothSurface.through(setting.surface), depth, budget, progress)
+    refinement = Refinement(setting, SmoothSurface.through(setting.surface), depth, budget, progress)
     dropped: tuple[Dropped, ...] = ()
     try:
         sheet, dropped, loads = attached_material(setting, sheet)
-        climb.up(sheet, loads)
+        refinement.up(sheet, loads)
     except DsfabError as error:
-        climb.stopped = "fail", str(error)
-    return _verdict(climb, sheet, dropped, time.perf_counter() - start)
+        refinement.stopped = "fail", str(error)
+    return _verdict(refinement, sheet, dropped, time.perf_counter() - start)
 
 
-def _verdict(climb: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: float) -> Verdict:
-    surface, thickness = climb.setting.surface, climb.setting.made.thickness
-    if climb.levels:
-        cases = climb.cases()
-        if climb.stopped:
-            status, why = climb.stopped
+def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...], seconds: float) -> Verdict:
+    surface, thickness = refinement.setting.surface, refinement.setting.made.thickness
+    if refinement.levels:
+        cases = refinement.cases()
+        if refinement.stopped:
+            status, why = refinement.stopped
             cases = [
                 case if case.status == "pass" else replace(case, status=status, reason=f"{case.reason}; {why}")
                 for case in cases
             ]
     else:
-        status, why = climb.stopped or ("unknown", "nothing was solved")
-        cases = [CaseVerdict(name, np.nan, np.inf, status, why) for name in climb.setting.loads]
+        status, why = refinement.stopped or ("unknown", "nothing was solved")
+        cases = [CaseVerdict(name, np.nan, np.inf, status, why) for name in refinement.setting.loads]
     cases.sort(key=lambda case: (-SEVERITY.index(case.status), -case.value if np.isfinite(case.value) else 0.0))
     first = cases[0]
     reason = first.reason if len(cases) == 1 else f"{first.name}: {first.reason}"
     across = members(sheet) / surface.mean_edge
-    facets = facets_of(climb.smooth, thickness)
+    facets = facets_of(refinement.smooth, thickness)
     warnings = tuple(_warnings(across, facets))
     return Verdict(
-        climb.depth,
+        refinement.depth,
         first.status,
         reason,
         tuple(cases),
-        tuple(climb.levels),
+        tuple(refinement.levels),
         dropped,
         across,
         facets,

@@ -88,10 +88,9 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
     )
 
     def modes(elements: Elements) -> float:
-        answer = solve_statics(
-            SheetModel(surface, PLATE, THIN), problem.load, Elements(elements.membrane, "hinge"), spread
-        )
-        found = buckling(SheetModel(surface, PLATE, THIN), problem.load, answer, 1, elements=elements)
+        sheet = SheetModel(surface, PLATE, THIN)
+        answer = solve_statics(sheet, problem.load, Elements(elements.membrane, "hinge"), spread)
+        found = buckling(sheet, problem.load, answer, 1, elements=elements)
         return float(found.factor[0]) / PLATE.bending_stiffness(THIN)
 
     return replace(problem, modes=modes)
