@@ -148,6 +148,11 @@ def test_html_has_every_section_in_order_and_fetches_nothing(read):
     assert len(read.addresses) >= 6 - 5 * bool(_missing())  # design, two cases, chart, two fields
 
 
+def test_loads_say_whether_a_case_was_checked(read):
+    heads = [row for row in read.rows if "Pattern follows" in row]
+    assert [row[-1] for row in heads] == ["Checked"]
+
+
 def _missing() -> str:
     try:
         require_rendering()

@@ -1,12 +1,18 @@
 """Baselines: tensors turned, grids along principal axes, structures of exactly the mass that is asked for."""
 
+import inspect
+import re
+
 import numpy as np
 import pytest
 
 import dsfab
+from dsfab.app.compare_one import Questions
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Layer, solved_factor
 from dsfab.pipeline import draft
+from dsfab.report.comparison_chart import NAMES, STYLES
+from dsfab.report.compliance.findings import LABELS
 from dsfab.study import compare_at
 from dsfab.study.baselines import BASELINES, SAME_MASS, ComparisonTask, Structure
 from dsfab.study.baselines.matching import area_share, matched_structure, sliced_structure
@@ -29,6 +35,13 @@ def task(made):
 
 def stiff(variants) -> Structure:
     return variants[0].make()
+
+
+def test_competitors_have_the_names_that_the_command_and_its_reports_know():
+    told = inspect.signature(Questions).parameters["against"].annotation.__metadata__[0].help
+    assert re.findall(r"\w+", told.partition(": ")[2].partition(" [")[0]) == list(BASELINES)
+    assert BASELINES.keys() <= LABELS.keys()
+    assert BASELINES.keys() <= STYLES.keys() & NAMES.keys()
 
 
 @pytest.mark.parametrize("name", sorted(BASELINES))

@@ -32,7 +32,7 @@ LABELS = {
 
 
 @dataclass(frozen=True)
-class JudgedStructure:
+class CheckLine:
     """One line of the list of checks."""
 
     name: str
@@ -130,103 +130,97 @@ class Findings:
         return worst(one.status for one in self.checks if one.status != "note")
 
     @cached_property
-    def checks(self) -> list[JudgedStructure]:
+    def checks(self) -> list[CheckLine]:
         """What is asked of the structure."""
         if not self.carries:
             told = f"no: {self.design.error}"
-            return [JudgedStructure("Carries its loads", "fail", told, "equilibrium with its supports")]
+            return [CheckLine("Carries its loads", "fail", told, "equilibrium with its supports")]
         found = [self._carries(), self._known(), self._balanced(), self._member(), self._faceted()]
         return [one for one in (*found, self._strong(), self._buckles()) if one]
 
-    def _carries(self) -> JudgedStructure:
+    def _carries(self) -> CheckLine:
         loose = self.design.loose
         left = f"; {percent(loose)} of what is drawn hangs on nothing and was left out" if loose > 1e-6 else ""
         told = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{left}"
         failed = self.judged.verdict == "fail"
-        return JudgedStructure(
+        return CheckLine(
             "Every load reaches a support",
             "fail" if failed else "pass",
             self.judged.reason if failed else told,
             "loads on pieces that a support holds",
         )
 
-    def _known(self) -> JudgedStructure:
+    def _known(self) -> CheckLine:
         check = self.judged.check
         told = within(self.judged.compliance, self.judged.bound, "J")
         known = check is not None and check.status == "pass"
         why = "" if known else f"; {self.judged.reason}"
-        return JudgedStructure("Compliance is known", "pass" if known else "unknown", told + why, percent(CONVERGED))
+        return CheckLine("Compliance is known", "pass" if known else "unknown", told + why, percent(CONVERGED))
 
-    def _balanced(self) -> JudgedStructure:
+    def _balanced(self) -> CheckLine:
         cases = self.judged.cases.values()
         off, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
         if self.judged.check:
             residual = max(residual, *(level.residual for level in self.judged.check.levels))
-        return JudgedStructure(
+        return CheckLine(
             "Reactions balance the loads",
             "pass" if off <= BALANCE and residual <= RESIDUAL else "fail",
             f"off by {off:.0e} of the load; residual of the equations {residual:.0e}",
             f"{BALANCE:.0e}; {RESIDUAL:.0e}",
         )
 
-    def _member(self) -> JudgedStructure | None:
+    def _member(self) -> CheckLine | None:
         check = self.judged.check
         if check is None or not math.isfinite(check.per_member):
             return None
         fine = check.per_member >= rules.MEMBER
         told = f"{check.per_member:.2g} edges of the uncut mesh across a member"
         more = "" if fine else "; the outline is coarse, the structure as drawn is what was checked"
-        return JudgedStructure(
-            "Outline of the members", "pass" if fine else "note", told + more, f"{rules.MEMBER:g} or more"
-        )
+        return CheckLine("Outline of the members", "pass" if fine else "note", told + more, f"{rules.MEMBER:g} or more")
 
-    def _faceted(self) -> JudgedStructure | None:
+    def _faceted(self) -> CheckLine | None:
         check = self.judged.check
         if check is None or check.facets == 0:
             return None
-        return JudgedStructure(
+        return CheckLine(
             "Flat faces for the curved surface",
             "pass" if check.facets <= FACETS else "note",
             f"L<sup>2</sup> / (R h) = {check.facets:.2g}",
             f"{FACETS:g} or less",
         )
 
-    def _strong(self) -> JudgedStructure | None:
+    def _strong(self) -> CheckLine | None:
         shares = [case.utilisation for case in self.judged.cases.values() if case.utilisation]
         if not shares:
             return None
         usual, peak = max(share[0] for share in shares), max(share[1] for share in shares)
         status: Status = "fail" if usual > 1 else "pass" if peak <= 1 else "unknown"
         told = f"{usual:.0%} on 99.9 % of the area, {peak:.0%} at the peak"
-        return JudgedStructure(
-            "Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa")
-        )
+        return CheckLine("Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa"))
 
-    def _buckles(self) -> JudgedStructure | None:
+    def _buckles(self) -> CheckLine | None:
         factors = [case.buckling for case in self.judged.cases.values() if case.buckling is not None]
         if not factors:
             return None
         least = min(factors)
         status: Status = "fail" if least < 1 else "pass" if least >= KNOCKED_DOWN else "unknown"
         told = f"{least:.3g} times the load (linear, perfect shape)"
-        return JudgedStructure("Buckling", status, told, f"{KNOCKED_DOWN:g} or more")
+        return CheckLine("Buckling", status, told, f"{KNOCKED_DOWN:g} or more")
 
     @cached_property
-    def claims(self) -> list[JudgedStructure]:
+    def claims(self) -> list[CheckLine]:
         """Whether the design is stiffer than each competitor of its mass."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
-    def _claim(self, rival: Competitor) -> JudgedStructure:
+    def _claim(self, rival: Competitor) -> CheckLine:
         name = f"Stiffer than: {LABELS[rival.name].lower().replace('simp', 'SIMP').replace('von mises', 'von Mises')}"
         if rival.judgement and not self.carries:
-            return JudgedStructure(name, "fail", "it carries the loads, the design does not", "above 1")
+            return CheckLine(name, "fail", "it carries the loads, the design does not", "above 1")
         if rival.judgement is None:
-            return JudgedStructure(
-                name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1"
-            )
+            return CheckLine(name, "unknown", f"none was found: {rival.error.split('; the first: ')[0]}", "above 1")
         low, middle, high = self.gain(rival)
         status: Status = "pass" if low > 1 else "fail" if high < 1 else "unknown"
-        return JudgedStructure(name, status, f"{times(low, middle, high)} times", "above 1")
+        return CheckLine(name, status, f"{times(low, middle, high)} times", "above 1")
 
     @property
     def extent(self) -> str:

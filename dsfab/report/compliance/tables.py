@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.report.compliance.document import Numbers, Table, escaped
-from dsfab.report.compliance.findings import LABELS, Findings, JudgedStructure
+from dsfab.report.compliance.findings import LABELS, CheckLine, Findings
 from dsfab.report.compliance.words import digits_of, length, percent, point, quantity, share_of, unit_for, within
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality
 from dsfab.statics import elements_of, resultant
@@ -18,7 +18,7 @@ from dsfab.wording import mass
 GB = 1e9
 
 
-def checks_table(checks: list[JudgedStructure], number: Numbers, caption: str) -> Table:
+def checks_table(checks: list[CheckLine], number: Numbers, caption: str) -> Table:
     """What is asked, what was found, what is wanted, and the verdict."""
     rows = [(one.name, one.found, one.limit, one.status) for one in checks]
     return Table(number.table(caption), ("Check", "Found", "Wanted", "Verdict"), rows, 4, "", (3.2, 5.2, 2.4, 1.2))
@@ -114,7 +114,7 @@ def loads_table(found: Findings, number: Numbers) -> Table:
         made_of = (made,) if combined else ()
         rows.append((escaped(name), *made_of, *(_small(x / factor) for x in sums[name]), followed, judged))
     more, wide = (("Made of",), (2.4,)) if combined else ((), ())
-    head = ("Load case", *more, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "JudgedStructure")
+    head = ("Load case", *more, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "Checked")
     widths = (2, *wide, 1.3, 1.3, 1.3, 1.5, 1.2)
     return Table(number.table("Sums of the loads."), head, rows, 2 if combined else 1, "", widths)
 

@@ -13,7 +13,7 @@ __all__ = ["BASELINES", "DEFAULT", "SAME_MASS", "Baseline", "ComparisonTask", "S
 
 BASELINES: Mapping[str, Baseline] = {
     "isotropic": isotropic,
-    "rotated_stripes": rotated_stripes,
+    "rotated": rotated_stripes,
     "thinner": thinner,
     "von_mises": von_mises,
     "grid": grid,
