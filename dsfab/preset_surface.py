@@ -24,7 +24,7 @@ from pydantic import (
 
 from dsfab.errors import PresetError
 from dsfab.preset_errors import mistakes
-from dsfab.surface import SHAPES, Combination, Load, Support, Surface, normalized, read_surface, refined
+from dsfab.surface import SHAPES, Combination, Load, Support, Surface, Up, normalized, read_surface, refined
 
 
 class Section(BaseModel):
@@ -70,10 +70,14 @@ class FileSurface(Given):
     """OBJ, PLY, STL, OFF, GLB or 3MF; relative paths start at the preset's folder, in Python at the current one."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
+    up: Up = "z"
+    """The file's axis that points to the sky; what follows is told with z up. GLB files are turned already."""
+    mend: bool = False
+    """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes."""
 
     def given(self) -> Surface:
         """The surface in the file, metres."""
-        return read_surface(self.file, self.unit)
+        return read_surface(self.file, self.unit, self.up, self.mend)
 
 
 def _mesh_from(value: Any) -> Surface:

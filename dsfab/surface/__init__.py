@@ -5,7 +5,9 @@ from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mesh import Surface
+from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.nearest import nearest
+from dsfab.surface.orientation import Up, upright
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
 from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
@@ -27,6 +29,7 @@ __all__ = [
     "Line",
     "Load",
     "LoadCase",
+    "MendedMesh",
     "MeshFacts",
     "Nearest",
     "Picker",
@@ -36,12 +39,14 @@ __all__ = [
     "Snow",
     "Support",
     "Surface",
+    "Up",
     "Vertices",
     "Wind",
     "box",
     "coincident",
     "describe",
     "load_cases",
+    "mended",
     "nearest",
     "normalized",
     "ply_chunks",
@@ -51,4 +56,5 @@ __all__ = [
     "signed_volumes",
     "together",
     "total_area",
+    "upright",
 ]

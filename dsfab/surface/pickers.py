@@ -3,6 +3,7 @@
 Each is a table in a preset, told apart by its `pick`: `at = { pick = "side", axis = "z", end = "min" }`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal, Protocol
 
@@ -14,6 +15,7 @@ from dsfab.arrays import Bools, Floats, first
 from dsfab.errors import SurfaceError
 from dsfab.surface.cover import require_two_sides
 from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import on_boundary
 
 Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
@@ -45,67 +47,89 @@ class All:
 
 @dataclass(frozen=True)
 class Box:
-    """The vertices in the box with two opposite corners, metres, its walls included."""
+    """The vertices in the box with two opposite corners, metres, its walls included.
+
+    relative : whether the corners are shares of the surface's own box, 0 to 1 along each axis.
+    boundary : whether vertices of free edges alone are picked.
+    """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     min: Vector
     max: Vector
+    relative: bool = False
+    boundary: bool = False
     pick: Literal["box"] = "box"
 
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices; raises SurfaceError when there are none or min is beyond max."""
-        low, high = np.array(self.min), np.array(self.max)
+        low, high = _placed([self.min, self.max], surface, self.relative)
         if (low > high).any():
             raise SurfaceError(f"{_told(self)} has min beyond max; swap them")
         away = np.linalg.norm(surface.V - np.clip(surface.V, low, high), axis=1)
+        if self.boundary:
+            away[~on_boundary(surface.edges, surface.n)] = np.inf
         return _within(self, surface, away, 0.0)
 
 
 @dataclass(frozen=True)
 class Ball:
-    """The vertices within `radius` of `center`, metres."""
+    """The vertices within `radius` of `center`, metres.
+
+    relative : whether the centre is in shares of the surface's box, 0 to 1 along each axis, and the radius one of its
+               diagonal.
+    """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     center: Vector
     radius: Annotated[Real, Gt(0)]
+    relative: bool = False
     pick: Literal["ball"] = "ball"
 
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices; raises SurfaceError when there are none."""
-        away = np.linalg.norm(surface.V - np.array(self.center), axis=1)
-        return _within(self, surface, away, self.radius)
+        center = _placed([self.center], surface, self.relative)[0]
+        away = np.linalg.norm(surface.V - center, axis=1)
+        return _within(self, surface, away, self.radius * (surface.size if self.relative else 1.0))
 
 
 @dataclass(frozen=True)
 class Side:
-    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 those on it."""
+    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 those on it.
+
+    relative : whether the depth is a share of the surface's extent along the axis.
+    """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     axis: Literal["x", "y", "z"]
     end: Literal["min", "max"]
     depth: Annotated[Real, Ge(0)] = 0.0
+    relative: bool = False
     pick: Literal["side"] = "side"
 
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices: at least one always."""
         x = surface.V[:, "xyz".index(self.axis)]
         away = x - x.min() if self.end == "min" else x.max() - x
-        return _within(self, surface, away, self.depth)
+        return _within(self, surface, away, self.depth * (float(np.ptp(x)) if self.relative else 1.0))
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """The vertex nearest to each point, metres."""
+    """The vertex nearest to each point, metres.
+
+    relative : whether points are in shares of the surface's box, 0 to 1 along each axis.
+    """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
+    relative: bool = False
     pick: Literal["nearest"] = "nearest"
 
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices, the first of those equally near; raises SurfaceError when no point is given."""
         picked = np.zeros(surface.n, dtype=bool)
-        for point in self.points:
-            picked[np.linalg.norm(surface.V - np.array(point), axis=1).argmin()] = True
+        for point in _placed(self.points, surface, self.relative):
+            picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
         return _some(self, surface, picked, "")
 
 
@@ -186,6 +210,13 @@ def unit_vector(direction: Vector, whose: str) -> Floats:
     return d / length
 
 
+def _placed(points: Sequence[Vector], surface: Surface, relative: bool) -> Floats:
+    """(k, 3) points in metres, of those that are or of shares of the surface's box."""
+    P = np.array(points, dtype=np.float64).reshape(-1, 3)
+    low, high = surface.V.min(axis=0), surface.V.max(axis=0)
+    return low + P * (high - low) if relative else P
+
+
 def _within(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
     """The vertices at most `reach` away, both in metres."""
     picked = away <= reach + TOUCH * surface.size
@@ -204,6 +235,6 @@ def _told(picker: _HasPick) -> str:
     values = ", ".join(
         f"{f.name} = {getattr(picker, f.name)!r}"
         for f in fields(picker)  # type: ignore[arg-type]
-        if f.name != "pick"
+        if f.name != "pick" and getattr(picker, f.name) is not False
     )
     return f"pick = {picker.pick!r}" + (f" with {values}" if values else "")

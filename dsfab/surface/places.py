@@ -12,15 +12,17 @@ SAME_PLACE = 1e-9
 of a cut once for each face there, and some of these differ in the last digit."""
 
 
-def merged(V: Floats) -> tuple[Floats, Ints]:
+def merged(V: Floats, within: float = SAME_PLACE) -> tuple[Floats, Ints]:
     """Vertices V (n, 3) at the same place made one, the first of them, in the order given; and which (n,) each became.
+
+    within : share of the mesh's largest side that counts as one place.
 
     Mesh files are merged by equality alone (`dsfab.surface.files`): their numbers were written with the same digits.
     """
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # told where the surface is made
         return alone
-    pairs = cKDTree(V).query_pairs(SAME_PLACE * float(np.ptp(V, axis=0).max()), output_type="ndarray")
+    pairs = cKDTree(V).query_pairs(within * float(np.ptp(V, axis=0).max()), output_type="ndarray")
     if not len(pairs):
         return alone
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(V), len(V)))

@@ -10,7 +10,9 @@ from dsfab.errors import SurfaceError
 from dsfab.surface.cover import flips_along_tree
 from dsfab.surface.enclosed import signed_volume, signed_volumes
 from dsfab.surface.files import RawMesh, raw_mesh
+from dsfab.surface.mend import mended
 from dsfab.surface.mesh import ZERO_AREA, Surface, closed_length
+from dsfab.surface.orientation import Up, upright
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
@@ -30,10 +32,12 @@ LARGEST_IN_METRES = 250.0
 """A mesh with a longer box than this is guessed to be in millimetres: few shells are longer."""
 
 
-def read_surface(path: str | Path, unit: str | None = None) -> Surface:
+def read_surface(path: str | Path, unit: str | None = None, up: Up = "z", mend: bool = False) -> Surface:
     """The surface in an OBJ, PLY, STL, OFF, GLB or 3MF file, in metres.
 
     unit : of the numbers in the file; None takes the unit the file declares (3MF; glTF is in metres), else metres.
+    up   : the file's axis that points to the sky.
+    mend : whether small faults are mended first: see `dsfab.surface.mend`.
 
     Neighbouring faces that face opposite sides are turned, fewest first, and a closed piece that is inside out is
     turned outward. A piece with one side only (a Moebius strip) keeps a seam of edges where neighbours disagree. A GLB
@@ -44,9 +48,13 @@ def read_surface(path: str | Path, unit: str | None = None) -> Surface:
     and edges with more than two faces.
     """
     raw = raw_mesh(path)
-    V = raw.V * (metres_per(unit) if unit else raw.metres)
+    V, F = raw.V, raw.F
+    if mend:
+        whole = mended(V, F)
+        V, F = whole.V, whole.F
+    V = upright(V * (metres_per(unit) if unit else raw.metres), up)
     try:
-        return orientable(V, raw.F)
+        return orientable(V, F)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
 

@@ -1,0 +1,210 @@
+"""Where a surface stands: stretches of low boundary, or the lowest parts of a closed one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.proposal.vertical import is_nearly_closed
+from dsfab.surface import Boundary, Box, Surface
+from dsfab.surface.topology import connected
+
+FLAT = 0.02
+"""A surface that is lower than this share of its size is flat."""
+LEVEL = 0.05
+"""Share of the height by which a foot may rise from its lowest point."""
+DIP = 0.15
+"""Share of the height by which the boundary has to rise between two feet."""
+LOW = 0.35
+"""Share of the height over the lowest foot in which others may begin."""
+SHORTEST = 1 / 25
+"""Share of the span that a foot is long at least."""
+STEP = 1 / 200
+"""Share of the span between two points of the boundary that are looked at."""
+SOLE = 0.03
+"""Share of the height of a closed surface that stands on the ground."""
+WHOLE = -1
+"""A loop whose number is not known yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class Foot:
+    """A part of a surface that stands on the ground.
+
+    name : for people.  points : (k, 3) metres, along the free edge or on the surface.
+    length : metres of free edge; 0 of a closed surface.  loop : the boundary loop that it is all of, if it is.
+    """
+
+    name: str
+    points: Floats
+    length: float
+    loop: int | None = None
+
+    def picker(self, margin: float, digits: int) -> Boundary | Box:
+        """What picks it from finer and coarser meshes too: its loop, or the box around it, `margin` metres wider."""
+        if self.loop is not None:
+            return Boundary(self.loop)
+        low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
+        corners = [tuple((np.round(corner, digits) + 0.0).tolist()) for corner in (low, high)]
+        return Box(corners[0], corners[1], boundary=self.length > 0)
+
+
+def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
+    """Where the surface stands, z up; `span`: metres that it bridges.
+
+    flat   : on its outer edge.
+    closed : on what lies within `SOLE` of its height over its lowest point.
+    else   : on the stretches of boundary around the low points of the outer edge, and of other edges that reach the
+             ground. Openings in the roof, with sheet below them, are not held.
+    """
+    height = float(np.ptp(surface.V[:, 2]))
+    if is_nearly_closed(surface):
+        return _named(_soles(surface, height), span)
+    if height < FLAT * surface.size:
+        outline = surface.V[surface.loops[0]]
+        return (Foot("edge", outline, _length(outline, closed=True), loop=0),)
+    ground = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
+    outer = _outer(surface)
+    found: list[Foot] = []
+    for k, loop in enumerate(surface.loops):
+        highest = ground + LOW * height
+        if outer[k] or _stands(surface, loop, highest):
+            line = _resampled(surface.V[loop], STEP * span)
+            found += [replace(foot, loop=k if foot.loop == WHOLE else None) for foot in _stretches(line, height, highest, span)]
+    return _named(found, span)
+
+
+def _outer(surface: Surface) -> list[bool]:
+    """For each boundary loop whether it is the longest of its piece."""
+    of = np.full(surface.n, -1)
+    of[surface.F] = surface.pieces[1][:, None]
+    met: set[int] = set()
+    first = []
+    for loop in surface.loops:
+        first.append(int(of[loop[0]]) not in met)
+        met.add(int(of[loop[0]]))
+    return first
+
+
+def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
+    """Whether the lowest edges of a loop are near the ground and carry the sheet above them, as the foot of a column."""
+    z, edges = surface.V[:, 2], surface.edges
+    on = np.zeros(surface.n, dtype=bool)
+    on[loop] = True
+    lowest = float(z[loop].min())
+    if lowest > ground:
+        return False
+    on &= z <= lowest + LEVEL * float(np.ptp(z))
+    low = on[edges.ends].all(axis=1) & edges.boundary
+    faces = np.flatnonzero(low[edges.of].any(axis=1))
+    rises = [z[surface.F[f]].sum() - 1.5 * z[edges.ends[e]].sum() for f in faces for e in edges.of[f] if low[e]]
+    return bool(rises) and float(np.mean(rises)) > 0
+
+
+def _soles(surface: Surface, height: float) -> list[Foot]:
+    """The parts of a closed surface on the ground; specks beside larger ones are none."""
+    z = surface.V[:, 2]
+    low = z <= z.min() + SOLE * height
+    ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
+    _, part = connected(surface.n, ends[:, 0], ends[:, 1])
+    groups = [np.flatnonzero(low & (part == k)) for k in np.unique(part[low])]
+    enough = 0.1 * max(map(len, groups))
+    return [Foot("", surface.V[group], 0.0) for group in groups if len(group) >= enough]
+
+
+def _resampled(P: Floats, step: float) -> Floats:
+    """The closed line through P (k, 3) with points no further apart than `step`, those it had among them."""
+    onward = np.roll(P, -1, axis=0) - P
+    parts = np.maximum(np.ceil(np.linalg.norm(onward, axis=1) / step).astype(int), 1)
+    index = np.repeat(np.arange(len(P)), parts)
+    along = (np.arange(len(index)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[index]
+    return np.asarray(P[index] + along[:, None] * onward[index])
+
+
+def _stretches(P: Floats, height: float, highest: float, span: float) -> list[Foot]:
+    """The feet along one closed line P (k, 3) whose lowest points are not higher than `highest`."""
+    z = P[:, 2]
+    if z.min() > highest:
+        return []
+    if np.ptp(z) < DIP * height:
+        return [Foot("", P, _length(P, closed=True), WHOLE)]
+    found = []
+    for at in _valleys(z, DIP * height):
+        if z[at] <= highest:
+            low = _bridged(_around(z <= z[at] + 2 * LEVEL * height, at), z <= z[at] + LEVEL * height)
+            stretch = P[_widened(P, low, SHORTEST * span)]
+            found.append(Foot("", stretch, _length(stretch)))
+    return found
+
+
+def _valleys(z: Floats, depth: float) -> list[int]:
+    """Where heights z (k,) along a closed line are lowest, with a rise of `depth` at least between two of them.
+
+    Persistence of its low points [Edelsbrunner, Letscher and Zomorodian 2002]: from the lowest up, each begins a pool;
+    where two pools meet, the one whose bottom is less deep ends, and counts if it is that deep there.
+    """
+    k = len(z)
+    pool = np.full(k, -1)
+    lasting = {int(z.argmin())}
+
+    def bottom(i: int) -> int:
+        while pool[i] != i:
+            pool[i] = pool[pool[i]]
+            i = int(pool[i])
+        return i
+
+    for i in np.argsort(z, kind="stable").tolist():
+        pool[i] = i
+        for other in ((i - 1) % k, (i + 1) % k):
+            if pool[other] < 0 or bottom(other) == bottom(i):
+                continue
+            deep, shallow = sorted((bottom(i), bottom(other)), key=lambda b: (z[b], b))
+            if z[i] - z[shallow] >= depth:
+                lasting.add(shallow)
+            pool[shallow] = deep
+    return sorted(lasting)
+
+
+def _around(low: Bools, at: int) -> Bools:
+    """(k,) the connected stretch of a closed line around a place at which `low` holds."""
+    if low.all():
+        return low
+    turned = np.roll(low, -at)
+    stretch = np.zeros(len(low), dtype=bool)
+    stretch[: int(turned.argmin())] = True
+    stretch[len(low) - int(turned[::-1].argmin()) :] = True
+    return np.roll(stretch, at)
+
+
+def _bridged(reach: Bools, low: Bools) -> Bools:
+    """(k,) the stretch from the first to the last place of a connected `reach` of a closed line that is `low`."""
+    begin = int(np.flatnonzero(reach & ~np.roll(reach, 1))[0]) if not reach.all() else 0
+    turned = np.roll(reach & low, -begin)
+    places = np.flatnonzero(turned)
+    turned[places[0] : places[-1] + 1] = True
+    return np.roll(turned, begin)
+
+
+def _widened(P: Floats, stretch: Bools, shortest: float) -> Ints:
+    """Indices along a closed line P (k, 3) of a stretch, in order, made longer on its lower side until long enough."""
+    k, z = len(P), P[:, 2]
+    begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])
+    run = [(begin + j) % k for j in range(int(stretch.sum()))]
+    while _length(P[run]) < shortest and len(run) < k // 3:
+        before, after = (run[0] - 1) % k, (run[-1] + 1) % k
+        run = [before, *run] if z[before] < z[after] else [*run, after]
+    return np.array(run)
+
+
+def _length(P: Floats, closed: bool = False) -> float:
+    steps = np.linalg.norm(P - np.roll(P, 1, axis=0), axis=1)
+    return float(steps.sum() if closed else steps[1:].sum())
+
+
+def _named(found: Sequence[Foot], span: float) -> tuple[Foot, ...]:
+    """Base rings, springing lines and feet, those of a kind numbered where there are several."""
+    kinds = ["base ring" if f.loop is not None else "springing line" if f.length > span / 2 else "foot" for f in found]
+    several = [kinds.count(kind) > 1 for kind in kinds]
+    names = [f"{kind} {kinds[: i + 1].count(kind)}" if several[i] else kind for i, kind in enumerate(kinds)]
+    return tuple(replace(foot, name=name) for name, foot in zip(names, found, strict=True))

@@ -1,0 +1,95 @@
+"""What is sensible for a surface of that size: spacing of members, edges of its mesh, thickness, widths."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.proposal.vertical import is_nearly_closed
+from dsfab.surface import Surface
+
+MEMBERS = 16
+"""Members across the shorter side of the plan."""
+MEMBERS_AROUND = 18
+"""Members along the side of a square of the area of a closed surface."""
+CELLS = 1200
+"""Openings between members at most, about: more are no pattern any more, and take long."""
+EDGES = 3.5
+"""Edges of the mesh from one member to the next."""
+TRIANGLES = 40_000
+"""Of the mesh, at most, about."""
+SLENDER = {"steel": 200, "timber": 100}
+"""Span over thickness, by what a sheet is made of."""
+STEEL = ("S235", "S355", "aluminium 6082")
+MODEL = 3.0
+"""Metres; what is smaller is taken for a printed model."""
+SHARPEST = 15.0
+"""Degrees; a mesh with smaller angles is made anew."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Lengths in metres. edge is 0 where the mesh is good as it is."""
+
+    span: float
+    spacing: float
+    edge: float
+    thickness: float
+    material: str
+
+    @property
+    def ratio(self) -> int:
+        """Span over thickness of that material."""
+        return SLENDER["steel" if self.material in STEEL else "timber"]
+
+    @property
+    def rim(self) -> float:
+        """Width of the band along free edges."""
+        return two_digits(0.22 * self.spacing)
+
+    @property
+    def keep(self) -> float:
+        """How far sheet stays around supports."""
+        return two_digits(0.35 * self.spacing)
+
+    @property
+    def fillet(self) -> float:
+        """Radius of the corners of openings."""
+        return two_digits(0.06 * self.spacing)
+
+
+def sizes(surface: Surface, material: str | None = None) -> Sizes:
+    """The sizes for a surface with z up; the material is GL24h, or PLA for a model, where none is named."""
+    closed = is_nearly_closed(surface)
+    span = float(np.sort(np.ptp(surface.V, axis=0)[:2])[0]) or surface.size
+    square = float(np.sqrt(surface.area))
+    spacing = two_digits(max(square / MEMBERS_AROUND if closed else span / MEMBERS, square / np.sqrt(CELLS)))
+    material = material or ("PLA" if surface.size < MODEL else "GL24h")
+    thick = spacing / 6 if closed else span / SLENDER["steel" if material in STEEL else "timber"]
+    edge = two_digits(max(spacing / EDGES, square / np.sqrt(np.sqrt(3) / 4 * TRIANGLES)))
+    return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material)
+
+
+def two_digits(x: float) -> float:
+    """The number rounded to two digits."""
+    return float(f"{x:.2g}")
+
+
+def _stock(thickness: float) -> float:
+    """A thickness to whole millimetres, thicker ones to five."""
+    step = 5e-3 if thickness > 0.02 else 1e-3 if thickness > 2e-3 else 1e-4
+    return round(max(round(thickness / step), 1) * step, 6)
+
+
+def _is_good(surface: Surface, edge: float) -> bool:
+    """Whether the triangles are of that size, and none is a needle."""
+    lengths = surface.edge_lengths
+    fits = 0.5 * edge <= lengths.mean() <= 1.2 * edge and lengths.max() <= 2 * edge
+    return bool(fits and _smallest_angle(surface) >= SHARPEST)
+
+
+def _smallest_angle(surface: Surface) -> float:
+    """Degrees."""
+    P: Floats = surface.V[surface.F]
+    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), (u * v).sum(axis=2)).min()))

@@ -1,0 +1,66 @@
+"""A guess which axis of a mesh points to the sky: z, or y as in files of Blender and web tools."""
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from dsfab.arrays import Floats
+from dsfab.surface import Surface, Up, upright
+
+CLEAR = 0.1
+"""By this much y has to look better than z before it is taken for the vertical axis."""
+SLICE = 0.05
+"""Share of the height in which boundary counts as the bottom or the top."""
+SOLE = 0.03
+"""Share of the height in which vertices are what a surface stands on."""
+PINHOLES = 0.02
+"""Boundary shorter than this share of the side of a square of the same area makes no surface open."""
+
+
+def likely_up(surface: Surface) -> Up:
+    """z; or y, or -y, where the surface plainly stands better that way up, as files of Blender and web tools may.
+
+    An open surface is judged by how much of it a plan shows, by how much more of its boundary lies at its bottom than
+    at its top, and by how well it stands; a closed one by how well it stands alone.
+    """
+    others: tuple[Up, Up] = ("y", "-y")
+    score = {axis: _standing(surface, axis) for axis in others}
+    best = max(others, key=lambda axis: score[axis])
+    return best if score[best] > _standing(surface, "z") + CLEAR else "z"
+
+
+def _standing(surface: Surface, up: Up) -> float:
+    """How well a surface stands with that axis up; about 0 to 2 of an open one, -0.2 to 0.4 of a closed one."""
+    V = upright(surface.V, up)
+    stability = _stability(V, surface)
+    if is_nearly_closed(surface):
+        return stability
+    k = "xyz".index(up[-1])
+    plan = float(surface.areas @ np.abs(surface.normals[:, k]) / surface.area)
+    ends = surface.edges.ends[surface.edges.boundary]
+    length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
+    z = V[ends, 2].mean(axis=1)
+    low, high = V[:, 2].min(), V[:, 2].max()
+    bottom = length[z < low + SLICE * (high - low)].sum()
+    top = length[z > high - SLICE * (high - low)].sum()
+    return plan + float((bottom - top) / length.sum()) + 0.5 * stability
+
+
+def is_nearly_closed(surface: Surface) -> bool:
+    """Whether it has no boundary, or pinholes only."""
+    return bool(surface.edge_lengths[surface.edges.boundary].sum() < PINHOLES * np.sqrt(surface.area))
+
+
+def _stability(V: Floats, surface: Surface) -> float:
+    """How far inside of what it stands on the middle of its weight lies, over the side of a square of its area.
+
+    V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4.
+    """
+    height = np.ptp(V[:, 2])
+    on = V[V[:, 2] <= V[:, 2].min() + SOLE * height, :2]
+    middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
+    try:
+        plane = ConvexHull(on).equations  # a point is inside where all of them are negative
+    except (QhullError, ValueError):
+        return -0.2  # a point or a line: it stands on no area
+    inside = -(plane[:, :2] @ middle + plane[:, 2]).max()
+    return float(np.clip(inside / np.sqrt(surface.area), -0.2, 0.4))

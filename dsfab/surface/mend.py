@@ -1,0 +1,112 @@
+"""Small faults of meshes as programs leave them, mended: crumbs, pinholes, needles without area, faces twice."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.surface.places import merged
+from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
+
+WELD = 1e-5
+"""Share of the largest side within which vertices become one."""
+CRUMB = 0.01
+"""Share of the area under which a loose piece is dropped."""
+FLAT = 1e-9
+"""A face whose height is a smaller share of its longest edge has no area."""
+PINHOLE = 1e-3
+"""Share of the largest side under which the outline of a hole is closed by a fan of faces."""
+
+
+@dataclass(frozen=True, eq=False)
+class MendedMesh:
+    """A mesh and what was done to it.
+
+    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, none where nothing had to be done.
+    """
+
+    V: Floats
+    F: Ints
+    repairs: tuple[str, ...] = ()
+
+    def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
+        """The mesh with these (k,) faces alone; the others are told as `which`."""
+        lost = len(self.F) - len(keep)
+        return replace(self, F=self.F[keep], repairs=(*self.repairs, f"{_count(lost, 'face')} {which} dropped")) if lost else self
+
+
+def mended(V: Floats, F: Ints) -> MendedMesh:
+    """The mesh V (n, 3), any unit, F (m, 3) without what no architect means.
+
+    Vertices closer than `WELD` of the largest side become one, faces without area or with an earlier face's corners go,
+    and so do the later ones of three and more on an edge, pieces under `CRUMB` of the area, and pinholes with outlines
+    under `PINHOLE` of the side. What is left is as it was; vertices without a face are dropped.
+    """
+    finite = np.isfinite(V).all(axis=1)
+    mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
+    mesh = _welded(_compact(mesh))
+    mesh = mesh.with_faces(np.flatnonzero(_slenderness(mesh.V, mesh.F) > FLAT), "without area")
+    mesh = mesh.with_faces(np.setdiff1d(np.arange(len(mesh.F)), duplicate_faces(mesh.F)), "that repeat others")
+    mesh = mesh.with_faces(_on_edges_of_two(mesh.F), "on edges that have two others")
+    mesh = mesh.with_faces(_in_large_pieces(mesh.V, mesh.F), "in crumbs")
+    return _compact(_without_pinholes(mesh))
+
+
+def _count(number: int, thing: str) -> str:
+    plural = {"vertex": "vertices"}.get(thing, thing + "s")
+    return f"{number:,} {thing if number == 1 else plural}"
+
+
+def _compact(mesh: MendedMesh) -> MendedMesh:
+    used, F = np.unique(mesh.F, return_inverse=True)
+    return replace(mesh, V=mesh.V[used], F=F.reshape(-1, 3))
+
+
+def _welded(mesh: MendedMesh) -> MendedMesh:
+    V, became = merged(mesh.V, WELD)
+    fewer = len(mesh.V) - len(V)
+    if not fewer:
+        return mesh
+    words = f"{_count(fewer, 'vertex')} welded to others within {WELD:g} of the largest side"
+    return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
+
+
+def _slenderness(V: Floats, F: Ints) -> Floats:
+    """(m,) smallest height of each triangle over its longest edge; 0 where corners are the same."""
+    P = V[F]
+    longest = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1, initial=0)
+    twice = np.linalg.norm(np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), axis=1)
+    return np.divide(twice, longest**2, out=np.zeros(len(F)), where=longest > 0)
+
+
+def _on_edges_of_two(F: Ints) -> Ints:
+    """(k,) faces that are not the third or a later one on an edge."""
+    edges = edge_table(F)
+    late = [np.flatnonzero((edges.of == edge).any(axis=1))[2:] for edge in np.flatnonzero(edges.count > 2)]
+    return np.setdiff1d(np.arange(len(F)), np.concatenate(late) if late else [])
+
+
+def _in_large_pieces(V: Floats, F: Ints) -> Ints:
+    """(k,) faces of pieces that are more than crumbs."""
+    count, piece = pieces(F, edge_table(F))
+    area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
+    of_piece = np.bincount(piece, area, minlength=count)
+    return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
+
+
+def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
+    """The mesh with small holes closed by fans; as it is where its faces cannot be turned the same way."""
+    V, F = mesh.V, mesh.F
+    flips = flips_to_orient(F, edge_table(F))
+    if flips is None or not len(F):
+        return mesh
+    F = np.where(flips[:, None], F[:, ::-1], F)
+    longest = PINHOLE * np.ptp(V, axis=0).max()
+    fans = [
+        np.stack([np.full(len(loop) - 2, loop[0]), loop[2:], loop[1:-1]], axis=1)
+        for loop in boundary_loops(F, edge_table(F))
+        if len(loop) >= 3 and np.linalg.norm(V[loop] - V[np.roll(loop, 1)], axis=1).sum() < longest
+    ]
+    if not fans:
+        return mesh
+    return MendedMesh(V, np.concatenate([F, *fans]), (*mesh.repairs, f"{_count(len(fans), 'pinhole')} closed"))
