@@ -120,6 +120,8 @@ def preset_toml(preset: Preset, brief: bool = False) -> str:
         own, statics = own_values(values["statics"]), values["statics"]
         values["statics"] = {key: value for key, value in statics.items() if key not in KEYS or key in own}
     surface = values["surface"]
+    for key in ("support", "load"):
+        surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
     # the shape first, then what holds it and what presses on it
     values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}
     return tomli_w.dumps(values)

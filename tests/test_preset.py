@@ -144,7 +144,7 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
         ),
         (
             {"surface.load.1.strength": 3},
-            r"unknown key surface\.load\.1\.strength \(known here: at, force, kind, case\)",
+            r"unknown key surface\.load\.1\.strength \(known here: at, force, kind, case, name\)",
         ),
         ({"surface.support.0.at.pick": "bxo"}, r"support\.0\.at\.pick = 'bxo' is not known; did you mean box\?"),
         ({"surface.support.0.at": {"axis": "z"}}, r"support\.0\.at needs pick = \.\.\.: use one of all, box"),

@@ -6,6 +6,7 @@ from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_are
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mesh import Surface
 from dsfab.surface.mend import MendedMesh, mended
+from dsfab.surface.names import load_names, support_names
 from dsfab.surface.nearest import nearest
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
@@ -47,6 +48,7 @@ __all__ = [
     "describe",
     "load_cases",
     "mended",
+    "load_names",
     "nearest",
     "normalized",
     "ply_chunks",
@@ -54,6 +56,7 @@ __all__ = [
     "refined",
     "signed_volume",
     "signed_volumes",
+    "support_names",
     "together",
     "total_area",
     "upright",

@@ -10,6 +10,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.errors import SurfaceError
 from dsfab.surface.cover import one_sided_pieces, require_two_sides
 from dsfab.surface.mesh import Surface
+from dsfab.surface.names import Name
 from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
 
 EDGE_ON = 1e-12
@@ -31,6 +32,7 @@ class Snow:
     at: Picker = field(default_factory=All)
     kind: Literal["snow"] = "snow"
     case: CaseName = "load"
+    name: Name = ""
 
     def traction(self, surface: Surface) -> Floats:
         """(m, 3) Pa on each face; times the areas it sums to `pressure` times the plan area of the faces."""
@@ -70,6 +72,7 @@ class Wind:
     at: Picker = field(default_factory=All)
     kind: Literal["wind"] = "wind"
     case: CaseName = "load"
+    name: Name = ""
 
     def traction(self, surface: Surface) -> Floats:
         """(m, 3) Pa on each face."""

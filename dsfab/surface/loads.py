@@ -12,6 +12,7 @@ from dsfab.errors import SurfaceError
 from dsfab.surface.climate import Snow, Wind, picked_faces, to_corners
 from dsfab.surface.cover import require_two_sides
 from dsfab.surface.mesh import Surface
+from dsfab.surface.names import Name
 from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
 from dsfab.surface.supports import Support
 
@@ -28,6 +29,7 @@ class Force:
     force: Vector
     kind: Literal["force"] = "force"
     case: CaseName = "load"
+    name: Name = ""
 
     def on(self, surface: Surface, weight: float) -> Floats:
         """(n, 3) newtons; they sum to `force`."""
@@ -51,6 +53,7 @@ class Pressure:
     at: Picker = field(default_factory=All)
     kind: Literal["pressure"] = "pressure"
     case: CaseName = "load"
+    name: Name = ""
 
     def on(self, surface: Surface, weight: float) -> Floats:
         """(n, 3) newtons; they sum to -pressure times the vector area of the faces."""
@@ -70,6 +73,7 @@ class SelfWeight:
     direction: Vector = (0.0, 0.0, -1.0)
     kind: Literal["self_weight"] = "self_weight"
     case: CaseName = "load"
+    name: Name = ""
 
     def on(self, surface: Surface, weight: float) -> Floats:
         """(n, 3) newtons for a sheet of `weight` newtons per square metre; they sum to weight times area."""
@@ -95,6 +99,7 @@ class Line:
     edges: Literal["boundary", "all"] = "boundary"
     kind: Literal["line"] = "line"
     case: CaseName = "load"
+    name: Name = ""
 
     def on_edges(self, surface: Surface) -> Floats:
         """(e, 3) newtons per metre; times the lengths it sums to `per_metre` times the length of the line."""

@@ -9,6 +9,7 @@ from pydantic import ConfigDict
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
+from dsfab.surface.names import Name
 from dsfab.surface.pickers import STRICT, Picker, Vector
 
 Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
@@ -28,6 +29,7 @@ class Support:
              proportion to their areas as a force is. 0 leaves a direction free (or to `hold`).
     clamp  : whether the edges that have both ends picked cannot turn about themselves either. Edges across an ear of
              the mesh (a face with two boundary edges) lie inside and stay free.
+    name   : what people call it, wherever supports are listed; it changes no result.
 
     Raises SupportError for a support that holds nothing, a negative spring, or one along a held direction.
     """
@@ -37,6 +39,7 @@ class Support:
     hold: Hold | None = None
     spring: Vector | None = None
     clamp: bool = False
+    name: Name = ""
 
     def __post_init__(self) -> None:
         stiff = self.spring or (0.0, 0.0, 0.0)

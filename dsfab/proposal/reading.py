@@ -1,0 +1,107 @@
+"""A mesh of the user's as a surface in metres with z up, and what was decided on the way."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.errors import SurfaceError
+from dsfab.proposal.vertical import likely_up
+from dsfab.surface import Surface, Up, describe, mended, read_surface, upright
+from dsfab.wording import length
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One thing that was decided.
+
+    topic : a word or two.  choice : what, and why.  change : the key of the preset, or the option, that changes it.
+    """
+
+    topic: str
+    choice: str
+    change: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class GivenMesh:
+    """A mesh as a surface, metres, z up; and the keys of [surface] that make it that."""
+
+    surface: Surface
+    name: str
+    keys: dict[str, Any]
+    decisions: tuple[Decision, ...]
+
+
+def mesh_in_file(path: Path, unit: str | None, up: Up | None) -> GivenMesh:
+    """The mesh in a file; unit and vertical axis are guessed where they are not given.
+
+    Raises SurfaceError for a file that cannot be read, or is no sheet even when it is mended.
+    """
+    facts = describe(path, unit)
+    unit = unit or facts.unit_guess
+    keys: dict[str, Any] = {"file": str(path), "unit": unit}
+    repairs, mend = _repairs(path)
+    surface = read_surface(path, unit, mend=mend)
+    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", 'surface.unit = "cm", or --unit cm')]
+    if mend:
+        keys["mend"] = True
+        decisions.append(Decision("mended", "; ".join(repairs), "surface.mend = false"))
+    surface, up, turned = _turned(surface, up)
+    if up != "z":
+        keys["up"] = up
+    name = "".join(c if c.isalnum() or c in "-_." else "_" for c in path.stem).strip("_.-") or "mesh"
+    return GivenMesh(surface, name, keys, (*decisions, turned))
+
+
+def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
+    """The same of a mesh that Python holds: a `Surface`, or what `Surface.of` takes; metres where nothing else is said.
+
+    Raises SurfaceError for what is no mesh.
+    """
+    pair = isinstance(mesh, tuple | list) and len(mesh) == 2
+    surface = Surface.from_mesh(*mesh, unit or "m") if pair else Surface.of(mesh, unit)
+    better = mended(surface.V, surface.F)
+    decisions = [Decision("unit", f"metres: it is {_box(surface)}", 'unit="mm"')]
+    if better.repairs:
+        surface = Surface.from_mesh(better.V, better.F)
+        decisions.append(Decision("mended", "; ".join(better.repairs)))
+    surface, _, turned = _turned(surface, up)
+    return GivenMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
+
+
+def _repairs(path: Path) -> tuple[tuple[str, ...], bool]:
+    """What mending would do to the mesh in a file, and whether that is anything."""
+    from dsfab.surface.files import raw_mesh
+
+    raw = raw_mesh(path)
+    repairs = mended(raw.V, raw.F).repairs
+    return repairs, bool(repairs)
+
+
+def _turned(surface: Surface, up: Up | None) -> tuple[Surface, Up, Decision]:
+    """The surface with z up, its file's vertical axis, and how that was found."""
+    guess = likely_up(surface) if up is None else up
+    turned = surface if guess == "z" else Surface(upright(surface.V, guess), surface.F)
+    other = "y" if guess == "z" else "z"
+    change = f'surface.up = "{other}", or --up {other}'
+    if up is not None:
+        return turned, guess, Decision("up", f"{up}, as you say", change)
+    if guess != "z":
+        lies = f"with z up it would lie on its side or back; {guess} is taken for the vertical axis"
+        return turned, guess, Decision("up", lies, change)
+    low, _, high = np.sort(np.ptp(turned.V, axis=0))
+    stands = np.ptp(turned.V[:, 2]) == high and high > 1.5 * low
+    told = f"z; it stands upright, {length(high)} high: if it should lie, another axis is up" if stands else "z"
+    return turned, guess, Decision("up", told, change)
+
+
+def _box(surface: Surface) -> str:
+    return " x ".join(length(float(side)) for side in np.ptp(surface.V, axis=0))
+
+
+def require_vertical_axis(up: str | None) -> None:
+    """Raises SurfaceError for an axis that is none of x, y, z, -x, -y, -z."""
+    if up is not None and up not in ("x", "y", "z", "-x", "-y", "-z"):
+        raise SurfaceError(f"up = {up!r} is no axis; use one of x, y, z, -x, -y, -z")
