@@ -73,15 +73,21 @@ def build(
 ) -> int:
     """Build a preset: solid, sheet, picture and numbers, in one folder.
 
+    For a mesh file a preset is proposed as by `dsfab new`, each decision told.
+
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`) or a TOML file.
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
     """
     from dsfab.pipeline import run
     from dsfab.report.design.save import save
 
-    given = source.also(*files.overrides(), *step.overrides()).read(preset)
+    wanted = source.also(*files.overrides(), *step.overrides())
+    proposal = wanted.proposal(preset)
+    for line in proposal.lines if proposal and not quiet else ():
+        out(line)
+    given = wanted.read(preset, proposal)
     _require(given.export.formats)
     reporter = Reporter(quiet)
     if step.estimate:

@@ -16,7 +16,7 @@ DONE, REFUSED, WRONG_USAGE, STOPPED = 0, 1, 2, 130
 app = App(
     name="dsfab",
     help="Diffusion Structures: from a surface, its supports and its loads to a file that a fabricator opens.",
-    help_epilogue="Start with `dsfab presets`, then `dsfab build dome`.",
+    help_epilogue="Start with `dsfab build dome`, or with a mesh of yours: `dsfab build my_roof.obj`.",
     version=__version__,
     suppress_keyboard_interrupt=False,
 )
@@ -24,6 +24,7 @@ app = App(
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
+app.command("dsfab.app.new:new", name="new", help="Write a preset for a surface of your own, each decision told.")
 app.command("dsfab.app.export:export", name="export", help="Write one file: solid, lines, drawing, fields or model.")
 app.command("dsfab.app.preview:preview", name="preview", help="Draw a design without building it.")
 app.command("dsfab.app.check:check", name="check", help="Read an exported solid again: is it sound, and the design?")

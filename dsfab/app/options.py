@@ -10,6 +10,7 @@ from dsfab.errors import DsfabError, PresetError
 
 if TYPE_CHECKING:
     from dsfab.preset import Preset
+    from dsfab.proposal import Proposal
 
 SMALLEST, LARGEST = 64, 8000
 """Pixels of a side of a picture."""
@@ -18,6 +19,7 @@ Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Over
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
 Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")]
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
+Up = Annotated[str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")]
 
 
 View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]
@@ -66,23 +68,45 @@ class Source:
     set_: Set = ()
     mesh: Mesh = None
     unit: Unit = None
+    up: Up = None
 
-    def read(self, name: str) -> "Preset":
-        """The preset of this name or file with its changes; raises PresetError for what is not or cannot be, and for
-        one that takes a mesh where none is given."""
-        from dsfab.preset_file import load_preset, require_mesh
+    def read(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
+        """The preset of this name or file with its changes; for a mesh file, or `roof --mesh FILE`, one is proposed.
 
+        proposal : the one for it, where it is known already.
+
+        Raises PresetError for what is not or cannot be, and for one that takes a mesh where none is given.
+        """
+        from dsfab.preset_file import load_preset, overridden, require_mesh
+
+        proposal = proposal or self.proposal(name)
+        if proposal:
+            return overridden(proposal.preset, self.overrides())
         given = load_preset(name, self.overrides(), self.mesh)
         if self.mesh is None:
             require_mesh(given)
         return given
 
+    def proposal(self, name: str) -> "Proposal | None":
+        """What is proposed for a mesh file that stands in place of a preset; None for a preset."""
+        from dsfab.proposal import OWN, propose
+        from dsfab.surface import MESH_SUFFIXES
+
+        named = name if Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
+        if named is None:
+            return None
+        if named is name and self.mesh is not None:
+            raise PresetError(f"{name} and --mesh {self.mesh} are two meshes; give one of them")
+        material = self.overrides().get("statics.material")
+        return propose(Path(named), self.unit, self.up, material if isinstance(material, str) else None)
+
     def overrides(self) -> dict[str, Any]:
         """The changes as values of dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
         from dsfab.preset_file import parse_override
 
-        unit = {} if self.unit is None else {"surface.unit": self.unit}
-        return dict(parse_override(text) for text in self.set_) | unit
+        given = {"surface.unit": self.unit, "surface.up": self.up}
+        known = {key: value for key, value in given.items() if value is not None}
+        return dict(parse_override(text) for text in self.set_) | known
 
     def also(self, *texts: str) -> "Source":
         """With more changes, KEY=VALUE each, which win over those before."""
@@ -92,7 +116,8 @@ class Source:
         """The words of a command line that names this preset with these changes."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
-        return words + (["--unit", self.unit] if self.unit is not None else [])
+        words += ["--unit", self.unit] if self.unit is not None else []
+        return words + (["--up", self.up] if self.up is not None else [])
 
 
 UNCHANGED = Source()

@@ -5,7 +5,7 @@
     propose.py   all of it as a commented preset
 """
 
-from dsfab.proposal.propose import Proposal, preset_for, propose
+from dsfab.proposal.propose import OWN, Proposal, preset_for, propose
 from dsfab.proposal.reading import Decision
 
-__all__ = ["Decision", "Proposal", "preset_for", "propose"]
+__all__ = ["OWN", "Decision", "Proposal", "preset_for", "propose"]

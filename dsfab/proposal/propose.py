@@ -3,7 +3,7 @@
 import json
 import tomllib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from dsfab.proposal.vertical import is_nearly_closed
 from dsfab.surface import Boundary, Surface, Up
 from dsfab.wording import length
 
+OWN = "roof"
+"""The shipped preset that stands for any surface of one's own: with `--mesh` it is proposed anew for that mesh."""
 SNOW = 750.0
 """Pa on the plan: a placeholder for the local code."""
 ROOF = 0.4
@@ -32,20 +34,33 @@ SHARE = 0.45
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A preset for a mesh, as text with comments, and what was decided.
-
-    toml : the text; of a mesh that Python holds its [surface] names none.
-    """
+    """A preset for a mesh, as text with comments, and what was decided."""
 
     given: GivenMesh
-    decisions: tuple[Decision, ...]
-    toml: str
+    size: Sizes
+    stands: tuple[Foot, ...]
+
+    def text(self, file: Path | None = None) -> str:
+        """The preset as TOML; of a mesh that Python holds it names none.
+
+        file : the mesh as the preset's folder sees it; the path that was given where left out.
+        """
+        keys = self.given.keys | ({"file": str(file)} if file else {})
+        return "\n".join(_text(replace(self.given, keys=keys), self.size, self.stands, self.decisions)) + "\n"
+
+    @cached_property
+    def decisions(self) -> tuple[Decision, ...]:
+        """All of them, in the order of the preset."""
+        return (*self.given.decisions, *_decisions(self.given.surface, self.size, self.stands))
 
     @cached_property
     def preset(self) -> Preset:
         """The preset itself."""
-        values = tomllib.loads(self.toml)
-        values["surface"] |= {key: self.given.keys[key] for key in ("file", "mesh") if key in self.given.keys}
+        values = tomllib.loads(self.text())
+        if "mesh" in self.given.keys:
+            values["surface"]["mesh"] = self.given.keys["mesh"]
+        else:
+            values["surface"]["file"] = Path(self.given.keys["file"]).absolute()
         return preset_from(values, f"proposal for {self.given.name}")
 
     @property
@@ -53,7 +68,7 @@ class Proposal:
         """A line for each decision: topic, what was decided, how to change it."""
         width = max(len(each.topic) for each in self.decisions)
         return tuple(
-            f"{each.topic:<{width}}  {each.choice}" + (f"  [{each.change}]" if each.change else "")
+            f"{each.topic:<{width}}  {each.choice}" + (f"; change {each.change}" if each.change else "")
             for each in self.decisions
         )
 
@@ -77,9 +92,7 @@ def propose(mesh: Any, unit: str | None = None, up: Up | None = None, material: 
     name = material_named(material).name if material else None
     given = mesh_in_file(Path(mesh), unit, up) if isinstance(mesh, str | Path) else mesh_in_memory(mesh, unit, up)
     size = sizes(given.surface, name)
-    stands = feet(given.surface, size.span)
-    decisions = (*given.decisions, *_decisions(given.surface, size, stands))
-    return Proposal(given, decisions, "\n".join(_text(given, size, stands, decisions)) + "\n")
+    return Proposal(given, size, feet(given.surface, size.span))
 
 
 def _takes_snow(surface: Surface) -> bool:
@@ -96,13 +109,13 @@ def _decisions(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Itera
     if edge:
         yield Decision("mesh", f"made anew with edges of {length(edge)} (they are {length(mean)})", "surface.edge")
     else:
-        yield Decision("mesh", f"kept as it is, edges of {length(mean)}", f"surface.edge = {0.7 * mean:.2g}")
+        yield Decision("mesh", f"kept as it is, with edges of {length(mean)}", "surface.edge")
     where = ", ".join(foot.name + (f" ({length(foot.length)})" if foot.length else "") for foot in stands)
     free = "; other edges and openings are free" if any(foot.length for foot in stands) else ", its lowest part"
-    yield Decision("stands on", where + free, "[[surface.support]]")
+    yield Decision("stands on", where + free, "surface.support")
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code" if _takes_snow(surface) else ""
-    yield Decision("carries", "its own weight" + snow, "[[surface.load]]")
-    over = f", a {size.ratio}th of the span of {length(size.span)}" if not is_nearly_closed(surface) else ""
+    yield Decision("carries", "its own weight" + snow, "surface.load")
+    over = f", 1/{size.ratio} of the span of {length(size.span)}" if not is_nearly_closed(surface) else ""
     yield Decision("made of", f"{size.material}, {length(size.thickness)} thick{over}", "statics.material, statics.thickness")
     across = "" if is_nearly_closed(surface) else f", about {round(size.span / size.spacing)} across the span"
     yield Decision("pattern", f"members every {length(size.spacing)}{across}, along the stress", "pattern.major.spacing, pattern.minor.spacing")

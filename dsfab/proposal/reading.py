@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.errors import SurfaceError
 from dsfab.proposal.vertical import likely_up
-from dsfab.surface import Surface, Up, describe, mended, read_surface, upright
+from dsfab.surface import Surface, Up, describe, mended, raw_mesh, read_surface, upright
 from dsfab.wording import length
 
 
@@ -44,10 +44,10 @@ def mesh_in_file(path: Path, unit: str | None, up: Up | None) -> GivenMesh:
     keys: dict[str, Any] = {"file": str(path), "unit": unit}
     repairs, mend = _repairs(path)
     surface = read_surface(path, unit, mend=mend)
-    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", 'surface.unit = "cm", or --unit cm')]
+    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", 'surface.unit, or --unit cm')]
     if mend:
         keys["mend"] = True
-        decisions.append(Decision("mended", "; ".join(repairs), "surface.mend = false"))
+        decisions.append(Decision("mended", "; ".join(repairs), "surface.mend"))
     surface, up, turned = _turned(surface, up)
     if up != "z":
         keys["up"] = up
@@ -63,7 +63,7 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
     pair = isinstance(mesh, tuple | list) and len(mesh) == 2
     surface = Surface.from_mesh(*mesh, unit or "m") if pair else Surface.of(mesh, unit)
     better = mended(surface.V, surface.F)
-    decisions = [Decision("unit", f"metres: it is {_box(surface)}", 'unit="mm"')]
+    decisions = [Decision("unit", f"metres: it is {_box(surface)}", 'the argument unit')]
     if better.repairs:
         surface = Surface.from_mesh(better.V, better.F)
         decisions.append(Decision("mended", "; ".join(better.repairs)))
@@ -73,8 +73,6 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
 
 def _repairs(path: Path) -> tuple[tuple[str, ...], bool]:
     """What mending would do to the mesh in a file, and whether that is anything."""
-    from dsfab.surface.files import raw_mesh
-
     raw = raw_mesh(path)
     repairs = mended(raw.V, raw.F).repairs
     return repairs, bool(repairs)
@@ -85,7 +83,7 @@ def _turned(surface: Surface, up: Up | None) -> tuple[Surface, Up, Decision]:
     guess = likely_up(surface) if up is None else up
     turned = surface if guess == "z" else Surface(upright(surface.V, guess), surface.F)
     other = "y" if guess == "z" else "z"
-    change = f'surface.up = "{other}", or --up {other}'
+    change = f"surface.up, or --up {other}"
     if up is not None:
         return turned, guess, Decision("up", f"{up}, as you say", change)
     if guess != "z":

@@ -3,6 +3,7 @@
 from dsfab.surface.cases import Combination, load_cases, together
 from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
+from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mesh import Surface
 from dsfab.surface.mend import MendedMesh, mended
@@ -19,6 +20,7 @@ from dsfab.surface.supports import Support
 
 __all__ = [
     "FIGURES",
+    "MESH_SUFFIXES",
     "SHAPES",
     "All",
     "Ball",
@@ -52,6 +54,7 @@ __all__ = [
     "nearest",
     "normalized",
     "ply_chunks",
+    "raw_mesh",
     "read_surface",
     "refined",
     "signed_volume",

@@ -181,3 +181,5 @@ _READERS: dict[str, Callable[[Path], RawMesh]] = {
     ".glb": _glb,
     ".3mf": _3mf,
 }
+MESH_SUFFIXES = tuple(_READERS)
+"""Of the mesh files that are read."""

@@ -1,0 +1,97 @@
+"""One command for somebody's own surface, on every mesh that there is: `python -m tests.benchmarks.own_surfaces FOLDER`.
+
+`dsfab build MESH` runs on the meshes in DSFAB_MESHES and on those of `tests/own_meshes.py`, each in a process of its
+own, without a preset. FOLDER gets a folder for each, a contact sheet of all of them and a table: seconds, pieces, dead
+ends, slits, the smallest gap over the thickness, or the sentence by which a mesh was refused. Names after FOLDER choose
+some of them.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dsfab.render.palette import PAPER
+from dsfab.report.contact_sheet import Tile, contact_sheet
+from dsfab.wording import table
+from tests.own_meshes import OWN
+
+ACROSS, WIDE, ASPECT = 5, 640, 4 / 3
+TEXT = 120
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What one build came to. error : the last line of a refusal; facts : design.json."""
+
+    name: str
+    folder: Path
+    seconds: float
+    error: str = ""
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def measures(self) -> tuple[tuple[str, str], ...]:
+        if self.error:
+            return (("seconds", f"{self.seconds:.0f}"),)
+        pattern, made = self.facts["pattern"], self.facts["fabrication"]
+        gap = (made["smallest_gap"] or {}).get("m", 0) / self.facts["preset"]["statics"]["thickness"]
+        families = [pattern[name] for name in ("major", "minor")]
+        return (
+            ("seconds", f"{self.seconds:.0f}"),
+            ("pieces", str(self.facts["solid"]["pieces"])),
+            ("dead ends", str(sum(len(family["loose_ends_at_m"]) for family in families))),
+            ("slits", str(sum(family["slits"] for family in families))),
+            ("gap/thickness", f"{gap:.2f}"),
+        )
+
+
+def build(mesh: Path, folder: Path) -> Attempt:
+    """`dsfab build MESH -o FOLDER`, as a user would type it."""
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "dsfab.app.cli", "build", str(mesh), "-o", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    seconds = time.perf_counter() - start
+    (folder.parent / f"{mesh.stem}.txt").write_text(done.stdout + done.stderr, encoding="utf-8")
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["nothing said"])[-1]
+        return Attempt(mesh.stem, folder, seconds, last)
+    return Attempt(mesh.stem, folder, seconds, facts=json.loads((folder / "design.json").read_text(encoding="utf-8")))
+
+
+def meshes(folder: Path) -> list[Path]:
+    """Those that lie in DSFAB_MESHES, and ours, written anew."""
+    given = Path(os.environ.get("DSFAB_MESHES", "../shared/meshes"))
+    folder.mkdir(parents=True, exist_ok=True)
+    return [*sorted(given.glob("*.obj")), *(make(folder) for make in OWN.values())]
+
+
+def main(folder: Path, names: list[str]) -> None:
+    attempts = []
+    for mesh in meshes(folder / "meshes"):
+        if names and mesh.stem not in names:
+            continue
+        attempts.append(build(mesh, folder / mesh.stem))
+        one = attempts[-1]
+        print(one.name, one.error or dict(one.measures), flush=True)
+    tiles = []
+    for k, one in enumerate(attempts):
+        picture = one.folder / "preview.png"
+        png = picture.read_bytes() if not one.error and picture.is_file() else None
+        tiles.append(Tile(k + 1, (("", one.name), *one.measures), "", png, one.error[:TEXT]))
+    line = "dsfab build MESH, without a preset"
+    sheet = contact_sheet(tiles, "Surfaces of one's own", line, ACROSS, WIDE, ASPECT, PAPER)
+    sheet.save(folder / "sheet.png", optimize=True)
+    head = ["mesh", *(name for name, _ in attempts[0].measures)]
+    print(table(head, [[one.name, *(text for _, text in one.measures)] if not one.error else [one.name, f"{one.seconds:.0f}", *[""] * (len(head) - 2)] for one in attempts]))
+    for one in attempts:
+        if one.error:
+            print(f"{one.name}: {one.error}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2:])
