@@ -14,7 +14,7 @@ from dsfab.materials import KEYS
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
 from dsfab.preset_material import own_values, replaced
-from dsfab.preset_surface import FileSurface, Given, MeshSurface, missing_preset
+from dsfab.preset_surface import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
 
 
 def shipped_presets() -> dict[str, Path]:
@@ -144,7 +144,8 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old = values.get("surface", {})
-    kept = {key: old[key] for key in (*Given.model_fields, "unit") if key in old}
+    keys = (*OwnSurface.model_fields, "unit") if "file" in old else (*Given.model_fields, "unit")  # shapes: own edges
+    kept = {key: old[key] for key in keys if key in old}
     values["surface"] = {**kept, "file": str(mesh)}
 
 

@@ -6,7 +6,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 
 import numpy as np
 from annotated_types import Ge
@@ -20,11 +20,23 @@ from pydantic import (
     Tag,
     ValidationError,
     create_model,
+    model_validator,
 )
 
 from dsfab.errors import PresetError
 from dsfab.preset_errors import mistakes
-from dsfab.surface import SHAPES, Combination, Load, Support, Surface, Up, normalized, read_surface, refined
+from dsfab.surface import (
+    SHAPES,
+    Combination,
+    Load,
+    Support,
+    Surface,
+    Up,
+    normalized,
+    read_surface,
+    refined,
+    remeshed,
+)
 
 
 class Section(BaseModel):
@@ -52,7 +64,8 @@ class Given(Section):
     refine: Annotated[float, Ge(0)] = 0.0
     """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
     smooth: bool = False
-    """Whether refining also rounds the facets (Loop subdivision)."""
+    """Whether refining rounds the facets (Loop subdivision), or the vertices of a mesh made anew lie on the smooth
+    surface through the old ones; boundaries and creases stay as they are."""
 
     def build(self) -> Surface:
         """The surface itself; raises SurfaceError."""
@@ -63,7 +76,30 @@ class Given(Section):
         raise NotImplementedError
 
 
-class FileSurface(Given):
+class OwnSurface(Given):
+    """What a mesh of the user's has besides: the length of the edges that it is to have, wherever its own are long."""
+
+    edge: Annotated[float, Ge(0)] = 0.0
+    """Metres; the mesh is made anew of even triangles, boundaries and creases kept. 0 leaves it as it is."""
+    finest: Annotated[float, Ge(0)] = 0.0
+    """Metres; with `edge`, edges are shorter where the surface is curved, down to this. 0 leaves that out."""
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if self.edge and self.refine:
+            raise ValueError("give either edge (all triangles made anew) or refine (long edges halved), not both")
+        if self.finest and not self.edge:
+            raise ValueError("finest goes with edge, the length of edges where the surface is not curved; give both")
+        if self.finest > self.edge:
+            raise ValueError(f"finest = {self.finest:g} must not be longer than edge = {self.edge:g}")
+        return self
+
+    def build(self) -> Surface:
+        """The surface itself; raises SurfaceError."""
+        return remeshed(self.given(), self.edge, self.finest, self.smooth) if self.edge else super().build()
+
+
+class FileSurface(OwnSurface):
     """A surface read from a mesh file."""
 
     file: Path
@@ -105,7 +141,7 @@ def _mesh_text(surface: Surface) -> str:
 Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text, return_type=str, when_used="json")]
 
 
-class MeshSurface(Given):
+class MeshSurface(OwnSurface):
     """A surface that is given as a mesh in Python; `dsfab.save` writes it beside the preset, which then names the file.
 
     mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces.
@@ -122,7 +158,7 @@ class MeshSurface(Given):
             return False
         a, b = self.mesh, other.mesh
         same = a is b or (np.array_equal(a.V, b.V) and np.array_equal(a.F, b.F))
-        return same and all(getattr(self, key) == getattr(other, key) for key in Given.model_fields)
+        return same and all(getattr(self, key) == getattr(other, key) for key in OwnSurface.model_fields)
 
 
 class ShapeSurface(Given):

@@ -140,7 +140,10 @@ def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: di
         (lambda: preset(HYPAR, pattern={"mayor": {}}), r"unknown key pattern\.mayor; did you mean major\?"),
         (lambda: preset(HYPAR, statics={}), r"statics\.thickness is missing"),
         (lambda: dsfab.Preset(supports=[]), "surface is missing; statics is missing"),
-        (lambda: preset({"mesh": HYPAR, "edge": 1}), r"unknown key surface\.edge \(known here: .*refine, smooth, mesh"),
+        (
+            lambda: preset({"mesh": HYPAR, "side": 1}),
+            r"unknown key surface\.side \(known here: .*refine, smooth, edge, finest, mesh",
+        ),
         (lambda: preset({"mesh": "AAAA"}), r"surface\.mesh: this is no mesh that dsfab wrote"),
         (
             lambda: preset(HYPAR, supports=[dsfab.Support("rim")]),

@@ -24,7 +24,7 @@ from dsfab.delivery.archive_even import division_of, even_arrays, even_of, field
 from dsfab.delivery.fields import design_fields
 from dsfab.pipeline.design import Design
 from dsfab.preset import STAGES, Preset
-from dsfab.preset_surface import FileSurface, Given, MeshSurface
+from dsfab.preset_surface import FileSurface, MeshSurface, OwnSurface
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface, ply_chunks
@@ -51,7 +51,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
     given = preset.surface
     if isinstance(given, MeshSurface):
         (folder / MESH).write_bytes(b"".join(ply_chunks(given.mesh.V, given.mesh.F, "metre")))
-        values = {key: getattr(given, key) for key in Given.model_fields}
+        values = {key: getattr(given, key) for key in OwnSurface.model_fields}
         there = FileSurface.model_construct(**values, file=Path(MESH), unit="m")
     elif isinstance(given, FileSurface) and given.file.parent.absolute() == home.absolute():
         there = given.model_copy(update={"file": Path(given.file.name)})

@@ -15,6 +15,7 @@ from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import MeshFacts, describe, normalized, read_surface
 from dsfab.surface.refine import refined
+from dsfab.surface.remesh import remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
 
@@ -57,6 +58,7 @@ __all__ = [
     "raw_mesh",
     "read_surface",
     "refined",
+    "remeshed",
     "signed_volume",
     "signed_volumes",
     "support_names",

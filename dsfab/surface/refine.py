@@ -5,6 +5,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import SurfaceError
+from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults
 
@@ -19,7 +20,8 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
                      one is among them, which keeps angles from shrinking on and on [Rivara 1984]. No T-junctions; area
                      and boundary stay.
     smooth = True  : Loop's subdivision [Loop 1987], every triangle in four until all edges are short enough; vertices
-                     move towards the smooth limit surface, boundaries towards smooth curves.
+                     move towards the smooth limit surface, but none on a boundary or a crease (30 degrees): these are
+                     halved where they are.
 
     Raises SurfaceError for a target that is no length or that would take over `LARGEST` triangles, and for `smooth` on
     a surface that is not manifold and consistently oriented.
@@ -30,15 +32,29 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
         raise SurfaceError(f"only a manifold surface can be subdivided smoothly: {faults[0]}; set smooth to false")
     V, F = surface.V, surface.F
     edges = surface.edges
+    kept = edges.ends[feature_edges(surface)] if smooth else edges.ends[:0]
     while (long := _lengths(V, edges) > target).any():
         if smooth:
             _check_count(4 * len(F), target)
-            V, F = igl.loop(V, F, 1)
+            V, F, kept = _loop(V, F, edges, kept)
         else:
             _check_count(len(F) + int(long[edges.of].sum()), target)
             V, F, _ = halved(V, F, edges, long)
         edges = edge_table(F)
     return surface if F is surface.F else Surface(V, F)
+
+
+def _loop(V: Floats, F: Ints, edges: EdgeTable, kept: Ints) -> tuple[Floats, Ints, Ints]:
+    """One step of Loop's subdivision in which edges (k, 2) stay where they are; their halves (2 k, 2)."""
+    at = np.searchsorted(edges.ends @ (len(V), 1), kept @ (len(V), 1))
+    moved, finer = igl.loop(V, F, 1)
+    middle = np.empty(len(edges.ends), dtype=np.int64)
+    quarters = finer.reshape(-1, 4, 3)  # those at corners 0 and 1 come first, each from its corner round
+    middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
+    moved[kept] = V[kept]
+    moved[middle[at]] = V[kept].mean(axis=1)
+    halves = np.stack([kept, np.stack([middle[at], middle[at]], axis=1)], axis=2).reshape(-1, 2)
+    return moved, finer, np.sort(halves, axis=1)
 
 
 def _check_count(count: int, target: float) -> None:

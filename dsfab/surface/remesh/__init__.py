@@ -1,0 +1,12 @@
+"""Remeshing: even triangles of a wanted size on the same surface, its boundaries, creases and corners kept.
+
+Edges are split, collapsed and flipped, and vertices moved [Botsch and Kobbelt 2004], in whole arrays: many at once that
+do not touch, in an order by length or gain and then by index, so that the same surface gives the same mesh.
+
+curves.py what is kept   size.py how long edges are wanted   net.py the mesh in between
+split.py  collapse.py  flip.py  smoothing.py  the four steps
+"""
+
+from dsfab.surface.remesh.remeshing import remeshed
+
+__all__ = ["remeshed"]

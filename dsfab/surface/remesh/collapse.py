@@ -1,0 +1,138 @@
+"""Short edges collapsed to a point, where that keeps the topology, the curves and the lie of the faces."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Bools, Floats, Ints, lengths
+from dsfab.surface.neighbours import adjacency
+from dsfab.surface.remesh.curves import TOLERANCE, FeatureCurves
+from dsfab.surface.remesh.net import FIXED, FREE, ON_CURVE, Net, area_vectors, edges_of, independent, spans
+from dsfab.surface.remesh.split import LONGEST
+from dsfab.surface.topology import EdgeTable
+
+SHORTEST = 4 / 5
+"""Times the wanted length, below which an edge is collapsed [Botsch and Kobbelt 2004]."""
+
+TURN = 0.7
+"""No face turns by more than the angle of this cosine, about 45 degrees."""
+
+FLATNESS = 0.2
+"""Least twofold area of a face over its longest edge squared, 0.87 of the best face; or as much as it had before."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Collapses:
+    """Vertices `gone` (c,) that are put together with vertices `kept` (c,) at places `goal` (c, 3), metres."""
+
+    kept: Ints
+    gone: Ints
+    goal: Floats
+
+    def only(self, which: Bools) -> "_Collapses":
+        return _Collapses(self.kept[which], self.gone[which], self.goal[which])
+
+
+def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int) -> Net:
+    """The net with its short edges collapsed in so many batches; `edge`, metres, is what the tolerance refers to."""
+    for batch in range(batches):
+        edges = edges_of(net)
+        cost = spans(net.V, edges.ends) / net.size[edges.ends].mean(axis=1)
+        collapses, cost = _candidates(net, curves, edges, cost, edge, backwards=batch % 2 == 1)
+        pairs = np.stack([collapses.kept, collapses.gone], axis=1)
+        collapses = collapses.only(independent(pairs, cost, net.n, beside=edges.ends))
+        collapses = collapses.only(_keeps_faces(net, collapses))
+        if not len(collapses.kept):
+            break
+        net = _merged(net, collapses)
+    return net.without_lost()
+
+
+def _candidates(
+    net: Net, curves: FeatureCurves, edges: EdgeTable, cost: Floats, edge: float, backwards: bool
+) -> tuple[_Collapses, Floats]:
+    """Collapses of short edges that keep topology and curves, and their costs (c,).
+
+    A free vertex goes to any other, two to their middle, one on a curve along that only, a fixed one nowhere.
+    """
+    along = net.along_curves(edges)
+    lower = net.kind[edges.ends].min(axis=1)
+    short = (cost < SHORTEST) & (lower < FIXED) & (along | (lower == FREE))
+    chosen = np.flatnonzero(short)
+    chosen = chosen[_linked(edges, chosen, net.n)]
+    ends = edges.ends[chosen]
+    a, b = ends.T
+    swap = (net.kind[a] < net.kind[b]) | ((net.kind[a] == net.kind[b]) & backwards)
+    kept, gone = np.where(swap, b, a), np.where(swap, a, b)
+    fine = (net.kind[gone] == FREE) | _keeps_curves(net, curves, kept, gone, edge)
+    both = (net.kind[kept] == FREE)[:, None]
+    goal = np.where(both, (net.V[kept] + net.V[gone]) / 2, net.V[kept])
+    return _Collapses(kept, gone, goal).only(fine), cost[chosen[fine]]
+
+
+def _linked(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
+    """(c,) whether the ends of an edge share no neighbours but the corners opposite [link condition: Dey 1999]."""
+    A: csr_array = adjacency(edges, n)
+    a, b = edges.ends[chosen].T
+    common = np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel()
+    return np.asarray(common == edges.count[chosen])
+
+
+def _keeps_curves(net: Net, curves: FeatureCurves, kept: Ints, gone: Ints, edge: float) -> Bools:
+    """(c,) whether a vertex on a curve may go to a neighbour on it: the longer edge stays near the curve, is not too
+    long and not there yet."""
+    position = np.zeros(net.n, dtype=np.int64)
+    position[net.node] = np.arange(len(net.node))
+    k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
+    on = net.kind[gone] == ON_CURVE
+    fine = np.zeros(len(gone), dtype=bool)
+    k, kept = k[on], kept[on]
+    before, after = net.node[k - 1], net.node[k + 1]
+    deviation, _ = curves.deviation(net.at[k - 1], net.at[k + 1])
+    ends = np.stack([before, after], axis=1)
+    short = spans(net.V, ends) < LONGEST * net.size[ends].mean(axis=1)
+    there = np.isin(np.sort(ends, axis=1) @ (net.n, 1), np.sort(net.link_ends, axis=1) @ (net.n, 1))
+    fine[on] = (deviation <= TOLERANCE * edge) & short & ~there & ((kept == before) | (kept == after))
+    return fine
+
+
+def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
+    """(c,) whether the faces around stay as they lie, get no edge that is too long and do not become needles."""
+    onto, of = np.arange(net.n), np.full(net.n, -1)
+    onto[collapses.gone] = collapses.kept
+    of[collapses.kept] = of[collapses.gone] = np.arange(len(collapses.kept))
+    V = net.V.copy()
+    V[collapses.kept] = collapses.goal
+    face = np.flatnonzero((of[net.F] >= 0).any(axis=1))
+    before, after = net.F[face], onto[net.F[face]]
+    stays = (after != np.roll(after, 1, axis=1)).all(axis=1)
+    before, after, which = before[stays], after[stays], of[net.F[face[stays]]].max(axis=1)
+    old, new = area_vectors(net.V, before), area_vectors(V, after)
+    turned = np.einsum("mi,mi->m", old, new) < TURN * lengths(old) * lengths(new)
+    longest = _longest(V, after)
+    flat = lengths(new) / longest**2
+    worse = flat < np.minimum(FLATNESS, lengths(old) / _longest(net.V, before) ** 2)
+    fine = np.ones(len(collapses.kept), dtype=bool)
+    fine[which[turned | worse | (longest > 1.05 * LONGEST * net.size[after].mean(axis=1))]] = False
+    return fine
+
+
+def _longest(V: Floats, F: Ints) -> Floats:
+    """(m,) the longest edge of each face, metres."""
+    P = V[F]
+    return np.asarray(lengths(np.roll(P, -1, axis=1) - P).max(axis=1))
+
+
+def _merged(net: Net, collapses: _Collapses) -> Net:
+    """The net with vertices put together; those that are gone stay in its list."""
+    V, onto, size = net.V.copy(), np.arange(net.n), net.size.copy()
+    V[collapses.kept] = collapses.goal
+    onto[collapses.gone] = collapses.kept
+    free = net.kind[collapses.kept] == FREE
+    kept, gone = collapses.kept[free], collapses.gone[free]
+    size[kept] = (size[kept] + size[gone]) / 2
+    F = onto[net.F]
+    F = F[(np.roll(F, 1, axis=1) != F).all(axis=1)]
+    stays = ~np.isin(net.node, collapses.gone)
+    return replace(net, V=V, F=F, size=size, node=net.node[stays], at=net.at[stays], curve=net.curve[stays])

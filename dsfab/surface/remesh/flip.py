@@ -1,0 +1,103 @@
+"""Edges turned within their two faces, towards Delaunay triangles or towards six edges at each vertex.
+
+         c                    c
+       /   \\                / | \\
+      a --- b      ->      a  |  b
+       \\   /                \\ | /
+         d                    d
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints, lengths
+from dsfab.surface.remesh.net import FIXED, FREE, Net, area_vectors, edges_of, independent
+from dsfab.surface.topology import EdgeTable
+
+FLAT = 0.8
+"""Both new faces turn by less than the angle of this cosine, about 37 degrees, from the two old ones."""
+
+SOUND = np.radians(25)
+"""An edge is not turned where that leaves an angle below this which is less than the least before."""
+
+
+def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
+    """The net with edges that are not along curves turned; in so many rounds at most."""
+    V, F = net.V, net.F
+    for _ in range(rounds):
+        net = replace(net, F=F)
+        edges = edges_of(net)
+        pairs = edges.pairs[~net.along_curves(edges)[edges.count == 2]]
+        corner, (h0, h1) = F.ravel(), pairs.T
+        quad = np.stack([corner[h0], corner[_next(h0)], corner[_next(_next(h0))], corner[_next(_next(h1))]], axis=1)
+        gain = _valence_gain(net, quad, edges) if by_valence else _delaunay_gain(V, quad)
+        good = np.flatnonzero(gain > 0)
+        good = good[_new_diagonal(quad[good], edges, net.n)]
+        good = good[_sound(V, quad[good])]
+        good = good[independent(quad[good], -gain[good], net.n)]
+        if not len(good):
+            break
+        a, b, c, d = quad[good].T
+        F = F.copy()
+        F[h0[good] // 3] = np.stack([a, d, c], axis=1)
+        F[h1[good] // 3] = np.stack([d, b, c], axis=1)
+    return replace(net, F=F)
+
+
+def _next(h: Ints) -> Ints:
+    """The next half-edge of the same face."""
+    return h - h % 3 + (h + 1) % 3
+
+
+def _valence_gain(net: Net, quad: Ints, edges: EdgeTable) -> Floats:
+    """(q,) by how much the squared differences from the best number of edges shrink, of vertices that are free."""
+    valence = np.bincount(edges.ends.ravel(), minlength=net.n)
+    best = np.where(net.kind == FREE, 6, valence)
+    rim = np.zeros(net.n, dtype=bool)
+    rim[edges.ends[edges.boundary]] = True
+    best[(net.kind > FREE) & (net.kind < FIXED)] = 6
+    best[rim & (net.kind < FIXED)] = 4
+    off = (valence - best)[quad]
+    change = np.where((net.kind == FIXED)[quad], 0, np.array([-1, -1, 1, 1]))
+    return np.asarray((off**2 - (off + change) ** 2).sum(axis=1), dtype=np.float64)
+
+
+def _delaunay_gain(V: Floats, quad: Ints) -> Floats:
+    """(q,) by how much the angles opposite an edge exceed half a turn together, radians."""
+    a, b, c, d = quad.T
+    return np.asarray(_angle(V, c, a, b) + _angle(V, d, a, b) - np.pi - 1e-6)
+
+
+def _new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
+    """(q,) whether the other diagonal is no edge yet."""
+    keys, wanted = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.asarray((keys[at] != wanted) & (quad[:, 2] != quad[:, 3]))
+
+
+def _sound(V: Floats, quad: Ints) -> Bools:
+    """(q,) whether the turned edge's faces lie like the old ones, and are no worse where they are bad."""
+    a, b, c, d = quad.T
+    old, new = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
+    before = area_vectors(V, np.stack(old[0], axis=1)) + area_vectors(V, np.stack(old[1], axis=1))
+    fine = np.ones(len(quad), dtype=bool)
+    for face in new:
+        after = area_vectors(V, np.stack(face, axis=1))
+        fine &= np.einsum("qi,qi->q", before, after) > FLAT * lengths(before) * lengths(after)
+    least = [np.minimum(*(_least_angle(V, *face) for face in faces)) for faces in (old, new)]
+    return np.asarray(fine & (least[1] > np.minimum(SOUND, least[0])))
+
+
+def _least_angle(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:
+    """(q,) radians."""
+    return np.minimum(np.minimum(_angle(V, a, b, c), _angle(V, b, c, a)), _angle(V, c, a, b))
+
+
+def _angle(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
+    """(q,) the angle at a vertex between two others, radians."""
+    u, v = V[one] - V[at], V[two] - V[at]
+    x, y, z = u.T
+    r, s, t = v.T
+    twice = np.sqrt((y * t - z * s) ** 2 + (z * r - x * t) ** 2 + (x * s - y * r) ** 2)
+    return np.asarray(np.arctan2(twice, x * r + y * s + z * t))

@@ -1,0 +1,117 @@
+"""`Net`: the mesh while it is remeshed, with the vertices on its curves, and the choice of changes made at once."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface.mesh import Surface
+from dsfab.surface.remesh.curves import FeatureCurves
+from dsfab.surface.topology import EdgeTable, edge_table
+
+FREE, ON_CURVE, FIXED = 0, 1, 2
+"""Kinds of vertices: on the surface, on one of its curves, at rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """Vertices V (n, 3), metres, of kind (n,), faces F (m, 3), and the nodes on the curves.
+
+    node  : (k,) the vertices along each curve, curve after curve.     at : (k,) their places on the curves' axis, m.
+    curve : (k,) the curve of each.     size : (n,) the wanted length of edges, metres.
+    """
+
+    V: Floats
+    F: Ints
+    kind: Ints
+    node: Ints
+    at: Floats
+    curve: Ints
+    size: Floats
+
+    @classmethod
+    def of(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
+        """The surface itself, to be remeshed to edges of one size."""
+        kind = np.full(surface.n, FREE)
+        kind[curves.vertex] = ON_CURVE
+        kind[curves.fixed] = FIXED
+        sizes = np.full(surface.n, size)
+        return cls(surface.V, surface.F, kind, curves.vertex, curves.at, curves.curve, sizes)
+
+    @property
+    def n(self) -> int:
+        """Number of vertices."""
+        return len(self.V)
+
+    @property
+    def links(self) -> Ints:
+        """(l,) the nodes from which an edge along a curve leads to the next node."""
+        return np.flatnonzero(self.curve[1:] == self.curve[:-1])
+
+    @property
+    def link_ends(self) -> Ints:
+        """(l, 2) the vertices of the edges along curves."""
+        return np.stack([self.node[self.links], self.node[self.links + 1]], axis=1)
+
+    def link_edges(self, edges: EdgeTable) -> Ints:
+        """(l,) which edges of the net those along curves are."""
+        ends = np.sort(self.link_ends, axis=1)
+        return np.searchsorted(edges.ends @ (self.n, 1), ends @ (self.n, 1))
+
+    def along_curves(self, edges: EdgeTable) -> Bools:
+        """(e,) whether an edge is along a curve."""
+        marks = np.zeros(len(edges.ends), dtype=bool)
+        marks[self.link_edges(edges)] = True
+        return marks
+
+    def without_lost(self) -> "Net":
+        """The same without the vertices that no face has."""
+        used = np.zeros(self.n, dtype=bool)
+        used[self.F] = True
+        if used.all():
+            return self
+        new = np.cumsum(used) - 1
+        return replace(
+            self, V=self.V[used], F=new[self.F], kind=self.kind[used], node=new[self.node], size=self.size[used]
+        )
+
+
+def edges_of(net: Net) -> EdgeTable:
+    """Every edge of the net once."""
+    return edge_table(net.F)
+
+
+def spans(V: Floats, ends: Ints) -> Floats:
+    """(e,) lengths of edges (e, 2), metres."""
+    return np.asarray(np.linalg.norm(V[ends[:, 1]] - V[ends[:, 0]], axis=1))
+
+
+def area_vectors(V: Floats, F: Ints) -> Floats:
+    """(m, 3) twice the areas of faces F (m, 3) as vectors along their normals, square metres."""
+    u, v = V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]
+    return np.stack(
+        [
+            u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1],
+            u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2],
+            u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0],
+        ],
+        axis=1,
+    )
+
+
+def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None) -> Bools:
+    """(c,) the candidates that cost less than all others near them, so that no two touch the same vertex.
+
+    touched : (c, k) vertices of each candidate.   cost : (c,); of equal ones the first wins.
+    beside  : (e, 2) edges of the mesh: where given, no two touch neighbours either.
+    """
+    rank = np.empty(len(cost), dtype=np.int64)
+    rank[np.argsort(cost, kind="stable")] = np.arange(len(cost))
+    best = np.full(n, len(cost))
+    np.minimum.at(best, touched.ravel(), np.repeat(rank, touched.shape[1]))
+    if beside is not None:
+        near = best.copy()
+        np.minimum.at(near, beside.ravel(), best[beside[:, ::-1]].ravel())
+        best = near
+    return np.asarray((best[touched] >= rank[:, None]).all(axis=1))

@@ -1,0 +1,120 @@
+"""`remeshed`: a surface with edges of a wanted length."""
+
+import numpy as np
+
+from dsfab.arrays import Floats, first
+from dsfab.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.refine import LARGEST
+from dsfab.surface.remesh.collapse import with_short_edges_collapsed
+from dsfab.surface.remesh.curves import FeatureCurves, feature_curves
+from dsfab.surface.remesh.facets import SmoothPatches, barycentric
+from dsfab.surface.remesh.flip import with_edges_flipped
+from dsfab.surface.remesh.net import FREE, Net
+from dsfab.surface.remesh.size import chord_lengths, curvature_sizes, with_sizes
+from dsfab.surface.remesh.smoothing import NearestOnSurface, with_even_vertices, with_vertices_at, with_vertices_on
+from dsfab.surface.remesh.split import with_long_edges_halved
+from dsfab.surface.topology import duplicate_faces, named_edges
+
+ROUNDS = 8
+"""How often edges are split, collapsed and flipped, and vertices moved."""
+
+HALVINGS = 24
+"""How often edges are halved at most in the first round: an edge of ten million times the wanted length."""
+
+BATCHES = 12
+"""How many batches of collapses a round has."""
+
+
+def remeshed(surface: Surface, edge: float, finest: float = 0.0, smooth: bool = False) -> Surface:
+    """The surface with nearly equilateral triangles whose edges are about `edge` metres long.
+
+    finest : metres; where the surface is curved edges are shorter, down to this, so that it turns by 15 degrees along
+             one; 0 leaves that out.
+    smooth : whether new vertices lie on the smooth surface through the old ones [Vlachos et al. 2001]; else
+             they lie on its facets.
+
+    Boundaries, and creases of more than 30 degrees, are kept to a fiftieth of `edge`, their corners exactly, and so are
+    the extent in x, y and z, the number of pieces and holes, and the sides that the faces have. Edges are shorter than
+    asked where that takes it, and where curves lie closer together. The same surface gives the same mesh.
+
+    Raises SurfaceError for lengths that are none, edges that are longer than the surface or would take over `LARGEST`
+    triangles, and a surface with repeated faces or edges of more than two.
+    """
+    _check(surface, edge, finest)
+    sizes = curvature_sizes(surface, edge, finest) if finest else np.full(surface.n, edge)
+    _check_count(surface, sizes, finest or edge)
+    curves = feature_curves(surface, edge)
+    nearest = NearestOnSurface(surface)
+    net = _even(Net.of(surface, curves, edge), curves, nearest, sizes, edge)
+    net = with_edges_flipped(net, by_valence=False, rounds=3)
+    return Surface(_smoothed(net, surface, nearest).V if smooth else net.V, net.F)
+
+
+def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Floats, edge: float) -> Net:
+    """The net after all rounds; sizes (n,) of the edges wanted at the surface's vertices, metres."""
+    chords = chord_lengths(curves, edge)
+    for k in range(ROUNDS):
+        base = _carried(net, nearest, sizes) if np.ptp(sizes) else edge
+        net = with_sizes(net, chords, curves, base)
+        net = _halved(net, curves, edge, flips=not k)
+        net = with_short_edges_collapsed(net, curves, edge, BATCHES)
+        net = with_edges_flipped(net, by_valence=k < ROUNDS - 1, rounds=4)
+        net = with_even_vertices(net, curves, edge)
+        net = with_even_vertices(net, curves, edge)
+        net = with_vertices_on(net, nearest)
+    return net
+
+
+def _halved(net: Net, curves: FeatureCurves, edge: float, flips: bool) -> Net:
+    """The net with its long edges halved until there are none; twice at most without flips in between."""
+    for _ in range(HALVINGS if flips else 2):
+        finer = with_long_edges_halved(net, curves, edge)
+        if finer is net:
+            break
+        net = with_edges_flipped(finer, by_valence=False, rounds=2) if flips else finer
+    return net
+
+
+def _carried(net: Net, nearest: NearestOnSurface, values: Floats) -> Floats:
+    """(n',) values (n,) at the surface's vertices at those of the net."""
+    face, place = nearest(net.V)
+    F = nearest.surface.F[face]
+    return np.asarray(np.einsum("kc,kc->k", barycentric(nearest.surface.V[F], place), values[F]))
+
+
+def _smoothed(net: Net, surface: Surface, nearest: NearestOnSurface) -> Net:
+    """The net with its free vertices on the smooth surface through those of the old one."""
+    free = np.flatnonzero(net.kind == FREE)
+    goal = net.V.copy()
+    goal[free] = SmoothPatches(surface).points(*nearest(net.V[free]))
+    return with_vertices_at(net, goal, net.at)
+
+
+def _check(surface: Surface, edge: float, finest: float) -> None:
+    if not (np.isfinite(edge) and edge > 0):
+        raise SurfaceError(f"the edge length {edge} to remesh to must be a positive length in metres")
+    if not (np.isfinite(finest) and 0 <= finest <= edge):
+        raise SurfaceError(f"the finest edge, {finest} m, must lie between 0 and the edge, {edge:g} m")
+    if edge > surface.size:
+        raise SurfaceError(
+            f"edges of {edge:g} m are longer than the surface, {surface.size:.3g} m; ask for shorter ones, in metres"
+        )
+    if len(twice := duplicate_faces(surface.F)):
+        raise SurfaceError(f"{len(twice)} faces repeat an earlier face (first: {first(twice)}); remove them to remesh")
+    crowded = np.flatnonzero(surface.edges.count > 2)
+    if len(crowded):
+        where = named_edges(crowded, surface.edges)
+        raise SurfaceError(
+            f"{len(crowded)} edges have more than two faces (first: {where}); split the surface there to remesh it"
+        )
+
+
+def _check_count(surface: Surface, sizes: Floats, finest: float) -> None:
+    """Of equilateral triangles, by their area."""
+    count = (surface.areas / (np.sqrt(3) / 4 * sizes[surface.F].mean(axis=1) ** 2)).sum()
+    if count > LARGEST:
+        raise SurfaceError(
+            f"remeshing to edges of {finest:g} m takes over {LARGEST:,} triangles on a surface {surface.size:.3g} m "
+            "large; ask for longer edges, or check the unit"
+        )

@@ -1,0 +1,131 @@
+"""How long edges are wanted: as asked, shorter where the surface is curved, curves bend or lie close together."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import eye_array
+
+from dsfab.arrays import Floats, Ints, lengths
+from dsfab.surface.creases import feature_edges
+from dsfab.surface.mesh import Surface
+from dsfab.surface.neighbours import adjacency
+from dsfab.surface.remesh.curves import TOLERANCE, FeatureCurves
+from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of, spans
+from dsfab.surface.topology import EdgeTable
+
+GRADE = 0.3
+"""Metres by which the wanted length grows in a metre: neighbours differ by less than 1.3 times."""
+
+LEAST = 1 / 20
+"""Of the edge: no bend of a curve and no narrow place asks for shorter edges."""
+
+NARROW = 1.25
+"""Times the width between two curves: edges wanted there, so that one row of triangles fills it."""
+
+TURNING = 15.0
+"""Degrees by which the surface may turn along an edge before it is wanted shorter."""
+
+LADDER = 0.85 ** np.arange(19)
+"""Shares of the edge that are tried as chords of a curve."""
+
+
+def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
+    """The net with its wanted lengths: `base` (n,) or one for all, metres, no longer than the chords (p,) of its curves
+    allow, and graded."""
+    size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
+    least = LEAST * float(size.max())
+    if len(net.node):
+        k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
+        np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
+    edges = edges_of(net)
+    for vertex, width in _narrow(net, edges):
+        np.minimum.at(size, vertex, np.maximum(NARROW * width, least))
+    return replace(net, size=graded_sizes(net.V, edges.ends, size))
+
+
+def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
+    """(n,) sizes, metres, that differ along no edge (e, 2) by more than `GRADE` times its length: the largest below
+    those given."""
+    length = GRADE * spans(V, ends)
+    a, b = ends.T
+    while True:
+        lower = size.copy()
+        np.minimum.at(lower, a, size[b] + length)
+        np.minimum.at(lower, b, size[a] + length)
+        if np.array_equal(lower, size):
+            return size
+        size = lower
+
+
+def _narrow(net: Net, edges: EdgeTable) -> list[tuple[Ints, Floats]]:
+    """Vertices (k,) of kinds that do not leave their curves, and how wide (k,) the surface is there, metres.
+
+    That is an edge from curve to curve, the height of a face between them, or an edge between corners. What lies in
+    the angle of a corner is left out: it is narrow at any size.
+    """
+    held = net.kind > FREE
+    along = net.along_curves(edges)
+    length = spans(net.V, edges.ends)
+    on = along[edges.of]
+    ear = (on.sum(axis=1) >= 2)[:, None] & ~on
+    beside_ear = np.zeros(len(along), dtype=bool)
+    beside_ear[edges.of[ear]] = True
+    bridge = np.flatnonzero(held[edges.ends].all(axis=1) & ~along & ~beside_ear)
+    rigid = np.flatnonzero(along & (net.kind[edges.ends].min(axis=1) == FIXED))
+    between = held[net.F].all(axis=1) & (on.sum(axis=1) == 1)
+    face, corner = np.nonzero(on & between[:, None])
+    base = net.F[face, corner], net.F[face, (corner + 1) % 3]
+    P, A, B = net.V[net.F[face, (corner + 2) % 3]], net.V[base[0]], net.V[base[1]]
+    height = np.linalg.norm(np.cross(B - A, P - A), axis=1) / np.linalg.norm(B - A, axis=1)
+    both = np.concatenate([bridge, rigid])
+    return [
+        (edges.ends[both].ravel(), np.repeat(length[both], 2)),
+        (net.F[face].ravel(), np.repeat(height, 3)),
+    ]
+
+
+def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
+    """(p,) at each point of the curves, how long a chord about it may be, metres: `edge`, or less where that would
+    leave the curve by more than half of the tolerance."""
+    longest = np.full(len(curves.at), edge * LADDER[-1])
+    open_ = np.arange(len(curves.at))
+    last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)
+    ends = curves.at[last]
+    starts = curves.at[np.append(0, np.flatnonzero(last)[:-1] + 1)] if len(ends) else ends
+    for share in LADDER:
+        half, of = share * edge / 2, curves.curve[open_]
+        a = np.maximum(curves.at[open_] - half, starts[of])
+        b = np.minimum(curves.at[open_] + half, ends[of])
+        fine = curves.deviation(a, b)[0] <= TOLERANCE * edge * 0.8
+        longest[open_[fine]] = share * edge
+        open_ = open_[~fine]
+    return longest
+
+
+def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
+    """(n,) lengths of edges over which the surface turns by `TURNING`, between `finest` and `edge`, metres.
+
+    The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
+    2003], over the faces around its neighbours. Creases do not count.
+    """
+    edges, n = surface.edges, surface.n
+    shared = np.flatnonzero(edges.count == 2)[~feature_edges(surface)[edges.count == 2]]
+    ends = edges.ends[shared]
+    along = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
+    tensor = np.einsum("e,ei,ej->eij", _bends(surface, shared) / lengths(along) / 2, along, along).reshape(-1, 9)
+    around = adjacency(edges, n) + eye_array(n)
+    total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in tensor.T], axis=1)
+    mean = (around @ total) / np.maximum(around @ surface.vertex_areas, np.finfo(float).tiny)[:, None]
+    largest = np.abs(np.linalg.eigvalsh(mean.reshape(-1, 3, 3))).max(axis=1)
+    turning = np.radians(TURNING)
+    return np.asarray(np.clip(turning / np.maximum(largest, turning / edge), finest, edge))
+
+
+def _bends(surface: Surface, shared: Ints) -> Floats:
+    """(s,) angles between the normals at edges (s,) of two faces, radians, positive where these bulge."""
+    first = surface.edges.start[shared]
+    h0, h1 = surface.edges.order[first], surface.edges.order[first + 1]
+    one, two = surface.normals[h0 // 3], surface.normals[h1 // 3]
+    across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
+    angle = np.arctan2(lengths(np.cross(one, two)), np.einsum("ei,ei->e", one, two))
+    return np.asarray(np.where(np.einsum("ei,ei->e", one, across) < 0, angle, -angle))
