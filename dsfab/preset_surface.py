@@ -111,7 +111,6 @@ class FileSurface(OwnSurface):
     mend: bool = False
     """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes."""
 
-
     def given(self) -> Surface:
         """The surface in the file, metres."""
         return read_surface(self.file, self.unit, self.up, self.mend)

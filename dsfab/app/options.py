@@ -19,7 +19,9 @@ Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Over
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
 Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")]
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
-Up = Annotated[str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")]
+Up = Annotated[
+    str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")
+]
 
 
 View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]

@@ -1,8 +1,8 @@
 """A preset for a surface of the user's own: what a sensible architect would decide, each decision told.
 
-    reading.py   the mesh in metres, z up, small faults mended        vertical.py   which axis points to the sky
-    feet.py      where it stands                                      sizes.py      spacing, thickness, edges, widths
-    propose.py   all of it as a commented preset
+reading.py   the mesh in metres, z up, small faults mended        vertical.py   which axis points to the sky
+feet.py      where it stands                                      sizes.py      spacing, thickness, edges, widths
+propose.py   all of it as a commented preset
 """
 
 from dsfab.proposal.propose import OWN, Proposal, preset_for, propose

@@ -71,7 +71,10 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
         highest = ground + LOW * height
         if outer[k] or _stands(surface, loop, highest):
             line = _resampled(surface.V[loop], STEP * span)
-            found += [replace(foot, loop=k if foot.loop == WHOLE else None) for foot in _stretches(line, height, highest, span)]
+            found += [
+                replace(foot, loop=k if foot.loop == WHOLE else None)
+                for foot in _stretches(line, height, highest, span)
+            ]
     return _named(found, span)
 
 

@@ -15,7 +15,7 @@ from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
 from dsfab.proposal.feet import Foot, feet
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, require_vertical_axis
-from dsfab.proposal.sizes import MEMBERS, Sizes, sizes
+from dsfab.proposal.sizes import Sizes, is_figure, sizes
 from dsfab.proposal.vertical import is_nearly_closed
 from dsfab.surface import Boundary, Surface, Up
 from dsfab.wording import length
@@ -97,7 +97,7 @@ def propose(mesh: Any, unit: str | None = None, up: Up | None = None, material: 
 
 def _takes_snow(surface: Surface) -> bool:
     """Whether it is a roof: open, large, seen from above, and nowhere twice."""
-    if is_nearly_closed(surface):
+    if is_figure(surface):
         return False
     up = surface.normals[:, 2] * surface.areas
     seen = float(np.abs(up).sum())
@@ -107,20 +107,35 @@ def _takes_snow(surface: Surface) -> bool:
 def _decisions(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[Decision]:
     edge, mean = size.edge, surface.mean_edge
     if edge:
-        yield Decision("mesh", f"made anew with edges of {length(edge)} (they are {length(mean)})", "surface.edge")
+        smooth = ", on the smooth surface through its vertices" if size.coarse else ""
+        words = f"made anew with edges of {length(edge)} (they are {length(mean)}){smooth}; creases stay"
+        yield Decision("mesh", words, "surface.edge, surface.smooth")
     else:
         yield Decision("mesh", f"kept as it is, with edges of {length(mean)}", "surface.edge")
     where = ", ".join(foot.name + (f" ({length(foot.length)})" if foot.length else "") for foot in stands)
     free = "; other edges and openings are free" if any(foot.length for foot in stands) else ", its lowest part"
     yield Decision("stands on", where + free, "surface.support")
-    snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code" if _takes_snow(surface) else ""
+    snow = (
+        f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
+        if _takes_snow(surface)
+        else ""
+    )
     yield Decision("carries", "its own weight" + snow, "surface.load")
-    over = f", 1/{size.ratio} of the span of {length(size.span)}" if not is_nearly_closed(surface) else ""
-    yield Decision("made of", f"{size.material}, {length(size.thickness)} thick{over}", "statics.material, statics.thickness")
-    across = "" if is_nearly_closed(surface) else f", about {round(size.span / size.spacing)} across the span"
-    yield Decision("pattern", f"members every {length(size.spacing)}{across}, along the stress", "pattern.major.spacing, pattern.minor.spacing")
+    figure = is_figure(surface)
+    over = "" if figure else f", 1/{size.ratio} of the span of {length(size.span)}"
+    yield Decision(
+        "made of", f"{size.material}, {length(size.thickness)} thick{over}", "statics.material, statics.thickness"
+    )
+    across = "" if figure else f", about {round(size.span / size.spacing)} across the span"
+    yield Decision(
+        "pattern",
+        f"members every {length(size.spacing)}{across}, along the stress",
+        "pattern.major.spacing, pattern.minor.spacing",
+    )
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
-    yield Decision("widths", f"even, {SHARE:.0%} of the surface is material{rim}", "pattern.width.solid_fraction, pattern.rim")
+    yield Decision(
+        "widths", f"even, {SHARE:.0%} of the surface is material{rim}", "pattern.width.solid_fraction, pattern.rim"
+    )
 
 
 def _text(given: GivenMesh, size: Sizes, stands: tuple[Foot, ...], decisions: tuple[Decision, ...]) -> Iterator[str]:
@@ -137,10 +152,16 @@ def _text(given: GivenMesh, size: Sizes, stands: tuple[Foot, ...], decisions: tu
             yield _entry(key, value, note)
     if size.edge:
         yield _entry("edge", size.edge, f"m; the mesh is made anew, its edges are {length(surface.mean_edge)}")
+    if size.edge and size.coarse:
+        yield _entry("smooth", True, "on the smooth surface through the mesh; creases and edges stay")
     digits = max(0, 4 - int(np.floor(np.log10(surface.size))))
     for foot in stands:
         at = foot.picker(0.25 * (size.edge or surface.mean_edge), digits)
-        corners = "" if isinstance(at, Boundary) else f', min = {list(at.min)}, max = {list(at.max)}' + (", boundary = true" if at.boundary else "")
+        corners = (
+            ""
+            if isinstance(at, Boundary)
+            else f", min = {list(at.min)}, max = {list(at.max)}" + (", boundary = true" if at.boundary else "")
+        )
         pick = f'pick = "boundary", loop = {at.loop}' if isinstance(at, Boundary) else f'pick = "box"{corners}'
         yield "\n[[surface.support]]"
         yield _entry("name", foot.name, f"{length(foot.length)} of free edge" if foot.length else "")
@@ -177,7 +198,13 @@ def _entry(key: str, value: Any, note: str = "") -> str:
 
 def _description(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> str:
     names = [foot.name for foot in stands]
-    on = names[0] if len(names) == 1 else f"{len(names)} feet and edges" if len(set(n.split()[0] for n in names)) > 1 else f"{len(names)} {names[0].rsplit(' ', 1)[0]}s"
+    on = (
+        names[0]
+        if len(names) == 1
+        else f"{len(names)} feet and edges"
+        if len(set(n.split()[0] for n in names)) > 1
+        else f"{len(names)} {names[0].rsplit(' ', 1)[0]}s"
+    )
     on = on.replace("foots", "feet")
     x, y, z = (length(float(side)) for side in np.ptp(surface.V, axis=0))
     loads = "its own weight and snow" if _takes_snow(surface) else "its own weight"

@@ -44,7 +44,7 @@ def mesh_in_file(path: Path, unit: str | None, up: Up | None) -> GivenMesh:
     keys: dict[str, Any] = {"file": str(path), "unit": unit}
     repairs, mend = _repairs(path)
     surface = read_surface(path, unit, mend=mend)
-    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", 'surface.unit, or --unit cm')]
+    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", "surface.unit, or --unit cm")]
     if mend:
         keys["mend"] = True
         decisions.append(Decision("mended", "; ".join(repairs), "surface.mend"))
@@ -63,7 +63,7 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
     pair = isinstance(mesh, tuple | list) and len(mesh) == 2
     surface = Surface.from_mesh(*mesh, unit or "m") if pair else Surface.of(mesh, unit)
     better = mended(surface.V, surface.F)
-    decisions = [Decision("unit", f"metres: it is {_box(surface)}", 'the argument unit')]
+    decisions = [Decision("unit", f"metres: it is {_box(surface)}", "the argument unit")]
     if better.repairs:
         surface = Surface.from_mesh(better.V, better.F)
         decisions.append(Decision("mended", "; ".join(better.repairs)))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.proposal.vertical import is_nearly_closed
 from dsfab.surface import Surface
 
 MEMBERS = 16
@@ -21,21 +20,26 @@ TRIANGLES = 40_000
 SLENDER = {"steel": 200, "timber": 100}
 """Span over thickness, by what a sheet is made of."""
 STEEL = ("S235", "S355", "aluminium 6082")
+FIGURE = 4.0
+"""A surface whose boundary, squared, is shorter than this many times its area is a figure and spans nothing."""
 MODEL = 3.0
 """Metres; what is smaller is taken for a printed model."""
+FACETS = 0.7
+"""Edges shorter than this share of a mesh's own would show its facets: they follow the smooth surface through it."""
 SHARPEST = 15.0
 """Degrees; a mesh with smaller angles is made anew."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Lengths in metres. edge is 0 where the mesh is good as it is."""
+    """Lengths in metres. edge is 0 where the mesh is good as it is; coarse: whether its own edges are much longer."""
 
     span: float
     spacing: float
     edge: float
     thickness: float
     material: str
+    coarse: bool
 
     @property
     def ratio(self) -> int:
@@ -60,14 +64,20 @@ class Sizes:
 
 def sizes(surface: Surface, material: str | None = None) -> Sizes:
     """The sizes for a surface with z up; the material is GL24h, or PLA for a model, where none is named."""
-    closed = is_nearly_closed(surface)
+    figure = is_figure(surface)
     span = float(np.sort(np.ptp(surface.V, axis=0)[:2])[0]) or surface.size
     square = float(np.sqrt(surface.area))
-    spacing = two_digits(max(square / MEMBERS_AROUND if closed else span / MEMBERS, square / np.sqrt(CELLS)))
+    spacing = two_digits(max(square / MEMBERS_AROUND if figure else span / MEMBERS, square / np.sqrt(CELLS)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
-    thick = spacing / 6 if closed else span / SLENDER["steel" if material in STEEL else "timber"]
+    thick = spacing / 6 if figure else span / SLENDER["steel" if material in STEEL else "timber"]
     edge = two_digits(max(spacing / EDGES, square / np.sqrt(np.sqrt(3) / 4 * TRIANGLES)))
-    return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material)
+    coarse = edge < FACETS * surface.mean_edge
+    return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material, coarse)
+
+
+def is_figure(surface: Surface) -> bool:
+    """Whether it is closed, or nearly so: a head on its neck."""
+    return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < FIGURE * surface.area)
 
 
 def two_digits(x: float) -> float:

@@ -5,8 +5,8 @@ from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
-from dsfab.surface.mesh import Surface
 from dsfab.surface.mend import MendedMesh, mended
+from dsfab.surface.mesh import Surface
 from dsfab.surface.names import load_names, support_names
 from dsfab.surface.nearest import nearest
 from dsfab.surface.orientation import Up, upright
@@ -50,8 +50,8 @@ __all__ = [
     "coincident",
     "describe",
     "load_cases",
-    "mended",
     "load_names",
+    "mended",
     "nearest",
     "normalized",
     "ply_chunks",

@@ -32,7 +32,11 @@ class MendedMesh:
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
         """The mesh with these (k,) faces alone; the others are told as `which`."""
         lost = len(self.F) - len(keep)
-        return replace(self, F=self.F[keep], repairs=(*self.repairs, f"{_count(lost, 'face')} {which} dropped")) if lost else self
+        return (
+            replace(self, F=self.F[keep], repairs=(*self.repairs, f"{_count(lost, 'face')} {which} dropped"))
+            if lost
+            else self
+        )
 
 
 def mended(V: Floats, F: Ints) -> MendedMesh:

@@ -19,6 +19,7 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
 }
 """Up axis -> the axes that become x, y, z, and their signs: turns, no mirrors."""
 
+
 def upright(V: Floats, up: Up) -> Floats:
     """The vertices V (n, 3), turned so that the axis `up` becomes z; y keeps x, as for glTF (x, -z, y)."""
     axes, signs = _TURNS[up]

@@ -87,7 +87,17 @@ def main(folder: Path, names: list[str]) -> None:
     sheet = contact_sheet(tiles, "Surfaces of one's own", line, ACROSS, WIDE, ASPECT, PAPER)
     sheet.save(folder / "sheet.png", optimize=True)
     head = ["mesh", *(name for name, _ in attempts[0].measures)]
-    print(table(head, [[one.name, *(text for _, text in one.measures)] if not one.error else [one.name, f"{one.seconds:.0f}", *[""] * (len(head) - 2)] for one in attempts]))
+    print(
+        table(
+            head,
+            [
+                [one.name, *(text for _, text in one.measures)]
+                if not one.error
+                else [one.name, f"{one.seconds:.0f}", *[""] * (len(head) - 2)]
+                for one in attempts
+            ],
+        )
+    )
     for one in attempts:
         if one.error:
             print(f"{one.name}: {one.error}")
