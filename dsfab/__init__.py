@@ -10,7 +10,8 @@
     dsfab.compare(design)             beside others of the same mass
     dsfab.edit(preset)                in a notebook, changed by hand
 
-    roof = dsfab.Preset(
+    roof = dsfab.preset_for(mesh)                    # a mesh of yours, or a file: a sensible preset for it
+    roof = dsfab.Preset(                             # or every choice your own
         surface=mesh,                                # yours, metres: trimesh, pyvista, compas, (V, F), or a path
         supports=[dsfab.Support(dsfab.Boundary())],  # or Side, Box, Ball, Nearest, Facing, Vertices, All
         loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Force, Line, Pressure, Wind; newtons, pascals
@@ -65,6 +66,7 @@ _HOME = {
     "edit": "dsfab.app.editor.notebook",
     "inline_picture": "dsfab.render.notebook",
     "load_preset": "dsfab.preset_file",
+    "preset_for": "dsfab.proposal",
     "read_surface": "dsfab.surface",
     "revise": "dsfab.pipeline",
     "run": "dsfab.pipeline",
@@ -94,6 +96,7 @@ if TYPE_CHECKING:
     from dsfab.preset import Statics as Statics
     from dsfab.preset import Thickening as Thickening
     from dsfab.preset_file import load_preset as load_preset
+    from dsfab.proposal import preset_for as preset_for
     from dsfab.render.notebook import inline_picture as inline_picture
     from dsfab.render.previewer import Previewer as Previewer
     from dsfab.report.design.save import save as save

@@ -236,4 +236,4 @@ if __name__ == "__main__":
     target = Path(sys.argv[1])
     target.mkdir(parents=True, exist_ok=True)
     for make in OWN.values():
-        print(make(target))
+        make(target)

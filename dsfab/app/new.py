@@ -31,7 +31,7 @@ def new(
     mesh
         OBJ, PLY, STL, OFF, GLB or 3MF.
     """
-    from dsfab.export.atomic import replacing
+    from dsfab.export import replacing
     from dsfab.proposal import propose
 
     if mesh.suffix == ".toml":

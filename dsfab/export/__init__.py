@@ -1,7 +1,19 @@
 """From a solid to a file: millimetres, the unit written into it, read back by another reader before it has its name."""
 
+from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 
-__all__ = ["FORMATS", "STEP_FACES", "Details", "Estimate", "StepOptions", "Written", "step_estimates", "write"]
+__all__ = [
+    "FORMATS",
+    "STEP_FACES",
+    "Details",
+    "Estimate",
+    "StepOptions",
+    "Written",
+    "replacing",
+    "step_estimates",
+    "write",
+    "write_chunks",
+]

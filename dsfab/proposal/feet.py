@@ -7,8 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.proposal.vertical import is_nearly_closed
-from dsfab.surface import Boundary, Box, Surface
-from dsfab.surface.topology import connected
+from dsfab.surface import Boundary, Box, Surface, connected
 
 FLAT = 0.02
 """A surface that is lower than this share of its size is flat."""
@@ -91,7 +90,7 @@ def _outer(surface: Surface) -> list[bool]:
 
 
 def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
-    """Whether the lowest edges of a loop are near the ground and carry the sheet above them, as the foot of a column."""
+    """Whether the lowest edges of a loop are near the ground and have the sheet above them, as a column's foot."""
     z, edges = surface.V[:, 2], surface.edges
     on = np.zeros(surface.n, dtype=bool)
     on[loop] = True

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -60,8 +60,10 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
 
     Raises SurfaceError for what is no mesh.
     """
-    pair = isinstance(mesh, tuple | list) and len(mesh) == 2
-    surface = Surface.from_mesh(*mesh, unit or "m") if pair else Surface.of(mesh, unit)
+    if isinstance(mesh, tuple | list) and len(mesh) == 2:
+        surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
+    else:
+        surface = Surface.of(mesh, unit)
     better = mended(surface.V, surface.F)
     decisions = [Decision("unit", f"metres: it is {_box(surface)}", "the argument unit")]
     if better.repairs:
@@ -99,7 +101,12 @@ def _box(surface: Surface) -> str:
     return " x ".join(length(float(side)) for side in np.ptp(surface.V, axis=0))
 
 
-def require_vertical_axis(up: str | None) -> None:
-    """Raises SurfaceError for an axis that is none of x, y, z, -x, -y, -z."""
-    if up is not None and up not in ("x", "y", "z", "-x", "-y", "-z"):
-        raise SurfaceError(f"up = {up!r} is no axis; use one of x, y, z, -x, -y, -z")
+def vertical_axis(up: str | None) -> Up | None:
+    """The axis, if one is named; raises SurfaceError for what is none of x, y, z, -x, -y, -z."""
+    for axis in get_args(Up):
+        if axis == up:
+            known: Up = axis
+            return known
+    if up is not None:
+        raise SurfaceError(f"up = {up!r} is no axis; use one of {', '.join(get_args(Up))}")
+    return None

@@ -11,7 +11,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dsfab.export.atomic import replacing, write_chunks
+from dsfab.export import replacing, write_chunks
 from dsfab.render.palette import PAPER
 from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
 from dsfab.study.sweeps.folder import SweepFolder

@@ -18,6 +18,7 @@ from dsfab.surface.refine import refined
 from dsfab.surface.remesh import remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
+from dsfab.surface.topology import connected
 
 __all__ = [
     "FIGURES",
@@ -48,6 +49,7 @@ __all__ = [
     "Wind",
     "box",
     "coincident",
+    "connected",
     "describe",
     "load_cases",
     "load_names",

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.places import merged
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
 
@@ -32,11 +32,9 @@ class MendedMesh:
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
         """The mesh with these (k,) faces alone; the others are told as `which`."""
         lost = len(self.F) - len(keep)
-        return (
-            replace(self, F=self.F[keep], repairs=(*self.repairs, f"{_count(lost, 'face')} {which} dropped"))
-            if lost
-            else self
-        )
+        if not lost:
+            return self
+        return replace(self, F=self.F[keep], repairs=(*self.repairs, f"{_count(lost, 'face')} {which} dropped"))
 
 
 def mended(V: Floats, F: Ints) -> MendedMesh:
@@ -46,14 +44,13 @@ def mended(V: Floats, F: Ints) -> MendedMesh:
     and so do the later ones of three and more on an edge, pieces under `CRUMB` of the area, and pinholes with outlines
     under `PINHOLE` of the side. What is left is as it was; vertices without a face are dropped.
     """
-    finite = np.isfinite(V).all(axis=1)
+    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
     mesh = _welded(_compact(mesh))
-    mesh = mesh.with_faces(np.flatnonzero(_slenderness(mesh.V, mesh.F) > FLAT), "without area")
-    mesh = mesh.with_faces(np.setdiff1d(np.arange(len(mesh.F)), duplicate_faces(mesh.F)), "that repeat others")
-    mesh = mesh.with_faces(_on_edges_of_two(mesh.F), "on edges that have two others")
-    mesh = mesh.with_faces(_in_large_pieces(mesh.V, mesh.F), "in crumbs")
-    return _compact(_without_pinholes(mesh))
+    for faces, which in _FAULTS:
+        if len(mesh.F):
+            mesh = mesh.with_faces(faces(mesh.V, mesh.F), which)
+    return _compact(_without_pinholes(mesh) if len(mesh.F) else mesh)
 
 
 def _count(number: int, thing: str) -> str:
@@ -75,15 +72,20 @@ def _welded(mesh: MendedMesh) -> MendedMesh:
     return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
 
 
-def _slenderness(V: Floats, F: Ints) -> Floats:
-    """(m,) smallest height of each triangle over its longest edge; 0 where corners are the same."""
+def _with_area(V: Floats, F: Ints) -> Ints:
+    """(k,) faces whose smallest height is more than nothing of their longest edge."""
     P = V[F]
     longest = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1, initial=0)
     twice = np.linalg.norm(np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), axis=1)
-    return np.divide(twice, longest**2, out=np.zeros(len(F)), where=longest > 0)
+    return np.flatnonzero(twice > FLAT * longest**2)
 
 
-def _on_edges_of_two(F: Ints) -> Ints:
+def _unrepeated(_: Floats, F: Ints) -> Ints:
+    """(k,) faces without those that join the corners of an earlier one."""
+    return np.setdiff1d(np.arange(len(F)), duplicate_faces(F))
+
+
+def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
     """(k,) faces that are not the third or a later one on an edge."""
     edges = edge_table(F)
     late = [np.flatnonzero((edges.of == edge).any(axis=1))[2:] for edge in np.flatnonzero(edges.count > 2)]
@@ -98,11 +100,20 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
 
 
+_FAULTS = (
+    (_with_area, "without area"),
+    (_unrepeated, "that repeat others"),
+    (_on_edges_of_two, "on edges that have two others"),
+    (_in_large_pieces, "in crumbs"),
+)
+"""What chooses the faces that stay, and how the others are told, in this order."""
+
+
 def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
     """The mesh with small holes closed by fans; as it is where its faces cannot be turned the same way."""
     V, F = mesh.V, mesh.F
     flips = flips_to_orient(F, edge_table(F))
-    if flips is None or not len(F):
+    if flips is None:
         return mesh
     F = np.where(flips[:, None], F[:, ::-1], F)
     longest = PINHOLE * np.ptp(V, axis=0).max()

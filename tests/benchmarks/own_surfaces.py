@@ -1,4 +1,4 @@
-"""One command for somebody's own surface, on every mesh that there is: `python -m tests.benchmarks.own_surfaces FOLDER`.
+"""One command for somebody's own surface, tried on many: `python -m tests.benchmarks.own_surfaces FOLDER [NAME...]`.
 
 `dsfab build MESH` runs on the meshes in DSFAB_MESHES and on those of `tests/own_meshes.py`, each in a process of its
 own, without a preset. FOLDER gets a folder for each, a contact sheet of all of them and a table: seconds, pieces, dead
@@ -21,7 +21,7 @@ from dsfab.wording import table
 from tests.own_meshes import OWN
 
 ACROSS, WIDE, ASPECT = 5, 640, 4 / 3
-TEXT = 120
+HEAD = ("s", "pieces", "dead ends", "slits", "gap/thickness")
 
 
 @dataclass(frozen=True)
@@ -37,17 +37,22 @@ class Attempt:
     @property
     def measures(self) -> tuple[tuple[str, str], ...]:
         if self.error:
-            return (("seconds", f"{self.seconds:.0f}"),)
+            return ()
         pattern, made = self.facts["pattern"], self.facts["fabrication"]
         gap = (made["smallest_gap"] or {}).get("m", 0) / self.facts["preset"]["statics"]["thickness"]
         families = [pattern[name] for name in ("major", "minor")]
         return (
-            ("seconds", f"{self.seconds:.0f}"),
+            ("s", f"{self.seconds:.0f}"),
             ("pieces", str(self.facts["solid"]["pieces"])),
             ("dead ends", str(sum(len(family["loose_ends_at_m"]) for family in families))),
             ("slits", str(sum(family["slits"] for family in families))),
             ("gap/thickness", f"{gap:.2f}"),
         )
+
+    @property
+    def columns(self) -> list[str]:
+        """Texts for the table."""
+        return [text for _, text in self.measures] or [f"{self.seconds:.0f}", *[""] * (len(HEAD) - 1)]
 
 
 def build(mesh: Path, folder: Path) -> Attempt:
@@ -82,22 +87,11 @@ def main(folder: Path, names: list[str]) -> None:
     for k, one in enumerate(attempts):
         picture = one.folder / "preview.png"
         png = picture.read_bytes() if not one.error and picture.is_file() else None
-        tiles.append(Tile(k + 1, (("", one.name), *one.measures), "", png, one.error[:TEXT]))
+        tiles.append(Tile(k + 1, (("", one.name), *one.measures), "", png, one.error))
     line = "dsfab build MESH, without a preset"
     sheet = contact_sheet(tiles, "Surfaces of one's own", line, ACROSS, WIDE, ASPECT, PAPER)
     sheet.save(folder / "sheet.png", optimize=True)
-    head = ["mesh", *(name for name, _ in attempts[0].measures)]
-    print(
-        table(
-            head,
-            [
-                [one.name, *(text for _, text in one.measures)]
-                if not one.error
-                else [one.name, f"{one.seconds:.0f}", *[""] * (len(head) - 2)]
-                for one in attempts
-            ],
-        )
-    )
+    print(table(["mesh", *HEAD], [[one.name, *one.columns] for one in attempts]))
     for one in attempts:
         if one.error:
             print(f"{one.name}: {one.error}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.errors import DsfabError, ExportError
-from dsfab.export.atomic import replacing, write_chunks
+from dsfab.export import replacing, write_chunks
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_toml
 from dsfab.study.sweeps.plan import Plan

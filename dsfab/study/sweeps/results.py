@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from dsfab.export.atomic import replacing, write_chunks
+from dsfab.export import replacing, write_chunks
 from dsfab.study.sweeps.constraints import Constraint
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.store import RunRow

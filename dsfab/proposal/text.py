@@ -1,0 +1,129 @@
+"""A proposal as a preset file: short, and with a comment where a person may want to change it."""
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from dsfab.proposal.feet import Foot
+from dsfab.proposal.reading import GivenMesh
+from dsfab.proposal.sizes import Sizes
+from dsfab.surface import Boundary, Surface
+from dsfab.wording import length
+
+SNOW = 750.0
+"""Pa on the plan: a placeholder for the local code."""
+SHARE = 0.45
+"""Of the surface that stays material."""
+
+
+def proposal_text(
+    given: GivenMesh,
+    keys: Mapping[str, Any],
+    notes: Mapping[str, str],
+    size: Sizes,
+    stands: tuple[Foot, ...],
+    snow: bool,
+) -> str:
+    """The TOML text.
+
+    keys : of [surface], which make the mesh what it is.  notes : topic -> what was decided.
+    """
+    surface = given.surface
+    head = [
+        f"# {given.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
+        _entry("name", given.name),
+        _entry("description", _description(surface, size, stands, snow)),
+    ]
+    parts = (
+        head,
+        _surface(keys, notes, size),
+        *_supports(surface, size, stands),
+        *_loads(snow),
+        _statics(size),
+        _pattern(surface, size),
+        *_families(size),
+        _widths(),
+    )
+    return "\n\n".join("\n".join(part) for part in parts) + "\n"
+
+
+def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> Iterator[str]:
+    yield "[surface]"
+    comments = {"unit": notes["unit"], "up": notes["up"], "mend": notes.get("mended", "")}
+    for key, value in keys.items():
+        if key != "mesh":
+            yield _entry(key, value, comments.get(key, ""))
+    if size.edge:
+        yield _entry("edge", size.edge, "m; the mesh is made anew: even triangles, boundaries and creases stay")
+    if size.edge and size.coarse:
+        yield _entry("smooth", True, "on the smooth surface through the mesh's vertices")
+
+
+def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[list[str]]:
+    digits = max(0, 4 - int(np.floor(np.log10(surface.size))))
+    for foot in stands:
+        at = foot.picker(0.25 * (size.edge or surface.mean_edge), digits)
+        if isinstance(at, Boundary):
+            pick = f'pick = "boundary", loop = {at.loop}'
+        else:
+            pick = f'pick = "box", min = {list(at.min)}, max = {list(at.max)}'
+            pick += ", boundary = true" if at.boundary else ""
+        metres = f"{length(foot.length)} of free edge" if foot.length else ""
+        yield ["[[surface.support]]", _entry("name", foot.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
+
+
+def _loads(snow: bool) -> Iterator[list[str]]:
+    yield ["[[surface.load]]", _entry("kind", "self_weight")]
+    if snow:
+        pressure = _entry("pressure", SNOW, "Pa on the plan: a placeholder for your local code")
+        yield ["[[surface.load]]", _entry("kind", "snow"), pressure]
+
+
+def _statics(size: Sizes) -> Iterator[str]:
+    yield "[statics]"
+    yield _entry("material", size.material, "dsfab materials lists them")
+    yield _entry("thickness", size.thickness, "m")
+
+
+def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:
+    yield "[pattern]"
+    yield _entry("method", "stripes", "evenly spaced along the stress")
+    yield _entry("keep", size.keep, "m around supports that stay whole")
+    if surface.loops:
+        yield _entry("rim", size.rim, "m along edges and openings that stay whole")
+    yield _entry("fillet", size.fillet, "m, radius of the corners of openings")
+
+
+def _families(size: Sizes) -> Iterator[list[str]]:
+    for family, words in (("major", "m from one member to the next"), ("minor", "m, of those that cross them")):
+        yield [f"[pattern.{family}]", _entry("spacing", size.spacing, words)]
+
+
+def _widths() -> Iterator[str]:
+    yield "[pattern.width]"
+    yield _entry("rule", "constant", "members are as wide everywhere; graded, stressed: as they work")
+    yield _entry("solid_fraction", SHARE, "share of the surface that is material")
+
+
+def _entry(key: str, value: Any, note: str = "") -> str:
+    """A line of TOML with its comment."""
+    line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
+    return f"{line:<26}  # {note}" if note else line
+
+
+def _description(surface: Surface, size: Sizes, stands: tuple[Foot, ...], snow: bool) -> str:
+    x, y, z = (length(float(side)) for side in np.ptp(surface.V, axis=0))
+    loads = "its own weight and snow" if snow else "its own weight"
+    return f"{x} x {y}, {z} high, {size.material} of {length(size.thickness)}, on {_on(stands)}, under {loads}."
+
+
+def _on(stands: tuple[Foot, ...]) -> str:
+    """What it stands on, in words: 'its base ring', '4 feet', '2 springing lines'."""
+    kinds = {foot.name.rstrip("0123456789 ") for foot in stands}
+    if len(stands) == 1:
+        return f"its {stands[0].name}"
+    if len(kinds) > 1:
+        return f"{len(stands)} parts of its edge"
+    return f"{len(stands)} {'feet' if 'foot' in kinds else kinds.pop() + 's'}"

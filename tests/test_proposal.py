@@ -1,0 +1,281 @@
+"""A preset for a surface of one's own: axis, feet, sizes, text, and the commands that take a mesh."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dsfab
+from dsfab.app.cli import main
+from dsfab.errors import PresetError, SurfaceError
+from dsfab.preset_file import load_preset
+from dsfab.proposal import preset_for, propose
+from dsfab.proposal.feet import feet
+from dsfab.proposal.sizes import is_figure, sizes
+from dsfab.proposal.vertical import likely_up
+from dsfab.surface import Boundary, Snow, Surface, upright
+from dsfab.surface.shapes import barrel_vault, dome, plate, sphere, torus
+from tests.canopy import canopy
+from tests.meshes import mesh_file
+from tests.own_meshes import OWN
+
+WAYS = ("x", "y", "z", "-x", "-y", "-z")
+BACK = {"z": "z", "y": "-y", "-y": "y"}
+"""Which axis is up after a surface was turned by `upright`: its inverse."""
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """All own meshes as files, by name."""
+    folder = tmp_path_factory.mktemp("own")
+    return {name: make(folder) for name, make in OWN.items()}
+
+
+def obj(path, surface, unit=1.0):
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.V * unit]
+    lines += [f"f {a} {b} {c}" for a, b, c in surface.F + 1]
+    path.write_text("\n".join(lines))
+    return path
+
+
+@pytest.mark.parametrize("up", WAYS)
+def test_turning_is_a_turn_and_puts_the_axis_up(up):
+    axis = np.eye(3)["xyz".index(up[-1])] * (-1 if up[0] == "-" else 1)
+    turned = upright(np.vstack([np.eye(3), axis]), up)
+    assert np.linalg.det(turned[:3]) == pytest.approx(1)
+    assert turned[3].tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    "shape", [dome(edge=0.8), barrel_vault(edge=1.0), canopy(0.6)], ids=["dome", "vault", "canopy"]
+)
+@pytest.mark.parametrize("way", BACK)
+def test_the_vertical_axis_of_roofs_is_found(shape, way):
+    assert likely_up(Surface(upright(shape.V, way), shape.F)) == BACK[way]
+
+
+@pytest.mark.parametrize(
+    ("name", "up"),
+    [("spot", "y"), ("bob", "y"), ("torus", "y"), ("camelhead", "y"), ("halftunnel", "-y"), ("hypar", "z")],
+)
+def test_the_vertical_axis_of_files_is_found(name, up):
+    assert propose(mesh_file(f"{name}.obj")).preset.surface.up == up
+
+
+def names(surface):
+    return [foot.name for foot in feet(surface, float(np.ptp(surface.V, axis=0)[:2].min()))]
+
+
+def test_feet_of_shapes_that_everybody_knows():
+    assert names(dome(edge=0.8)) == ["base ring"]
+    assert names(barrel_vault(edge=1.0)) == ["springing line 1", "springing line 2"]
+    assert names(canopy(0.5)) == ["foot 1", "foot 2", "foot 3", "foot 4"]
+    assert names(plate(edge=0.3)) == ["edge"]
+    assert names(sphere(edge=0.4)) == ["foot"]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("canopy_mm", ["foot 1", "foot 2", "foot 3", "foot 4"]),
+        ("sail_yup", ["foot 1", "foot 2", "foot 3"]),
+        ("ngon_dome", ["base ring"]),
+        ("scan", ["springing line 1", "springing line 2"]),
+        ("two_sheets", ["foot 1", "foot 2", "foot 3", "foot 4"]),
+        ("figure", ["foot 1", "foot 2"]),
+        ("mushroom_slab", ["base ring 1", "base ring 2"]),
+        ("voronoi_shell", ["base ring"]),
+    ],
+)
+def test_feet_of_own_meshes(own, name, expected):
+    assert [foot.name for foot in propose(own[name]).stands] == expected
+
+
+def test_openings_are_not_held(own):
+    """Neither holes in a roof, nor cells near the ground of a shell; the free edge of a slab neither."""
+    for name in ("canopy_mm", "voronoi_shell", "mushroom_slab"):
+        proposal = propose(own[name])
+        surface = proposal.preset.surface.build()
+        held = np.logical_or.reduce([s.at.vertices(surface) for s in proposal.preset.surface.support])
+        assert surface.V[held, 2].max() < surface.V[:, 2].min() + 0.12 * np.ptp(surface.V[:, 2])
+
+
+@given(height=st.floats(0.3, 3), feet_=st.integers(3, 7), dip=st.floats(0.4, 1.0), turn=st.floats(0, 6))
+@settings(max_examples=25, deadline=None)
+def test_a_crown_with_k_points_stands_on_k_feet(height, feet_, dip, turn):
+    """A cap whose edge goes down k times has k feet; turned and scaled it has the same."""
+    t = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+    V, F = [np.array([[0, 0, height]])], []
+    rings = 12
+    for j in range(1, rings + 1):
+        r = j / rings
+        z = height * (1 - r**2 * (1 + dip * (1 + np.cos(feet_ * (t + turn))) / 2))
+        V.append(np.stack([4 * r * np.cos(t), 4 * r * np.sin(t), z], axis=1))
+        a = 1 + (j - 1) * 120 + np.arange(120)
+        b = 1 + (j - 1) * 120 + (np.arange(120) + 1) % 120
+        if j == 1:
+            F.append(np.stack([np.zeros(120, int), a, b], axis=1))
+        else:
+            F += [np.stack([a - 120, a, b], axis=1), np.stack([a - 120, b, b - 120], axis=1)]
+    assert len(feet(Surface(np.vstack(V), np.vstack(F)), 8.0)) == feet_
+
+
+def test_units_are_guessed_from_the_size(tmp_path):
+    roof = canopy(0.6)
+    for factor, unit in ((1.0, "m"), (1000.0, "mm")):
+        preset = preset_for(obj(tmp_path / "roof.obj", roof, factor))
+        assert preset.surface.unit == unit
+        assert np.ptp(preset.surface.build().V, axis=0)[:2] == pytest.approx([16, 12], rel=1e-6)
+    assert preset_for(obj(tmp_path / "roof.obj", roof, 100.0), unit="cm").surface.unit == "cm"
+
+
+def test_loads_of_roofs_and_figures(own):
+    def kinds(name):
+        return [load.kind for load in propose(own[name]).preset.surface.load]
+
+    assert kinds("canopy_mm") == kinds("terrain") == ["self_weight", "snow"]
+    assert kinds("gyroid") == kinds("figure") == ["self_weight"]  # over itself; no roof
+
+
+@pytest.mark.parametrize(("material", "ratio"), [("GL24h", 100), ("S235", 200)])
+def test_thickness_is_a_share_of_the_span(material, ratio):
+    """12 m: 120 mm of timber, 60 mm of steel."""
+    assert sizes(canopy(0.6), material).thickness == pytest.approx(12 / ratio, rel=0.01)
+
+
+def test_sizes_follow_the_surface():
+    roof = canopy(0.6)
+    small, large = sizes(roof), sizes(Surface(roof.V * 10, roof.F))
+    assert large.spacing == pytest.approx(10 * small.spacing)
+    assert large.rim == pytest.approx(10 * small.rim, rel=0.1)
+    assert 12 <= small.span / small.spacing <= 20
+    assert small.spacing - 0.45 * small.spacing > 2 * small.thickness  # openings are wider than the sheet is thick
+
+
+def test_a_good_mesh_is_kept_and_a_coarse_one_made_anew_on_a_smooth_surface():
+    good = dome(edge=0.2)
+    assert sizes(good).edge == 0
+    squeezed = Surface(good.V * [1, 1, 8], good.F)
+    assert sizes(squeezed).edge > 0  # as long as before in plan, but with needles
+    coarse = sizes(canopy(0.8))
+    assert coarse.edge > 0
+    assert coarse.coarse
+    assert not sizes(dome(edge=0.05)).coarse
+
+
+def test_figures_are_told_from_roofs():
+    assert is_figure(sphere(edge=0.5))
+    assert is_figure(torus(edge=0.3))
+    assert not is_figure(dome(edge=0.8))
+    assert not is_figure(plate(edge=0.3))
+
+
+def test_the_text_is_the_preset(own, tmp_path):
+    proposal = propose(own["sail_yup"])
+    (tmp_path / "sail.toml").write_text(proposal.text())
+    assert load_preset(tmp_path / "sail.toml") == proposal.preset
+    values = tomllib.loads(proposal.text())
+    assert values["surface"]["up"] == "y"
+    assert len(values["surface"]["support"]) == 3
+    assert all(line == line.rstrip() and len(line) < 140 for line in proposal.text().splitlines())
+
+
+def test_every_decision_says_what_changes_it(own):
+    for path in own.values():
+        for decision in propose(path).decisions:
+            assert decision.choice, decision
+            assert decision.change, decision
+
+
+def test_a_mesh_in_python():
+    roof = canopy(0.6)
+    preset = dsfab.preset_for((roof.V * 1000, roof.F), unit="mm", material="S355")
+    assert preset.statics.material == "S355"
+    assert preset.statics.thickness == pytest.approx(0.06)
+    assert len(preset.surface.support) == 4
+    assert any(isinstance(load, Snow) for load in preset.surface.load)
+    turned = Surface(upright(roof.V, "-y"), roof.F)
+    assert np.ptp(preset_for(turned).surface.given().V[:, 2]) == pytest.approx(np.ptp(roof.V[:, 2]))
+    assert preset_for(dome(edge=0.8)).surface.support[0].at == Boundary(0)
+
+
+def test_new_writes_a_preset_that_build_takes(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    obj(tmp_path / "my roof.obj", dome(edge=0.9))
+    assert main(["new", "my roof.obj", "--material", "S235"]) == 0
+    said = capsys.readouterr().out
+    assert "stands on" in said
+    assert "base ring" in said
+    assert "written to my_roof.toml" in said
+    assert load_preset("my_roof.toml").surface.file.name == "my roof.obj"
+    assert main(["new", "my roof.obj"]) == 1
+    assert "is there already" in capsys.readouterr().err
+    assert main(["new", "my roof.obj", "--force", "-o", "presets_of_mine.toml"]) == 0
+    assert main(["preview", "my_roof.toml", "-o", "seen.png", "--size", "400x300"]) == 0
+    assert (tmp_path / "seen.png").stat().st_size > 5000
+
+
+def test_new_in_another_folder_names_the_mesh_from_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "models").mkdir()
+    (tmp_path / "presets").mkdir()
+    obj(tmp_path / "models" / "roof.obj", dome(edge=0.9))
+    assert main(["new", "models/roof.obj", "-o", "presets/mine.toml"]) == 0
+    assert '"../models/roof.obj"' in (tmp_path / "presets" / "mine.toml").read_text()
+    assert load_preset("presets/mine.toml").surface.build().n > 100
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["new", "nothing.obj"], "does not exist"),
+        (["new", "roof.toml"], "is a preset already"),
+        (["new", "roof.obj", "-o", "roof.obj"], "a preset is a .toml file"),
+        (["new", "roof.obj", "--up", "w"], "is no axis; use one of x, y, z, -x, -y, -z"),
+        (["new", "roof.obj", "--unit", "miles"], "is not known; use one of mm"),
+        (["new", "roof.obj", "--material", "oak"], "is not known"),
+        (["new", "nan.obj"], "no face has three finite corners"),
+        (["new", "roof.obj", "-o", "no/such/roof.toml"], "folder does not exist"),
+        (["build", "roof.obj", "--mesh", "other.obj"], "are two meshes; give one of them"),
+    ],
+)
+def test_refusals(tmp_path, monkeypatch, capsys, words, sentence):
+    monkeypatch.chdir(tmp_path)
+    obj(tmp_path / "roof.obj", dome(edge=1.5))
+    (tmp_path / "roof.toml").write_text("")
+    (tmp_path / "nan.obj").write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert main(words) == 1
+    error = capsys.readouterr().err
+    assert sentence in error
+    assert error.count("\n") == 1
+    assert "Traceback" not in error
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["nan.obj", "roof.obj", "roof.toml"]
+
+
+def test_wrong_kinds_in_python():
+    with pytest.raises(SurfaceError, match="is no mesh"):
+        preset_for(7)
+    with pytest.raises(PresetError, match="is not known"):
+        preset_for(dome(edge=1.5), material="cheese")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [["{mesh}"], ["roof", "--mesh", "{mesh}"]])
+def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
+    """Both ways make the same design, and each decision is told."""
+    monkeypatch.chdir(tmp_path)
+    mesh = obj(tmp_path / "hall.obj", barrel_vault(edge=1.6), 1000.0)
+    words = [word.format(mesh=mesh.name) for word in words]
+    assert (
+        main(["build", *words, "--format", "stl", "--no-preview", "-o", "out", "--set", "statics.material=S235"]) == 0
+    )
+    said = capsys.readouterr().out
+    assert "springing line 1" in said
+    assert "S235" in said
+    assert "1/200 of the span" in said
+    built = load_preset("out/preset.toml")
+    assert built.surface.unit == "mm"
+    assert built.statics.material == "S235"
+    assert (tmp_path / "out" / "hall.stl").is_file()

@@ -1,0 +1,151 @@
+"""Small faults of meshes: what mending takes away, what it leaves as it is, and the pickers that hold on any mesh."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from dsfab.errors import SurfaceError
+from dsfab.preset_file import load_preset
+from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, read_surface
+from dsfab.surface.shapes import dome, plate, sphere
+from dsfab.surface.topology import edge_table, manifold_faults
+from tests.own_meshes import figure, gyroid, voronoi_shell
+
+ROOF = dome(edge=0.9)
+
+
+def area(V, F):
+    return float(np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1).sum() / 2)
+
+
+@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.4), sphere(edge=0.5)])
+def test_a_sound_mesh_stays_as_it_is(surface):
+    mesh = mended(surface.V, surface.F)
+    assert mesh.repairs == ()
+    assert_array_equal(mesh.V, surface.V)
+    assert_array_equal(mesh.F, surface.F)
+
+
+@given(st.integers(0, 10**6), st.floats(1e-3, 1e4))
+@settings(max_examples=20, deadline=None)
+def test_seams_of_any_size_are_welded(seed, size):
+    """Every face with corners of its own, shaken by a millionth of the size: one sheet again."""
+    rng = np.random.default_rng(seed)
+    V = ROOF.V[ROOF.F.ravel()] * size
+    V += rng.uniform(-1e-6, 1e-6, V.shape) * np.ptp(V, axis=0).max()
+    mesh = mended(V, np.arange(len(V)).reshape(-1, 3))
+    assert len(mesh.V) == ROOF.n
+    assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
+    assert "welded" in mesh.repairs[0]
+
+
+def test_crumbs_repeats_and_faces_without_area_go():
+    n = ROOF.n
+    V = np.vstack([ROOF.V, ROOF.V[:3] * 0.01 + [0, 0, 9], [[np.nan, 0, 0]]])
+    a, b, _ = ROOF.F[0]
+    F = np.vstack([ROOF.F, ROOF.F[5][::-1], [n, n + 1, n + 2], [a, b, b], [a, b, n + 3]])
+    mesh = mended(V, F)
+    assert_array_equal(mesh.V, ROOF.V)
+    assert_array_equal(mesh.F, ROOF.F)
+    assert len(mesh.repairs) == 4, mesh.repairs
+
+
+def test_a_fin_on_an_inner_edge_goes():
+    """The third face on an edge is the one that comes last."""
+    edges = ROOF.edges
+    a, b = edges.ends[np.flatnonzero(~edges.boundary)[0]]
+    V = np.vstack([ROOF.V, ROOF.V[a] + [0, 0, 1]])
+    mesh = mended(V, np.vstack([ROOF.F, [a, b, ROOF.n]]))
+    assert_array_equal(mesh.F, ROOF.F)
+    assert "1 face on edges that have two others dropped" in mesh.repairs
+
+
+def test_pinholes_are_closed_and_doors_are_not():
+    ball = sphere(edge=0.4)
+    tiny = ball.V.copy()
+    corners = ball.F[0]
+    tiny[corners] = tiny[corners].mean(axis=0) + 2e-4 * (tiny[corners] - tiny[corners].mean(axis=0))
+    holed = mended(tiny, ball.F[1:])
+    assert holed.repairs == ("1 pinhole closed",)
+    closed = Surface(holed.V, holed.F)
+    assert closed.is_closed
+    assert closed.volume == pytest.approx(Surface(tiny, ball.F).volume, rel=1e-6)
+    assert mended(ball.V, ball.F[1:]).repairs == ()
+
+
+def test_files_as_programs_write_them_become_sheets(tmp_path):
+    """A contour's needles and crumbs, and a boolean's slivers: one sound piece each, of the same area."""
+    for make in (gyroid, voronoi_shell, figure):
+        path = make(tmp_path)
+        raw, whole = read_surface(path), read_surface(path, mend=True)
+        assert whole.pieces[0] == 1
+        assert whole.area == pytest.approx(raw.area, rel=1e-6)
+        assert manifold_faults(whole.F, whole.edges, whole.n) == ()
+
+
+def test_nothing_but_faults_is_refused(tmp_path):
+    path = tmp_path / "line.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    with pytest.raises(SurfaceError, match="no faces"):
+        read_surface(path, mend=True)
+
+
+@given(st.floats(0.1, 50), st.tuples(*[st.floats(-5, 5)] * 3))
+@settings(max_examples=20, deadline=None)
+def test_relative_pickers_pick_the_same_wherever_and_however_large(scale, move):
+    """Shares of the box do not change when the surface is moved, scaled, or stretched along an axis."""
+    pickers = [
+        Box((0, 0, 0), (0.3, 1, 0.5), relative=True),
+        Ball((0.5, 0.5, 1.0), 0.2, relative=True),
+        Side("z", "min", 0.1, relative=True),
+        Nearest(((0.13, 0.87, 0.2), (0.9, 0.8, 1)), relative=True),
+    ]
+    other = Surface(ROOF.V * scale + move, ROOF.F)
+    for picker in pickers:
+        assert_array_equal(picker.vertices(other), picker.vertices(ROOF))
+
+
+def test_relative_is_a_share_of_the_box():
+    surface = plate(edge=0.25)
+    low, high = surface.V.min(axis=0), surface.V.max(axis=0)
+    side = high - low
+    relative = Box((0.25, 0, 0), (0.75, 1, 1), relative=True)
+    metres = Box(tuple(low + side * [0.25, 0, 0]), tuple(low + side * [0.75, 1, 1]))
+    assert_array_equal(relative.vertices(surface), metres.vertices(surface))
+    radius = Ball((0, 0, 0), 0.25, relative=True)
+    away = np.linalg.norm(surface.V - low, axis=1)
+    assert_allclose(radius.vertices(surface), away <= 0.25 * surface.size * (1 + 1e-9))
+
+
+def test_boxes_of_free_edges_leave_the_inside_alone():
+    everything = (-9.0, -9.0, -9.0), (9.0, 9.0, 9.0)
+    picked = Box(*everything, boundary=True).vertices(ROOF)
+    assert_array_equal(np.flatnonzero(picked), np.sort(ROOF.loops[0]))
+    with pytest.raises(SurfaceError, match="picks no vertex"):
+        Box(*everything, boundary=True).vertices(sphere(edge=0.5))
+
+
+def test_a_preset_of_shares_holds_for_another_mesh(tmp_path):
+    (tmp_path / "a.toml").write_text(
+        """
+        [surface]
+        file = "none.obj"
+        [[surface.support]]
+        at = { pick = "side", axis = "z", end = "min", depth = 0.05, relative = true }
+        [[surface.load]]
+        kind = "force"
+        force = [0, 0, -1]
+        at = { pick = "ball", center = [0.5, 0.5, 1], radius = 0.1, relative = true }
+        [statics]
+        thickness = 0.01
+        """
+    )
+    for scale in (1, 30):
+        lines = [f"v {x} {y} {z}" for x, y, z in ROOF.V * scale] + [f"f {a} {b} {c}" for a, b, c in ROOF.F + 1]
+        (tmp_path / "mesh.obj").write_text("\n".join(lines))
+        preset = load_preset(tmp_path / "a.toml", mesh=tmp_path / "mesh.obj")
+        surface = preset.surface.build()
+        assert preset.surface.support[0].at.vertices(surface).sum() == len(ROOF.loops[0])
+        assert preset.surface.load[0].at.vertices(surface).any()
