@@ -21,6 +21,7 @@ from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
 from dsfab.surface import Combination, Load
 from dsfab.thickening import Extra, Side
+from dsfab.units import GRAVITY
 
 STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening", "export")
 """The seven words, in the order in which a design is made."""
@@ -68,6 +69,11 @@ class Statics(Section):
     def elastic(self) -> Material:
         """The material of the sheet as the statics know it."""
         return Material(self.young, self.poisson, self.density)
+
+    @property
+    def weight(self) -> float:
+        """Of the uncut sheet, newtons per square metre."""
+        return self.density * self.thickness * GRAVITY
 
     def sheet(self, thickness: float | None = None) -> SheetMaterial:
         """What the sheet is made of; as thick as given, metres, or as it is."""

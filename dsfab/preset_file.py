@@ -14,14 +14,12 @@ from dsfab.materials import KEYS
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
 from dsfab.preset_material import own_values, replaced
-from dsfab.preset_surface import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
+from dsfab.preset_surface import PRESETS, FileSurface, Given, MeshSurface, OwnSurface, missing_preset
 
 
 def shipped_presets() -> dict[str, Path]:
     """The presets that come with dsfab: name -> file, in alphabetical order."""
-    package = Path(__file__).resolve().parent
-    # in a wheel the presets lie in the package, in a checkout at the top level
-    files = [*package.glob("presets/*.toml"), *package.parent.glob("presets/*.toml")]
+    files = [file for folder in PRESETS for file in folder.glob("*.toml")]
     return {path.stem: path for path in sorted(files, key=lambda path: path.stem)}
 
 
@@ -99,9 +97,7 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 def require_mesh(preset: Preset) -> None:
     """Raises PresetError for a shipped preset that waits for a mesh of the user's; it says how a command takes it."""
-    given = preset.surface
-    shipped_with = {path.parent for path in shipped_presets().values()}
-    if isinstance(given, FileSurface) and given.file.parent in shipped_with and not given.file.exists():
+    if isinstance(given := preset.surface, FileSurface) and given.waits:
         raise PresetError(
             f"preset {preset.name} needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres"
         )

@@ -99,6 +99,10 @@ class OwnSurface(Given):
         return remeshed(self.given(), self.edge, self.finest, self.smooth) if self.edge else super().build()
 
 
+PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[:2])
+"""Where the presets lie that come with dsfab: in a wheel in the package, in a checkout at the top level."""
+
+
 class FileSurface(OwnSurface):
     """A surface read from a mesh file."""
 
@@ -111,8 +115,18 @@ class FileSurface(OwnSurface):
     mend: bool = False
     """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes."""
 
+    @property
+    def waits(self) -> bool:
+        """Whether it is that of a shipped preset whose mesh is for the user to give."""
+        return self.file.parent in PRESETS and not self.file.exists()
+
     def given(self) -> Surface:
-        """The surface in the file, metres."""
+        """The surface in the file, metres; raises PresetError where the user has to give it."""
+        if self.waits:
+            raise PresetError(
+                f"this preset needs a mesh of yours in place of {self.file.name}: write "
+                'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
+            )
         return read_surface(self.file, self.unit, self.up, self.mend)
 
 

@@ -2,6 +2,9 @@
 
 from collections.abc import Iterable, Sequence
 
+STRAIGHT = 0.99985
+"""Cosine of the angle, a degree, within which a direction is called by an axis."""
+
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Columns in plain text, the first flush left, the others flush right."""
@@ -34,3 +37,22 @@ def mass(kilograms: float) -> str:
 def length(metres: float) -> str:
     """'0.31 mm', '2.4 m'."""
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
+
+
+def force(newtons: float) -> str:
+    """'830 N', '12.4 kN', '3.1 MN'."""
+    for unit, scale in (("N", 1.0), ("kN", 1e3)):
+        if abs(newtons) < 999.5 * scale:
+            return f"{newtons / scale:.3g} {unit}"
+    return f"{newtons / 1e6:.3g} MN"
+
+
+def towards(direction: Sequence[float]) -> str:
+    """'down', '+x', '(0.6, 0, -0.8)': where a vector that is not zero points to, within a degree."""
+    length = sum(x * x for x in direction) ** 0.5
+    unit = [x / length for x in direction]
+    largest = max(range(3), key=lambda k: abs(unit[k]))
+    if abs(unit[largest]) < STRAIGHT:
+        return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"
+    up = unit[largest] > 0
+    return ("up" if up else "down") if largest == 2 else f"{'+' if up else '-'}{'xyz'[largest]}"

@@ -350,6 +350,7 @@ def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
         ("preview", "roof"),
         ("export", "roof", "--to", "stl"),
         ("inspect", "roof"),
+        ("edit", "roof"),
         ("compare", "roof"),
         ("explore", "roof", "--vary", "pattern.major.spacing=1,2"),
         ("bench", "roof"),
@@ -381,7 +382,7 @@ def test_a_folder_named_like_a_preset_shadows_nothing(capsys, tmp_path, monkeypa
     assert (tmp_path / "outputs" / "dome" / "dome.ply").is_file()
     assert not (tmp_path / "dome" / "dome.ply").exists()
     assert load_preset("dome").name == "dome"
-    monkeypatch.setattr("dsfab.app.listing._made", lambda name, picture: {"made of": name})
+    monkeypatch.setattr("dsfab.app.listing._made", lambda name, source, picture: {"made of": name})
     monkeypatch.setattr("dsfab.app.listing.fabrication_lines", lambda built: [str(built)])
     assert run(capsys, "inspect", "dome")[1].strip() == "{'made of': 'dome'}"
     assert "no design.json" in refused(capsys, "inspect", "./dome")

@@ -1,13 +1,23 @@
 """Supports and loads have names, are listed, and a design that cannot be built stops after the statics."""
 
+import json
 import tomllib
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
-from dsfab import Boundary, Force, Nearest, Preset, SelfWeight, Snow, Support, load_preset
+from dsfab import Boundary, Force, Line, Nearest, Preset, Pressure, SelfWeight, Side, Snow, Support, Wind, load_preset
+from dsfab.app.cli import main
 from dsfab.errors import PresetError
+from dsfab.pipeline import Design
 from dsfab.preset_file import preset_from, preset_toml
-from dsfab.surface import load_names, support_names
+from dsfab.report.design.acting import acting_facts, acting_lines
+from dsfab.statics import load_entries, support_entries
+from dsfab.surface import All, Box, Surface, Vertices, load_names, support_names
+from dsfab.wording import force, towards
+from tests.presets import DOME_MODES
+from tests.zoo import ZOO, grid, sphere, zoo
 
 
 def test_names_of_a_preset_come_back_and_stand_for_what_has_none():
@@ -33,3 +43,137 @@ def test_a_name_that_breaks_a_table_is_refused(name):
         load_preset("dome", {"surface.support.0.name": name})
     with pytest.raises(PresetError, match="must be up to 40 letters"):
         Preset(surface=load_preset("dome").surface, statics={"thickness": 0.1}, loads=[SelfWeight(name=name)])
+
+
+# --- the lists of supports and loads
+
+PLATE = grid(8, 2, 2.0, 0.5)
+"""2 x 0.5 m, flat."""
+
+
+def plate(supports, loads, **statics):
+    """A design of the plate: timber, 20 mm."""
+    given = {"thickness": 0.02, "material": "GL24h", **statics}
+    return Design.of(Preset(surface=PLATE, supports=supports, loads=loads, statics=given))
+
+
+def test_a_support_says_what_it_holds_and_its_share_of_the_load():
+    """A line of 30 N at a quarter of the span of a bridge: three quarters of it go to the near end."""
+    ends = Support(Side("x", "min"), name="near"), Support(Side("x", "max"), hold="z", spring=(5.0, 0, 0))
+    design = plate(ends, [Line(Box((0.5, 0, 0), (0.5, 0.5, 0)), (0, 0, -60.0), "all")])
+    answers = {name: case.equilibrium for name, case in design.statics.cases.items()}
+    near, far = support_entries(PLATE, ends, answers)
+    assert (near.name, near.vertices, near.holds) == ("near", 3, "xyz")
+    assert (far.name, far.vertices, far.holds) == ("support 2", 3, "z, spring x")
+    assert (near.length, far.length, near.area) == (pytest.approx(0.5), pytest.approx(0.5), 0)
+    assert_allclose(far.place, [2, 0.25, 0])
+    assert_allclose(near.reaction["load"], [0, 0, 22.5], atol=1e-6)
+    assert near.share["load"] == pytest.approx(0.75, abs=0.01)
+    assert near.share["load"] + far.share["load"] == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("at", "length", "area"),
+    [
+        (Boundary(), 5.0, None),  # ears of the mesh are held wholly: some area
+        (Side("x", "min", depth=0.25), 1.0, 0.125),
+        (Box((0.5, 0, 0), (0.5, 0.5, 0)), 0.5, 0.0),
+        (Box((0, 0.25, 0), (2, 0.25, 0)), 2.0, 0.0),
+        (All(), 5.0, 1.0),
+        (Vertices((4,)), 0.0, 0.0),
+    ],
+)
+def test_what_is_held_is_measured_along_edges_and_over_faces(at, length, area):
+    (entry,) = support_entries(PLATE, [Support(at)])
+    assert entry.length == pytest.approx(length)
+    if area is not None:
+        assert entry.area == pytest.approx(area)
+    assert not entry.share
+
+
+@zoo
+def test_the_shares_of_all_supports_are_one(name):
+    surface = ZOO[name]()
+    half = surface.n // 2
+    parts = (tuple(range(half)), tuple(range(half, surface.n)))
+    supports = [Support(Vertices(part[: max(3, half // 2)])) for part in parts]
+    design = Design.of(
+        Preset(surface=surface, supports=supports, loads=[SelfWeight()], statics={"thickness": surface.size / 200})
+    )
+    entries = support_entries(surface, supports, {"load": design.statics.cases["load"].equilibrium})
+    assert sum(entry.share["load"] for entry in entries) == pytest.approx(1)
+    total = np.sum([entry.reaction["load"] for entry in entries], axis=0)
+    assert_allclose(total, -design.load.force.sum(axis=0), atol=1e-5 * np.abs(design.load.force).sum())
+
+
+def test_a_load_says_its_sum_and_where_it_acts():
+    slope = Surface(np.c_[PLATE.V[:, :2], PLATE.V[:, 0]], PLATE.F)  # at 45 degrees
+    loads = [
+        Snow(800.0, name="white"),
+        SelfWeight(),
+        Line(Side("x", "max"), (0, 0, -60.0), case="rail"),
+        Force(Nearest(((2, 0, 2), (2, 0.5, 2))), (30.0, 0, 0)),
+        Wind(500.0, (1, 0, 0)),
+    ]
+    snow, weight, line, point, wind = load_entries(slope, loads, 100.0)
+    assert (snow.name, snow.kind, snow.area) == ("white", "snow", pytest.approx(np.sqrt(2)))
+    assert_allclose(snow.force, [0, 0, -800])
+    assert_allclose(weight.force, [0, 0, -100 * np.sqrt(2)])
+    assert (line.case, line.length, line.area) == ("rail", pytest.approx(0.5), 0)
+    assert_allclose(line.force, [0, 0, -30])
+    assert (point.vertices, point.length, point.area) == (2, 0, 0)
+    assert_allclose(point.force, [30, 0, 0])
+    assert_allclose(wind.force, 500 * 0.8 * np.array([1, 0, -1]) / np.sqrt(2))
+
+
+def test_pressure_all_around_cancels_out_and_says_so():
+    ball = sphere(2)
+    (entry,) = load_entries(ball, [Pressure(100.0)], 0.0)
+    assert np.abs(entry.force).max() < 1e-9
+    assert entry.total == pytest.approx(100 * ball.area, rel=0.05)
+    preset = Preset(surface=ball, supports=[Support(Side("z", "min", 0.5))], loads=[Pressure(100.0)], statics=THIN)
+    lines = list(acting_lines(acting_facts(Design.of(preset))))
+    assert lines[3].split() == ["pressure", "0", "N", "cancels", "out", f"{ball.area:.3g}", "m2"]
+
+
+THIN = {"thickness": 0.02}
+
+
+def test_the_tables_are_aligned_and_name_what_governs():
+    facts = json.loads(json.dumps(acting_facts(Design.of(load_preset("snow_vault", {"surface.edge": 0.8})))))
+    lines = list(acting_lines(facts))
+    assert lines[0].split() == ["support", "vertices", "along", "holds", "carries", "share", "under"]
+    assert lines[1].split()[-2:] == ["100%", "all_over"]
+    assert lines[2].split() == ["load", "case", "total", "towards", "on"]
+    assert [line.split()[-4] for line in lines[3:]] == ["kN"] * 4
+    assert len({len(line) for line in lines[:2]}) == 1
+    assert len({len(line) for line in lines[2:]}) == 1
+    assert [entry["name"] for entry in facts["loads"]] == ["self weight", "snow 1", "snow 2", "snow 3"]
+    assert set(facts["supports"][0]["share"]) == {"dead", "snow", "left", "right"} | {
+        "all_over", "on_the_left", "on_the_right",
+    }  # fmt: skip
+
+
+def test_forces_and_directions_in_words():
+    said = [force(x) for x in (0.12, 830, 999.6, 12_440, 999_600, 3.1e6)]
+    assert said == ["0.12 N", "830 N", "1 kN", "12.4 kN", "1 MN", "3.1 MN"]
+    pointed = [towards(v) for v in ((0, 0, -3), (0, 0, 1), (-2, 0, 0.01), (0, 5, 0), (3, 0, -4))]
+    assert pointed == ["down", "up", "-x", "+y", "(0.6, 0, -0.8)"]
+
+
+def test_inspect_shows_them_even_of_a_design_that_is_refused(capsys):
+    assert main(["inspect", DOME_MODES, "--set", "surface.edge=1", "--set", 'surface.support.0.hold="z"']) == 1
+    said = capsys.readouterr()
+    assert [line.split()[0] for line in said.out.splitlines()] == ["support", "support", "load", *["self", "force"]]
+    assert "can move along" in said.err
+
+
+def test_inspect_of_a_folder_shows_what_was_built(capsys, tmp_path):
+    changed = ["--set", "surface.edge=1", "--set", 'surface.support.0.name="ring beam"', "--format", "stl"]
+    assert main(["build", DOME_MODES, *changed, "--no-picture", "-o", str(tmp_path / "o")]) == 0
+    built = capsys.readouterr().out
+    assert main(["inspect", str(tmp_path / "o")]) == 0
+    shown = capsys.readouterr().out
+    row = next(line for line in shown.splitlines() if line.startswith("ring beam"))
+    assert row in built
+    assert row.endswith("100%")

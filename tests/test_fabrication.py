@@ -203,7 +203,7 @@ def test_build_writes_the_report_and_inspect_reads_it(capsys, tmp_path):
     assert main(["inspect", str(folder)]) == 0
     again = capsys.readouterr().out
     assert "min_member" in again
-    assert again in said
+    assert set(again.splitlines()) <= set(said.splitlines())
     (tmp_path / "no").mkdir()
     assert main(["inspect", str(tmp_path / "no")]) == 1
     assert "build it again" in capsys.readouterr().err

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from dsfab import run
+from dsfab.app.editor.source import open_preset
 from dsfab.delivery.archive import sections
 from dsfab.errors import DsfabError, PresetError
 from dsfab.materials import KEYS, MATERIALS
@@ -196,9 +198,14 @@ def test_unreadable_preset_files_are_refused(write, says, tmp_path):
 
 def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
     (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
-    monkeypatch.setattr("dsfab.preset_file.shipped_presets", lambda: {"roof": tmp_path / "roof.toml"})
+    for part in ("preset_file", "preset_surface"):
+        monkeypatch.setattr(f"dsfab.{part}.PRESETS", (tmp_path,))
     with pytest.raises(PresetError, match="preset roof needs a mesh of yours: add --mesh FILE"):
         require_mesh(load_preset("roof"))
+    with pytest.raises(PresetError, match=r'in place of roof\.obj: write dsfab\.load_preset\(name, mesh="FILE"\)'):
+        run(load_preset("roof"))
+    with pytest.raises(PresetError, match="preset roof needs a mesh of yours"):
+        open_preset("roof")
     (tmp_path / "roof.obj").write_text("a mesh")
     require_mesh(load_preset("roof"))
 

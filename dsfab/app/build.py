@@ -133,6 +133,7 @@ def _require(formats: Sequence[str]) -> None:
 
 def _summary(design: "Design", folder: Path, measured: Mapping[str, Any]) -> None:
     from dsfab.render.caption import caption
+    from dsfab.report.design.acting import acting_facts, acting_lines
     from dsfab.report.design.answers import answer_lines
     from dsfab.report.design.balance import case_lines
     from dsfab.report.design.choice import attempt_lines, choice_lines
@@ -150,7 +151,8 @@ def _summary(design: "Design", folder: Path, measured: Mapping[str, Any]) -> Non
     )
     measures = (*quality_lines(measured["pattern"]), *fabrication_lines(measured["fabrication"]))
     tried = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice))
-    for line in (*tried, *case_lines(design), *answer_lines(design), *measures):
+    acting = acting_lines(acting_facts(design))
+    for line in (*acting, *tried, *case_lines(design), *answer_lines(design), *measures):
         out(line)
     for note in design.notes:
         out(f"note ({note.stage}): {note.text}")

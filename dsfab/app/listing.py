@@ -1,14 +1,16 @@
 """`dsfab presets`, `materials` and `inspect`: what there is, what a mesh file is, and whether a design can be made."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED
+from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import PresetError
+from dsfab.report.design.acting import acting_facts, acting_lines
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
 from dsfab.report.design.pattern import quality_facts, quality_lines
 from dsfab.wording import length
@@ -46,15 +48,15 @@ def inspect(
     file: str,
     /,
     *,
-    unit: Annotated[str | None, Parameter(help="Unit of the file's numbers: mm, cm, m, in, ft.")] = None,
+    source: Source = UNCHANGED,
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="PNG file with the places of what is smallest.")
     ] = None,
 ) -> int:
     """Say what a mesh file is: size, pieces, boundary, whether it is manifold or why not, and its likely unit.
 
-    Of a preset, or of a folder that `dsfab build` made: how even its pattern is and how it ends; and members, gaps and
-    walls, against the limits of [fabrication].
+    Of a preset, or of a folder that `dsfab build` made: what holds it and what acts on it, also where it cannot be
+    built; how even its pattern is and how it ends; and members, gaps and walls, against the limits of [fabrication].
 
     Parameters
     ----------
@@ -62,47 +64,57 @@ def inspect(
         OBJ, PLY, STL, OFF, GLB or 3MF; a preset (a name or a TOML file); or a folder of results.
     """
     from dsfab.preset_file import shipped_presets
-    from dsfab.surface import describe
 
     path, named = Path(file), file in shipped_presets()  # a folder of a preset's name hides nothing
-    if named or path.is_dir() or path.suffix == ".toml":
-        built = _built(path) if path.is_dir() and not named else None
-        if built is None or output is not None:
-            built = _made(file if built is None else str(path / "preset.toml"), output)
-        for line in (*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)):
-            out(line)
+    if not (named or path.is_dir() or path.suffix == ".toml"):
+        if output is not None or source.set_ or source.mesh is not None:
+            flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
+            raise PresetError(f"{flag} is for a preset or a folder of results, not for a mesh file; leave it out")
+        _show_mesh(path, source.unit)
         return 0
-    if output is not None:
-        raise PresetError(f"-o {output}: a picture is made of a preset or a folder of results, not of a mesh file")
-    facts = describe(path, unit)
-    out(str(path))
-    rows = [(label, value) for label, value in _lines(facts) if value]
-    width = max(len(label) for label, _ in rows)
-    for label, value in rows:
-        out(f"  {label:<{width}}  {value}")
+    built = _built(path) if path.is_dir() and not named else None
+    if built is None or output is not None or source != UNCHANGED:
+        built = _made(file if built is None else str(path / "preset.toml"), source, output)
+    else:
+        _show(acting_lines(built))
+    _show((*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)))
     return 0
+
+
+def _show(lines: Iterable[str]) -> None:
+    for line in lines:
+        out(line)
 
 
 def _built(folder: Path) -> dict[str, Any]:
     """What `dsfab build` measured; raises PresetError for folders that it did not make."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
-        found: dict[str, Any] = {**facts["fabrication"], **{key: facts[key] for key in ("pattern",) if key in facts}}
+        beside = {key: facts[key] for key in ("pattern", "supports", "loads") if key in facts}
+        found: dict[str, Any] = {**facts["fabrication"], **beside}
     except (OSError, ValueError, KeyError, TypeError):
         raise PresetError(f"{folder} has no design.json with a part on fabrication; build it again") from None
     return found
 
 
-def _made(preset: str, picture: Path | None) -> dict[str, Any]:
-    """The same of a preset, which is run for it, and drawn if there is a file for that."""
-    from dsfab.pipeline import run
+def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
+    """The same of a preset, which is run for it, and drawn if there is a file for that.
+
+    What holds it and what acts on it is shown at once: a design that is refused is refused after that.
+    """
+    from dsfab.pipeline import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
 
     reporter = Reporter()
     try:
-        design = run(UNCHANGED.read(preset), reporter)
-        made = fabrication(design)
+        design = Design.of(source.read(preset), None, reporter).until("surface")
+        try:
+            design.until("statics")
+        finally:
+            reporter.done()
+            _show(acting_lines(acting_facts(design, solved=design.has("statics"))))
+        made = fabrication(design.until("thickening"))
         if picture is not None:
             reporter("preview", f"drawing {picture.name}")
             write_workshop_picture(picture, design, made, (1600, 1200))
@@ -110,6 +122,16 @@ def _made(preset: str, picture: Path | None) -> dict[str, Any]:
     finally:
         reporter.stop()
     return {**fabrication_facts(made), "pattern": quality_facts(design.quality())}
+
+
+def _show_mesh(path: Path, unit: str | None) -> None:
+    from dsfab.surface import describe
+
+    facts = describe(path, unit)
+    out(str(path))
+    rows = [(label, value) for label, value in _lines(facts) if value]
+    width = max(len(label) for label, _ in rows)
+    _show(f"  {label:<{width}}  {value}" for label, value in rows)
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:

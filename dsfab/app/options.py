@@ -103,12 +103,15 @@ class Source:
         return propose(Path(named), self.unit, self.up, material if isinstance(material, str) else None)
 
     def overrides(self) -> dict[str, Any]:
-        """The changes as values of dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
+        """The changes as values of dotted keys, unit and axis among them. Raises PresetError as `sets` does."""
+        given = {"surface.unit": self.unit, "surface.up": self.up}
+        return self.sets() | {key: value for key, value in given.items() if value is not None}
+
+    def sets(self) -> dict[str, Any]:
+        """What --set asks for, by dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
         from dsfab.preset_file import parse_override
 
-        given = {"surface.unit": self.unit, "surface.up": self.up}
-        known = {key: value for key, value in given.items() if value is not None}
-        return dict(parse_override(text) for text in self.set_) | known
+        return dict(parse_override(text) for text in self.set_)
 
     def also(self, *texts: str) -> "Source":
         """With more changes, KEY=VALUE each, which win over those before."""

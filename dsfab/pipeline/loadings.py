@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from dsfab.preset import Preset
 from dsfab.statics import SpreadLoad, spread_load
 from dsfab.surface import LoadCase, Surface, load_cases, together
-from dsfab.units import GRAVITY
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +27,7 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
 
     Raises SurfaceError for supports and loads that act on nothing.
     """
-    given, sheet = preset.surface, preset.statics
-    weight = sheet.density * sheet.thickness * GRAVITY
+    given, weight = preset.surface, preset.statics.weight
     loads = load_cases(surface, given.support, given.load, weight)
     parts = {name: spread_load(surface, [ld for ld in given.load if ld.case == name], weight) for name in loads}
     cases = [Loading(name, load, parts[name]) for name, load in loads.items()]

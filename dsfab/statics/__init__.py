@@ -10,6 +10,7 @@ from dsfab.statics.blocks import added
 from dsfab.statics.corners import membrane_strains, membrane_stresses
 from dsfab.statics.curvature import facet_number
 from dsfab.statics.elements import PAPER, Bending, Elements, Membrane
+from dsfab.statics.entries import LoadEntry, SupportEntry, load_entries, support_entries
 from dsfab.statics.faces import FaceStiffness
 from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
 from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
@@ -43,6 +44,7 @@ __all__ = [
     "KeptFactor",
     "Law",
     "Layer",
+    "LoadEntry",
     "Material",
     "Membrane",
     "Peak",
@@ -54,6 +56,7 @@ __all__ = [
     "SheetStress",
     "SolvedCase",
     "SpreadLoad",
+    "SupportEntry",
     "Use",
     "Vibration",
     "added",
@@ -67,6 +70,7 @@ __all__ = [
     "flat_axis",
     "flatness",
     "frequencies",
+    "load_entries",
     "membrane_stiffness",
     "membrane_strains",
     "membrane_stresses",
@@ -81,6 +85,7 @@ __all__ = [
     "solve_statics",
     "spread_load",
     "stress",
+    "support_entries",
     "support_reactions",
     "tolerance_of",
     "von_mises",

@@ -34,22 +34,31 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
-    """What each support exerts on the sheet.
+    """What each support exerts on the sheet: the sums of `support_forces`, and torques.
 
-    A direction of a vertex that several supports hold is shared equally, one on several springs in proportion to their
-    stiffness. The torque of an edge goes to the supports that clamp it; where none does, and yet it cannot turn, to
+    The torque of an edge goes to the supports that clamp it; where none does, and yet it cannot turn, to
     those that pick its ends. Together they balance the loads, unless edges were clamped away from all supports.
     """
+    forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed(surface) for support in supports])  # (s, n, 3)
-    springs = np.array([support.springs(surface) for support in supports])
-    # a spring at a held place does not stretch
-    forces = answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs))
     torques = np.zeros((len(supports), 0))
     if len(answer.torque):
         clamped = np.array([support.clamped(surface) for support in supports])  # (s, e)
         ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # how many it holds
         torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
     return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
+
+
+def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
+    """(s, n, 3) newtons that each support exerts on each vertex.
+
+    A direction of a vertex that several supports hold is shared equally, one on several springs in proportion to their
+    stiffness.
+    """
+    fixed = np.array([support.fixed(surface) for support in supports])
+    springs = np.array([support.springs(surface) for support in supports])
+    # a spring at a held place does not stretch
+    return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
 
 
 def _shares(parts: Floats) -> Floats:

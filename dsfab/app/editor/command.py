@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Set, Unit
+from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import out
 from dsfab.errors import DsfabError
 
@@ -15,8 +15,7 @@ def edit(
     target: str = "dome",
     /,
     *,
-    set_: Set = (),
-    unit: Unit = None,
+    source: Source = UNCHANGED,
     port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 0,
     open_: Annotated[bool, Parameter(name="--open", help="Open it in the browser.")] = True,
 ) -> int:
@@ -30,9 +29,8 @@ def edit(
     from dsfab.app.editor.server import EditorServer
     from dsfab.app.editor.session import Session
     from dsfab.app.editor.source import open_preset
-    from dsfab.preset_file import parse_override
 
-    first = open_preset(target, dict(parse_override(text) for text in set_), unit)
+    first = open_preset(target, source.sets(), source.unit, source.mesh)
     with Session(first) as session:
         try:
             server = EditorServer(session, port)

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.errors import PresetError
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped_presets
+from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, require_mesh, shipped_presets
 from dsfab.study.variations import spelled_value
 from dsfab.surface import read_surface
 
@@ -84,13 +84,25 @@ class Opened:
         return Opened(preset_from(values), (), mesh)
 
 
-def open_preset(target: str, changes: Mapping[str, Any] | None = None, unit: str | None = None) -> Opened:
-    """A shipped preset by its name, a preset file or a mesh file by its path. Raises DsfabError for anything else."""
+def open_preset(
+    target: str, changes: Mapping[str, Any] | None = None, unit: str | None = None, mesh: Path | None = None
+) -> Opened:
+    """A shipped preset by its name, a preset file or a mesh file by its path.
+
+    mesh : a file that takes the place of the preset's surface.
+    Raises DsfabError for anything else, and for a preset that waits for a mesh where none is given.
+    """
     if Path(target).suffix.lower() in MESHES:
+        if mesh is not None:
+            raise PresetError(f"--mesh {mesh}: {target} is a mesh already; give one of the two")
         first = opened_mesh(Path(target).absolute(), Path(target).name, unit)
         return replace(first, preset=overridden(first.preset, changes or {}), mesh="")
     sets = [word for key, value in (changes or {}).items() for word in ("--set", f"{key}={_spelled(value)}")]
-    return Opened(load_preset(target, changes), (target, *sets))
+    for flag, value in (("--mesh", mesh), ("--unit", unit)):
+        sets += [flag, str(value)] if value is not None else []
+    preset = load_preset(target, {**(changes or {}), **({"surface.unit": unit} if unit else {})}, mesh)
+    require_mesh(preset)
+    return Opened(preset, (target, *sets))
 
 
 def opened_shipped(name: str) -> Opened:

@@ -8,6 +8,7 @@ from typing import Any
 
 from dsfab import __version__
 from dsfab.pipeline.design import Design
+from dsfab.report.design.acting import acting_facts
 from dsfab.report.design.answers import answer_facts
 from dsfab.report.design.balance import case_facts, equilibrium_facts
 from dsfab.report.design.choice import attempt_facts, choice_facts
@@ -23,6 +24,7 @@ def facts(
         "name": design.preset.name,
         "preset": design.settled.model_dump(mode="json", exclude_none=True),
         "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
+        **acting_facts(design),
         "statics": {
             **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
             **answer_facts(design, design.statics),

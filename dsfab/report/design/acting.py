@@ -1,0 +1,101 @@
+"""What holds a design and what acts on it, entry by entry: numbers for `design.json`, from these tables for people."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from dsfab.wording import force, length, table, towards
+
+if TYPE_CHECKING:
+    from dsfab.pipeline import Design
+
+BALANCED = 1e-3
+"""A load whose resultant is a smaller share of its sum of magnitudes cancels out, as pressure all around does."""
+
+ROUNDING = 1e-9
+"""A support with a smaller share of the reactions carries nothing."""
+
+
+def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
+    """`supports` and `loads` of `design.json`; reactions and shares by case and combination.
+
+    solved : whether reactions are told, which takes the statics; without them it is known what is held and loaded.
+    Raises DsfabError for supports and loads that pick nothing, and of the statics.
+    """
+    from dsfab.statics import load_entries, support_entries
+
+    given, surface = design.preset.surface, design.surface
+    answers = {name: case.equilibrium for name, case in design.statics.cases.items()} if solved else {}
+    return {
+        "supports": [
+            {
+                "name": entry.name,
+                "vertices": entry.vertices,
+                "at_m": entry.place.tolist(),
+                "along_m": entry.length,
+                "area_m2": entry.area,
+                "holds": entry.holds,
+                "reaction_N": {case: part.tolist() for case, part in entry.reaction.items()},
+                "share": dict(entry.share),
+            }
+            for entry in support_entries(surface, given.support, answers)
+        ],
+        "loads": [
+            {
+                "name": entry.name,
+                "kind": entry.kind,
+                "case": entry.case,
+                "force_N": entry.force.tolist(),
+                "sum_of_magnitudes_N": entry.total,
+                "area_m2": entry.area,
+                "along_m": entry.length,
+                "vertices": entry.vertices,
+            }
+            for entry in load_entries(surface, given.load, design.preset.statics.weight)
+        ],
+    }
+
+
+def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
+    """A table of the supports, each where it carries most, and one of the loads; nothing of older files."""
+    supports, loads = facts.get("supports", ()), facts.get("loads", ())
+    if supports:
+        several = len(supports[0]["share"]) > 1
+        head = ["support", "vertices", "along", "holds", *(["carries", "share"] if supports[0]["share"] else [])]
+        rows = [_support(entry, several) for entry in supports]
+        yield from table([*head, *(["under"] if several else [])], rows).split("\n")
+    if loads:
+        several = len({entry["case"] for entry in loads}) > 1
+        head = ["load", *(["case"] if several else []), "total", "towards", "on"]
+        yield from table(head, [_load(entry, several) for entry in loads]).split("\n")
+
+
+def _support(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
+    cells = [entry["name"], f"{entry['vertices']:,}", _extent(entry), entry["holds"]]
+    if not entry["share"]:
+        return cells
+    size = {case: _size(reaction) for case, reaction in entry["reaction_N"].items()}
+    most = max(size, key=lambda case: size[case])
+    carried = force(size[most]) if entry["share"][most] > ROUNDING else "0 N"
+    return [*cells, carried, f"{entry['share'][most]:.0%}", *([most] if several else [])]
+
+
+def _load(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
+    size = _size(entry["force_N"])
+    if size < BALANCED * entry["sum_of_magnitudes_N"]:
+        sums = "0 N", "cancels out"
+    else:
+        sums = force(size), towards(entry["force_N"])
+    return entry["name"], *([entry["case"]] if several else []), *sums, _extent(entry)
+
+
+def _extent(entry: Mapping[str, Any]) -> str:
+    """'4.2 m' of a line, '18 m2' of faces, else 'points'."""
+    if entry["along_m"]:
+        return length(entry["along_m"])
+    if entry["area_m2"]:
+        return f"{entry['area_m2']:.3g} m2"
+    return "a point" if entry["vertices"] == 1 else f"{entry['vertices']} points"
+
+
+def _size(vector: Sequence[float]) -> float:
+    return float(sum(x * x for x in vector) ** 0.5)
