@@ -29,6 +29,28 @@ RESIDUAL = PRECISE if np.finfo(np.longdouble).eps < 1e-17 else 1e-6
 """Largest accepted residual. The same beam has 1e-6 after a solution in double precision and 1e-10 once refined with
 longer numbers (see `dsfab.statics.factor.refined_solution`), where the machine has them."""
 
+LARGEST_MOVE = 0.1
+"""Largest accepted displacement, as a share of the longest side of the surface's box: linear statics say nothing of
+what moves further, and mostly a unit is wrong."""
+
+AT_ONE_VERTEX = 0.95
+"""Largest accepted share of the reactions at one vertex."""
+
+FEW_VERTICES = 3
+"""A support that holds fewer vertices is told, if it carries more than `SOME_REACTION`."""
+
+SOME_REACTION = 0.05
+"""A support that carries a smaller share of the reactions only keeps the sheet from drifting."""
+
+FAR_FROM_SURFACE = 0.1
+"""Largest accepted distance from a point to the vertex that stands for it, as a share of the surface's size."""
+
+GLANCING = 1e-3
+"""Snow or wind of which a smaller share arrives at its faces, in the mean, acts on nothing: a twentieth of a degree."""
+
+USUAL_SIZE = (0.01, 1e3)
+"""Metres; a surface that is smaller or larger is told: its unit may be another one."""
+
 CONVERGED = 0.02
 """A compliance counts as known within this bound, relative."""
 

@@ -51,6 +51,9 @@ class Statics(Section):
     """How many natural frequencies of the uncut sheet to find."""
     buckling: Annotated[int, Ge(0), Le(10)] = 0
     """How many load factors to find at which the uncut sheet buckles."""
+    check: bool = True
+    """Refuse before the cut what moves by over a tenth of its span, stands on one vertex, or is held or loaded at a
+    point far off the surface; false only tells it."""
 
     _named = model_validator(mode="before")(with_material)
 

@@ -39,7 +39,8 @@ class StaticsResult:
     These are of all cases together, each once: what is drawn, and all there is with one case. What the pattern follows
     is chosen out of `cases` by the next stage, so that another choice solves nothing again.
 
-    cases : the load cases by name, then the combinations.
+    cases      : the load cases by name, then the combinations.
+    objections : sentences on why it should not be built, the gravest first (see `dsfab.pipeline.buildable`).
     """
 
     load: LoadCase
@@ -47,6 +48,7 @@ class StaticsResult:
     sigma: Floats
     answers: Answers
     cases: Mapping[str, CaseResult] = field(default_factory=dict)
+    objections: tuple[str, ...] = ()
 
     def loads(self, names: Iterable[str]) -> dict[str, LoadCase]:
         """The loads of some cases or combinations, by name, in the order asked for."""

@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from dsfab import Boundary, Force, Line, Nearest, Preset, Pressure, SelfWeight, Side, Snow, Support, Wind, load_preset
 from dsfab.app.cli import main
-from dsfab.errors import PresetError
-from dsfab.pipeline import Design
+from dsfab.errors import DsfabError, PresetError, StaticsError, SurfaceError
+from dsfab.pipeline import Design, draft, run
 from dsfab.preset_file import preset_from, preset_toml
 from dsfab.report.design.acting import acting_facts, acting_lines
 from dsfab.statics import load_entries, support_entries
@@ -177,3 +177,119 @@ def test_inspect_of_a_folder_shows_what_was_built(capsys, tmp_path):
     row = next(line for line in shown.splitlines() if line.startswith("ring beam"))
     assert row in built
     assert row.endswith("100%")
+
+
+# --- stopping before the cut
+
+
+def refusal(supports, loads, surface=PLATE, **statics):
+    """The sentence that refuses to build a plate, told before it is cut; nothing but statics.check helps."""
+    given = {"thickness": 0.02, "material": "GL24h", **statics}
+    preset = Preset(surface=surface, supports=supports, loads=loads, statics=given, pattern={"method": "stripes"})
+    with pytest.raises(DsfabError) as caught:
+        run(preset)
+    said = str(caught.value)
+    assert said.endswith(" (statics.check = false builds it nevertheless)")
+    assert "\n" not in said
+    free = preset.model_copy(update={"statics": preset.statics.model_copy(update={"check": False})})
+    notes = [note.text for note in Design.of(free).until("statics").notes]
+    assert said.rpartition(" (statics")[0] in notes
+    return said
+
+
+def test_a_sheet_that_moves_by_over_a_tenth_of_its_span_is_not_cut():
+    """A plate strip on two edges under p: 5 p L^4 / (384 E h^3 / 12); 0.2 m, a tenth of 2 m, at a known p."""
+    sides, E, h = [Support(Side("x", end)) for end in ("min", "max")], 11e9, 0.02
+    limit = 0.2 * 384 * E * h**3 / 12 / (5 * 2**4)
+    own = {"poisson": 0.0, "young": E, "material": None, "bending": "midedge"}
+    loads = [Snow(1.3 * limit, case="blizzard"), Snow(0.3 * limit, case="flurry")]
+    said = refusal(sides, loads, **own)
+    assert said.startswith("the sheet would move by 2")
+    assert "under blizzard at (1, " in said
+    assert "over a tenth of its span of 2 m: make statics.thickness larger" in said
+    given = {**own, "thickness": h}
+    made = Design.of(Preset(surface=PLATE, supports=sides, loads=[Snow(0.9 * limit)], statics=given))
+    assert not made.statics.objections
+    assert made.statics.equilibrium.largest_displacement == pytest.approx(0.18, rel=0.05)
+
+
+def test_the_stop_comes_before_anything_is_drawn_or_cut():
+    begun = []
+    soft = load_preset(DOME_MODES, {"surface.edge": 1.0, "statics.young": 1e6})
+    with pytest.raises(StaticsError, match="over a tenth of its span of 12 m"):
+        run(soft, lambda stage, doing: begun.append(stage))
+    assert begun == ["surface", "statics"]
+    with pytest.raises(StaticsError, match="over a tenth of its span"):
+        _ = Design.of(soft).sheet
+    drawn = draft(soft)  # for people to look at
+    assert any("over a tenth of its span" in note.text for note in drawn.notes)
+
+
+def test_a_sheet_that_stands_on_one_vertex_is_not_cut():
+    middle = int(np.linalg.norm(PLATE.V - [1, 0.25, 0], axis=1).argmin())
+    supports = [Support(Vertices((middle,)), name="mast"), Support(Boundary(), spring=(10.0, 10.0, 10.0))]
+    said = refusal(supports, [SelfWeight()])
+    assert said.startswith("100% of the reaction is on one vertex, at (1, 0.25, 0) m (mast): let the support pick")
+
+
+def test_supports_of_a_point_or_two_are_told_if_they_carry():
+    """Corners of a plate; the last one only keeps it from turning."""
+    corners = [Support(Nearest(((0, 0, 0), (0, 0.5, 0))), "xyz"), Support(Nearest(((2, 0, 0),)), "z", name="post")]
+    design = plate([*corners, Support(Side("x", "max"), "y")], [SelfWeight()])
+    notes = [note.text for note in design.until("slicing").notes if "holds only" in note.text]
+    assert len(notes) == 2
+    assert notes[0].startswith("support 1 holds only 2 vertices, at (0, 0.25, 0) m, and carries up to ")
+    assert notes[1].startswith("post holds only 1 vertex, at (2, 0, 0) m")
+
+
+@pytest.mark.parametrize("what", ["support", "load"])
+def test_a_point_far_off_the_surface_holds_and_loads_nothing(what):
+    far = Nearest(((1, 0.25, 40),))
+    supports = [Support(Side("x", "min", 0.3)), *([Support(far, name="it")] if what == "support" else [])]
+    loads = [Force(far, (0, 0, -9), name="it") if what == "load" else SelfWeight()]
+    assert refusal(supports, loads).startswith(
+        "it is at (1, 0.25, 40) m, 40 m away from the nearest vertex of the surf"
+    )
+    near = [Force(Nearest(((1, 0.25, 0.1),)), (0, 0, -9))]
+    assert not plate(supports[:1], near).statics.objections
+
+
+@pytest.mark.parametrize(("load", "says"), [
+    (Snow(800.0, name="white"), "white runs along its faces, and puts 0."),
+    (Wind(800.0, (1, 0, 0)), "wind runs along its faces, and puts 0."),
+])  # fmt: skip
+def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
+    rough = np.random.default_rng(0).normal(0, 1e-5, PLATE.n)
+    wall = Surface(np.c_[PLATE.V[:, 0], rough, PLATE.V[:, 1]], PLATE.F)
+    said = refusal([Support(Side("z", "min", 0.3))], [SelfWeight(), load], wall)
+    assert said.startswith(says)
+    assert "on 1 m2: turn its direction, or pick faces that it meets" in said
+
+
+def test_a_load_that_the_supports_take_is_told():
+    loads = [SelfWeight(), Line(Side("x", "min"), (0, 0, -60.0), name="sill")]
+    notes = [note.text for note in plate([Support(Side("x", "min", 0.3))], loads).until("statics").notes]
+    assert any(note.startswith("sill acts in held directions of held vertices only") for note in notes)
+
+
+@pytest.mark.parametrize(("indices", "says"), [
+    ((0,), r"can turn about .*: the supports hold only 1 vertex of it, at \[0\.0, 0\.0, 0\.0\] m; let them pick more"),
+    ((0, 24), r"can turn about .*: the supports hold only 2 vertices of it, at \[0\.0, 0\.0, 0\.0\] and \[2\.0, "),
+])  # fmt: skip
+def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
+    with pytest.raises(StaticsError, match=says) as caught:
+        _ = plate([Support(Vertices(indices))], [SelfWeight()]).statics
+    assert str(caught.value).count("turn about x") <= 1
+
+
+def test_units_that_are_swapped_are_refused_or_told():
+    dome = {"surface.edge": 1.0}
+    with pytest.raises(SurfaceError, match="that is no sheet"):
+        run(load_preset(DOME_MODES, {**dome, "statics.thickness": 60.0}))
+    mm = load_preset(DOME_MODES, dome).surface.build()
+    given = {"supports": [Support(Boundary())], "loads": [SelfWeight()]}
+    with pytest.raises(SurfaceError, match="that is no sheet"):
+        run(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 0.06}, **given))
+    made = Design.of(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 60.0}, **given))
+    _ = made.statics
+    assert "the surface is 1.74e+04 m large: check its unit" in [note.text for note in made.notes]

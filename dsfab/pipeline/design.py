@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from dsfab import ways_out
 from dsfab.arrays import Floats
 from dsfab.errors import PresetError
+from dsfab.pipeline.buildable import require_buildable
 from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.handover import sheet_loads
@@ -92,8 +93,11 @@ class Design:
 
     def until(self, stage: str) -> Self:
         """The design itself, with everything up to this stage made. Raises the DsfabError of the one that refuses."""
-        for each in STAGES[: STAGES.index(stage) + 1]:
+        before = STAGES[: STAGES.index(stage) + 1]
+        for each in before:
             getattr(self, HELD.get(each, (each,))[0])
+            if each == "statics" and "slicing" in before:
+                require_buildable(self.preset, self.statics)
         return self
 
     def _stripes(self) -> Before | None:
@@ -162,6 +166,7 @@ class Design:
     @cached_property
     def slicing(self) -> SlicingResult:
         """Stage 5: the surface cut, and what is kept of it."""
+        require_buildable(self.preset, self.statics)
         return slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
 
     @cached_property

@@ -7,8 +7,9 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools
 from dsfab.errors import SurfaceError
-from dsfab.limits import PRECISE
+from dsfab.limits import PRECISE, USUAL_SIZE
 from dsfab.pipeline.answers import answers_step
+from dsfab.pipeline.buildable import objections, off_surface
 from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
@@ -28,21 +29,11 @@ from dsfab.statics import (
 from dsfab.surface import Surface, coincident
 from dsfab.surface.topology import pieces
 
-FAR = 0.1
-"""The user is told when the sheet would move by more than this share of its size."""
-
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
     """Notes on the answers of all cases (the worst of them is named), and on the mesh that they are for."""
     answers = {name: case.equilibrium for name, case in cases.items()}
     under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
-    moved = max(answers, key=lambda name: answers[name].largest_displacement)
-    if (far := answers[moved].largest_displacement) > FAR * surface.size:
-        log.note(
-            "statics",
-            f"the sheet would move by {far:.3g} m{under[moved]}, over a tenth of its size: directions stay "
-            "right (statics are linear), but the load is too large or the sheet too thin to be built",
-        )
     rough = max(answers, key=lambda name: answers[name].residual)
     if (residual := answers[rough].residual) > PRECISE:
         log.note(
@@ -82,6 +73,8 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
         held = isinstance(preset.surface, MeshSurface)  # it has no surface.unit
         unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,' if held else "surface.unit (mm, m, in ...)"
         raise SurfaceError(f"{told}: that is no sheet; check {unit} and statics.thickness (metres)")
+    if not USUAL_SIZE[0] < surface.size < USUAL_SIZE[1]:
+        log.note("statics", f"the surface is {surface.size:.3g} m large: check its unit")
     if not USUAL[0] < slenderness < USUAL[1]:
         log.note(
             "statics", f"{told}: thin-sheet statics hold for ratios of about 20 to 2000; check units and thickness"
@@ -92,6 +85,8 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     """All load cases from one factorisation, then their combinations, which are sums."""
     sheet = preset.statics
     check_scale(preset, surface, log)
+    for text in off_surface(preset, surface):
+        log.note("statics", text)
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
     acting = loadings(preset, surface)
@@ -117,7 +112,11 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     }
     whole = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
-    return StaticsResult(whole.load, whole.equilibrium, whole.sigma, whole.answers, MappingProxyType(results))
+    objected = list(objections(preset, surface, results))
+    for objection in objected:
+        log.note("statics", objection.text)
+    reasons = tuple(objection.text for objection in objected if objection.refuses)
+    return StaticsResult(whole.load, whole.equilibrium, whole.sigma, whole.answers, MappingProxyType(results), reasons)
 
 
 def _timed(factor_of: FactorOf, log: Log) -> FactorOf:

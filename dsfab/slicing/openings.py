@@ -109,6 +109,7 @@ class Openings:
         side = np.sqrt(np.bincount(self.label, self.part.areas, self.count))
         enclosed = np.isfinite(self.round_sizes)
         found = np.where(np.isinf(found) & enclosed & np.isfinite(around), side / around, found)
+        around[~enclosed] = 1.0  # it does not count there
         return np.where(enclosed, np.maximum(found, self.round_sizes / (2 * around)), found)
 
     @cached_property

@@ -4,6 +4,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import StaticsError
+from dsfab.limits import FEW_VERTICES
 from dsfab.surface import coincident
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
@@ -53,10 +54,20 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
         free = free_motions(surface.V, np.unique(surface.F[mine]), stopped, turning)
         if free:
             which = "the surface" if count == 1 else f"piece {k + 1} of {count}"
+            held = np.flatnonzero(load.held & np.isin(np.arange(surface.n), surface.F[mine]))
             raise StaticsError(
-                f"{which} can {' and '.join(free)}: the supports do not stop it; hold more directions"
+                f"{which} can {' and '.join(dict.fromkeys(free))}: {_remedy(surface, held)}"
                 + (_parted(surface) if count > 1 else "")
             )
+
+
+def _remedy(surface: Surface, held: Ints) -> str:
+    """What keeps a piece from moving that is held at these vertices."""
+    if len(held) >= FEW_VERTICES:
+        return "the supports do not stop it; hold more directions"
+    where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held)
+    count = "1 vertex" if len(held) == 1 else f"{len(held)} vertices"
+    return f"the supports hold only {count} of it, at {where} m; let them pick more (of a side, with depth = ...)"
 
 
 def _parted(surface: Surface) -> str:
