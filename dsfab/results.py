@@ -19,7 +19,8 @@ from dsfab.surface.divided import DividedField
 
 @dataclass(frozen=True, eq=False)
 class CaseResult:
-    """A load case or a combination: its load, its equilibrium and the stress (m, 3, 3), Pa, of the middle surface.
+    """A load case or a combination: its load, its equilibrium and the stress (m, 3, 3), Pa, of the middle surface, or
+    of the lower side of a flat sheet that only bends.
 
     answers : what else the sheet tells; by other elements than `equilibrium` where these do not answer (see `Ask`).
     factors : of the cases in a combination; None for a case.
