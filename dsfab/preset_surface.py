@@ -250,4 +250,7 @@ def missing_preset(thing: Any) -> str:
         return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
     known: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}
     name = known.get(type(thing), f"a mesh of type {type(thing).__name__}")
-    return f"{name} alone is no preset: supports, loads and a thickness are missing; write for instance {EXAMPLE}"
+    return (
+        f"{name} alone is no preset: supports, loads and a thickness are missing; let dsfab propose them, "
+        f"dsfab.run(dsfab.preset_for(mesh)), or write for instance {EXAMPLE}"
+    )

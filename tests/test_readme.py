@@ -11,9 +11,11 @@ import trimesh
 import dsfab
 from dsfab.app.cli import main
 from dsfab.materials import MATERIALS
+from dsfab.proposal import propose
 from dsfab.statics import USES
 from dsfab.study.verdict.rules import QUICK
 from dsfab.study.verification import TESTS
+from tests.own_meshes import canopy_mm
 from tests.zoo import ZOO
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -34,7 +36,7 @@ COMMANDS = [
     for line in block.splitlines()
     if line.startswith("dsfab ") and not line.startswith(WAITS)
 ]
-LONG = ("dsfab build roof", "dsfab bench", "dsfab verify", "dsfab compare")
+LONG = ("dsfab build my_roof", "dsfab bench", "dsfab verify", "dsfab compare")
 """Commands that take long, each of which has shorter tests of its own; the first build is always run."""
 
 SETUP = [line for block in blocks("sh") for line in block.splitlines() if ".venv/bin/" in line]
@@ -56,7 +58,7 @@ def test_every_command_runs_as_written(line, desk, capsys):
     words = shlex.split(line, comments=True)
     assert main(words[1:]) == 0, capsys.readouterr().err
     if "build" in words:
-        folder = Path(words[words.index("-o") + 1]) if "-o" in words else Path("outputs") / words[2]
+        folder = Path(words[words.index("-o") + 1]) if "-o" in words else Path("outputs") / Path(words[2]).stem
         made = {path.suffix for path in folder.iterdir()}
         assert {".stl", ".3mf", ".step", ".png", ".toml", ".json", ".ply"} <= made
 
@@ -140,3 +142,8 @@ def test_pictures_and_files_that_it_names_exist():
     for name in ("CHANGELOG.md", "LICENSE", "presets/", "tests/test_architecture.py"):
         assert f"`{name}`" in README
         assert (ROOT / name).exists()
+
+
+def test_the_decisions_that_it_shows_are_those_for_the_canopy(tmp_path):
+    shown = next(block for block in blocks("text") if block.startswith("unit"))
+    assert shown.strip().splitlines() == list(propose(canopy_mm(tmp_path)).lines)
