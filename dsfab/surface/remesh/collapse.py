@@ -18,8 +18,8 @@ SHORTEST = 4 / 5
 TURN = 0.7
 """No face turns by more than the angle of this cosine, about 45 degrees."""
 
-FLATNESS = 0.2
-"""Least twofold area of a face over its longest edge squared, 0.87 of the best face; or as much as it had before."""
+ROUND = 0.2
+"""Least twofold area of a face over its longest edge squared, 0.87 of the best face, or that of the worst around."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,17 +105,29 @@ def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
     V = net.V.copy()
     V[collapses.kept] = collapses.goal
     face = np.flatnonzero((of[net.F] >= 0).any(axis=1))
-    before, after = net.F[face], onto[net.F[face]]
+    before, after, which = net.F[face], onto[net.F[face]], of[net.F[face]].max(axis=1)
+    count = len(collapses.kept)
+    least = _least(_roundness(net.V, before), which, count)
     stays = (after != np.roll(after, 1, axis=1)).all(axis=1)
-    before, after, which = before[stays], after[stays], of[net.F[face[stays]]].max(axis=1)
+    before, after, which = before[stays], after[stays], which[stays]
     old, new = area_vectors(net.V, before), area_vectors(V, after)
     turned = np.einsum("mi,mi->m", old, new) < TURN * lengths(old) * lengths(new)
-    longest = _longest(V, after)
-    flat = lengths(new) / longest**2
-    worse = flat < np.minimum(FLATNESS, lengths(old) / _longest(net.V, before) ** 2)
-    fine = np.ones(len(collapses.kept), dtype=bool)
-    fine[which[turned | worse | (longest > 1.05 * LONGEST * net.size[after].mean(axis=1))]] = False
-    return fine
+    too_long = _longest(V, after) > np.maximum(LONGEST * net.size[after].mean(axis=1), _longest(net.V, before))
+    fine = _least(_roundness(V, after), which, count) >= np.minimum(ROUND, least)
+    fine[which[turned | too_long]] = False
+    return np.asarray(fine)
+
+
+def _least(values: Floats, of: Ints, count: int) -> Floats:
+    """(c,) the least of the values (k,) of each of so many things `of` (k,)."""
+    least = np.full(count, np.inf)
+    np.minimum.at(least, of, values)
+    return least
+
+
+def _roundness(V: Floats, F: Ints) -> Floats:
+    """(m,) twofold areas over longest edges squared: 0.87 of the best face."""
+    return np.asarray(lengths(area_vectors(V, F)) / _longest(V, F) ** 2)
 
 
 def _longest(V: Floats, F: Ints) -> Floats:

@@ -100,14 +100,25 @@ def area_vectors(V: Floats, F: Ints) -> Floats:
     )
 
 
-def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None) -> Bools:
-    """(c,) the candidates that cost less than all others near them, so that no two touch the same vertex.
+LEVELS = 8
+"""Costs are told apart in so many steps: of costs that rise along a strip only its end would come first."""
 
-    touched : (c, k) vertices of each candidate.   cost : (c,); of equal ones the first wins.
+MIX = 2654435761
+"""Scatters numbers in a row [Knuth 1973, multiplicative hashing]: candidates of one level come in this order."""
+
+
+def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None) -> Bools:
+    """(c,) candidates of less cost than all others near them, so that no two touch the same vertex.
+
+    touched : (c, k) vertices of each candidate.   cost : (c,), told apart in `LEVELS`.
     beside  : (e, 2) edges of the mesh: where given, no two touch neighbours either.
     """
+    if not len(cost):
+        return np.zeros(0, dtype=bool)
+    spread = np.ptp(cost)
+    level = np.floor(LEVELS * ((cost - cost.min()) / spread)) if spread else np.zeros(len(cost))
     rank = np.empty(len(cost), dtype=np.int64)
-    rank[np.argsort(cost, kind="stable")] = np.arange(len(cost))
+    rank[np.lexsort((np.arange(len(cost)) * MIX % 2**32, level))] = np.arange(len(cost))
     best = np.full(n, len(cost))
     np.minimum.at(best, touched.ravel(), np.repeat(rank, touched.shape[1]))
     if beside is not None:

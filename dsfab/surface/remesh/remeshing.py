@@ -19,8 +19,11 @@ from dsfab.surface.topology import duplicate_faces, named_edges
 ROUNDS = 8
 """How often edges are split, collapsed and flipped, and vertices moved."""
 
-HALVINGS = 24
-"""How often edges are halved at most in the first round: an edge of ten million times the wanted length."""
+HALVINGS = 60
+"""How often edges are halved at most in the first round."""
+
+FLIPS = 10
+"""How often edges are turned after each of these: each time those that touch no other."""
 
 BATCHES = 12
 """How many batches of collapses a round has."""
@@ -57,7 +60,10 @@ def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Flo
     for k in range(ROUNDS):
         base = _carried(net, nearest, sizes) if np.ptp(sizes) else edge
         net = with_sizes(net, chords, curves, base)
-        net = _halved(net, curves, edge, flips=not k)
+        if not k:
+            net = _roughly(net, curves, edge)
+        for _ in range(2):
+            net = with_long_edges_halved(net, curves, edge)
         net = with_short_edges_collapsed(net, curves, edge, BATCHES)
         net = with_edges_flipped(net, by_valence=k < ROUNDS - 1, rounds=4)
         net = with_even_vertices(net, curves, edge)
@@ -66,13 +72,16 @@ def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Flo
     return net
 
 
-def _halved(net: Net, curves: FeatureCurves, edge: float, flips: bool) -> Net:
-    """The net with its long edges halved until there are none; twice at most without flips in between."""
-    for _ in range(HALVINGS if flips else 2):
+def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
+    """The net with its long edges halved until there are none, turned and collapsed in between: of needles, which long
+    edges come from, their long sides give the more points the more of them are still there."""
+    net = with_short_edges_collapsed(net, curves, edge, BATCHES)
+    for _ in range(HALVINGS):
         finer = with_long_edges_halved(net, curves, edge)
         if finer is net:
             break
-        net = with_edges_flipped(finer, by_valence=False, rounds=2) if flips else finer
+        net = with_edges_flipped(finer, by_valence=False, rounds=FLIPS)
+        net = with_short_edges_collapsed(net, curves, edge, batches=2)
     return net
 
 

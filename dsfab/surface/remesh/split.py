@@ -4,18 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Floats, lengths
 from dsfab.surface.refine import halved
 from dsfab.surface.remesh.curves import TOLERANCE, FeatureCurves
-from dsfab.surface.remesh.net import FREE, ON_CURVE, Net, edges_of, spans
+from dsfab.surface.remesh.net import FREE, ON_CURVE, Net, area_vectors, edges_of, spans
 from dsfab.surface.topology import EdgeTable
 
 LONGEST = 4 / 3
 """Times the wanted length, from which an edge is halved: its halves are nearer to it [Botsch and Kobbelt 2004]."""
 
 COMPARABLE = 0.7
-"""An edge is not halved in the same step as one of its faces that is longer by more than this share: of a needle its
-long sides are halved first."""
+"""An edge is halved in one step with the longest of its faces where it is at least this share of it."""
+
+NEEDLE = 0.35
+"""Twofold area over the longest edge squared, 0.87 of the best face, below which only the longest edge is halved: with
+both long edges of a needle halved the parts are as bad."""
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
@@ -30,14 +33,16 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     missing = deviation > TOLERANCE * edge
     long = length > LONGEST * net.size[edges.ends].mean(axis=1)
     long[link[missing]] = True
-    long = _leading(long, length, edges)
+    long = _leading(net, long, length, edges)
     return _halved(net, curves, edges, long, np.where(missing, most, np.nan)) if long.any() else net
 
 
-def _leading(long: Bools, length: Floats, edges: EdgeTable) -> Bools:
+def _leading(net: Net, long: Bools, length: Floats, edges: EdgeTable) -> Bools:
     """(e,) the long edges that are among the longest of their faces."""
     of = np.where(long, length, -1.0)[edges.of]
-    behind = long[edges.of] & (of < COMPARABLE * of.max(axis=1)[:, None])
+    longest = of.max(axis=1)
+    flat = lengths(area_vectors(net.V, net.F)) < NEEDLE * length[edges.of].max(axis=1) ** 2
+    behind = long[edges.of] & (of < (np.where(flat, 1.0, COMPARABLE) * longest)[:, None])
     leading = long.copy()
     leading[edges.of[behind]] = False
     return leading
