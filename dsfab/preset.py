@@ -335,7 +335,8 @@ class Slicing(Section):
     min_opening: Annotated[float, Ge(0)] | None = None
     """Metres; smaller openings, whichever stripes they lie between, are filled. 0 fills none; None: none on modes, and
     what is under 15 % of their spacing between evenly spaced stripes: specks that an edge leaves. Tidied ones leave no
-    opening that is narrower than the members beside it anyway."""
+    opening that is narrower than the members beside it anyway: of these it is what is also narrower than the sheet is
+    thick."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0

@@ -8,14 +8,17 @@ import pytest
 import dsfab
 from dsfab.app.cli import main
 from dsfab.errors import PatternError
-from dsfab.pipeline import geometry
+from dsfab.pipeline import Design, geometry
 from dsfab.preset_file import overridden, preset_from
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
 from dsfab.slicing import cut
+from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.openings import filled_openings
 from dsfab.slicing.quality import quality
 from dsfab.study.fabrication import fabrication
 from dsfab.study.fix import fixed_design
+from dsfab.wording import length
+from tests.meshes import mesh_file
 from tests.presets import GLOBE_MODES
 from tests.zoo import grid, jittered
 
@@ -122,6 +125,61 @@ def test_small_openings_are_filled_and_larger_ones_are_not():
         0.03 * 0.2, rel=1e-9
     )
     assert filled_openings(sheet, 0.02)[1] == 0
+
+
+def test_openings_that_are_alike_are_filled_all_or_none():
+    """Of 29, 29.5, 30, 30.5 and 60 mm: 30.1 mm parts the first three from the fourth, which is like them."""
+    surface = jittered(grid(40, 20, 2.0, 1.0))
+    wide = np.array([0.0, 0.029, 0.0295, 0.03, 0.0305, 0.06])
+    begin = 0.1 + np.cumsum(wide + 0.2) - 0.2
+    sheet = cut(surface, list(surface.V[:, :2].T), [np.ravel([begin, begin + 0.2], "F"), [0.2, 0.4, 0.6, 0.8]], 0)
+    assert filled_openings(sheet, 0.0301)[1] == 3
+    assert filled_openings(sheet, 0.0301, alike=True)[1] == 4
+    assert filled_openings(sheet, 0.028, alike=True)[1] == 0
+
+
+def test_the_narrowest_opening_between_tidied_stripes_is_as_wide_as_the_sheet_is_thick():
+    surface = dsfab.load_preset("dome").surface.build()
+    for changes, wanted in (
+        ({}, 0.06),
+        ({"statics.thickness": 0.6}, 0.15 * 1.4),  # or thick sheets would close altogether
+        ({"pattern.tidy": False}, 0.15 * 1.4),
+        ({"slicing.min_opening": 0.01}, 0.01),
+        ({"pattern.method": "modes"}, 0.0),
+    ):
+        preset = dsfab.load_preset("dome", {"pattern.major.spacing": 1.4, "pattern.minor.spacing": 1.4, **changes})
+        assert geometry._smallest_opening(preset, surface) == pytest.approx(wanted), changes
+
+
+@pytest.mark.slow
+def test_a_roof_with_graded_members_has_no_slit():
+    """Recorded: 33 mm is the narrowest place of an opening, where the sheet is 37 mm thick; 13 mm without the cure."""
+    roof = {"pattern.width": {"rule": "graded", "solid_fraction": 0.4}, "pattern.keep": 0.0, "surface.refine": 0.06}
+    preset = dsfab.load_preset("roof", {**roof, "statics.thickness": 0.0366}, mesh_file("roof_with_opening.obj"))
+    design = Design.of(preset)
+    bare = Design.of(overridden(preset, {"slicing.min_opening": 0.0}), design.until("pattern"))
+    gaps = []
+    for each in (design, bare):
+        cells = each.slicing.cells
+        gaps.append(features(cells, kept_cells(cells, each.sheet), each.pattern.names).gap.size)
+    assert gaps[0] > 0.03
+    assert gaps[1] < 0.02
+
+
+def test_what_is_narrower_than_the_sheet_is_thick_is_told_with_its_place(plate):
+    thick = dsfab.revise(plate, overridden(plate.preset, {"statics.thickness": 0.05}))
+    facts = fabrication_facts(fabrication(thick))
+    (line,) = [line for line in fabrication_lines(facts) if line.startswith("narrower than the sheet is thick (50 mm)")]
+    for key in ("smallest_gap", "smallest_member"):
+        assert facts[key]["m"] < 0.05
+        at = ", ".join(f"{x + 0.0:.3g}" for x in facts[key]["at_m"])
+        assert f"{facts[key]['what']} of {length(facts[key]['m'])} at ({at}) m" in line
+    assert "; set fabrication.min_gap and fabrication.min_member and build with --fix" in line
+    told = fabrication_facts(fabrication(with_limits(thick, min_gap=0.001)))  # who asks for a limit has one
+    (line,) = [line for line in fabrication_lines(told) if line.startswith("narrower")]
+    assert "min_gap" not in line
+    wide = fabrication_facts(fabrication(dsfab.revise(plate, overridden(plate.preset, {"statics.thickness": 0.0001}))))
+    assert not [line for line in fabrication_lines(wide) if line.startswith("narrower")]
 
 
 def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monkeypatch):

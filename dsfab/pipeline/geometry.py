@@ -78,8 +78,14 @@ def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: float, 
     """What is made of cells as they were cut; openings smaller than `smallest` metres are filled, and slits if `merge`
     says so."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-    cells, filled = filled_openings(pinched.sheet, smallest) if smallest else (pinched.sheet, 0)
-    cells, merged = filled_slits(cells) if merge else (cells, 0)
+    cells, filled, merged = pinched.sheet, 0, 0
+    late = merge and ask.min_opening is None  # most of these are slits
+    if smallest and not late:
+        cells, filled = filled_openings(cells, smallest)
+    if merge:
+        cells, merged = filled_slits(cells)
+    if smallest and late:
+        cells, filled = filled_openings(cells, smallest, alike=True)
     radius = preset.pattern.fillet
     cells, rounded = rounded_corners(cells, radius) if radius else (cells, np.empty(0))
     if merge and len(rounded):
@@ -128,9 +134,10 @@ def _rounded(radius: float, found: Floats) -> str:
 def _smallest_opening(preset: Preset, surface: Surface) -> float:
     """Metres; smaller ones are filled."""
     ask, given = preset.pattern, preset.slicing.min_opening
-    if given is not None or ask.method != "stripes" or ask.tidied:  # slits are filled then, specks among them
+    if given is not None or ask.method != "stripes":
         return given or 0.0
-    return SPECK * min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    speck = SPECK * min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    return min(speck, preset.statics.thickness) if ask.tidied else speck  # slits between tidied ones are filled anyway
 
 
 def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:

@@ -174,8 +174,10 @@ class Openings:
         return width
 
 
-def filled_openings(cells: Sheet, size: float) -> tuple[Sheet, int]:
+def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
     """The cells with every opening smaller than `size` metres made material, and how many there were.
+
+    alike : whether openings of that size that may be the same but for the mesh are filled all or none.
 
     An opening is void that material encloses. Its size is the width that half of its walls do not exceed, or 4 area /
     perimeter if that is less. It takes the family of a material cell beside it.
@@ -186,7 +188,8 @@ def filled_openings(cells: Sheet, size: float) -> tuple[Sheet, int]:
     few = every.some(near)  # looking across those alone takes a tenth of the time
     across = crossings(few.part, few.walls)
     width = medians(across.width, across.weight, few.label[across.face], few.count)
-    small = np.minimum(width, few.round_sizes) < size
+    smaller = np.minimum(width, few.round_sizes)
+    small = smaller < limit(smaller, size, ALIKE * size if alike else 0.0)
     return few.filled(small), int(small.sum())
 
 

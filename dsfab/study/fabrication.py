@@ -42,6 +42,7 @@ class Touches:
 class FabricationMeasures:
     """What `fabrication` finds; lengths in metres."""
 
+    thickness: float
     features: Features
     wall: Wall | None
     box: Floats
@@ -77,7 +78,8 @@ def fabrication(design: Design) -> FabricationMeasures:
         fits = bool((np.sort(box) <= np.sort(ask.bed)).all())
         size = tuple(box.tolist())
         checks.append(Check("bed", ask.bed, size, (), "the whole solid", "pass" if fits else "fail"))
-    return FabricationMeasures(found, wall, box, _touches(design), quality(design.sheet.surface), tuple(checks))
+    touches, thickness = _touches(design), design.preset.statics.thickness
+    return FabricationMeasures(thickness, found, wall, box, touches, quality(design.sheet.surface), tuple(checks))
 
 
 def _checked(name: str, limit: float, found: Feature | None) -> Check:

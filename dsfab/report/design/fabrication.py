@@ -20,6 +20,7 @@ def fabrication_facts(made: "FabricationMeasures") -> dict[str, Any]:
     """What was measured on a design, metres, and the limits of its preset; null where there is nothing of a kind."""
     found, wall = made.features, made.wall
     return {
+        "thickness_m": made.thickness,
         "smallest_member": _feature(found.member),
         "smallest_gap": _feature(found.gap),
         "smallest_edge": _feature(found.edge),
@@ -70,12 +71,14 @@ def _check(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """One line of what is smallest; with limits, a table of them; loads and pieces where there are several."""
+    """A line of what is smallest, and one of what of it is narrower than the sheet is thick; with limits, a table of
+    them; loads and pieces where there are several."""
     found = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     told = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in found.items()]
     usual = facts["member_widths"]["at_share_of_walls"].get("50%")
     told += [f"members mostly {length(usual)}"] if usual else []
     yield ", ".join(told) if told else "no members, gaps or walls to measure"
+    yield from _narrow(facts)
     if len(facts["pieces"]) > 1:
         for number, piece in enumerate(facts["pieces"], 1):
             yield f"piece {number}: {piece['area_m2']:.3g} m2, touches {_touched(piece)}"
@@ -86,6 +89,20 @@ def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         )
     if any(check["verdict"] == "unknown" for check in facts["checks"]):
         yield "unknown: smaller than the triangles of the surface there; set surface.refine to tell"
+
+
+def _narrow(facts: Mapping[str, Any]) -> Iterator[str]:
+    """What is narrower than the sheet is thick, and no limit is set for: where it is and what cures it."""
+    thickness, limits = facts.get("thickness_m", 0.0), {check["limit"] for check in facts["checks"]}
+    few = {key: facts[MEASURED[key]] for key in ("min_gap", "min_member") if facts[MEASURED[key]] and key not in limits}
+    narrow = {key: value for key, value in few.items() if value["m"] < thickness}
+    if narrow:
+        places = (f"{value['what']} of {length(value['m'])} at {_point(value['at_m'])}" for value in narrow.values())
+        asked = " and ".join(f"fabrication.{key}" for key in narrow)
+        yield (
+            f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {asked} and build "
+            "with --fix where that cannot be made"
+        )
 
 
 def _touched(piece: Mapping[str, Any]) -> str:
@@ -99,5 +116,8 @@ def _row(check: Mapping[str, Any]) -> Sequence[str]:
 
 
 def _where(check: Mapping[str, Any]) -> str:
-    at = ", ".join(f"{x + 0.0:.3g}" for x in check["at_m"])
-    return f"{check['what']} at ({at}) m" if at else str(check["what"])
+    return f"{check['what']} at {_point(check['at_m'])}" if check["at_m"] else str(check["what"])
+
+
+def _point(place: Sequence[float]) -> str:
+    return f"({', '.join(f'{x + 0.0:.3g}' for x in place)}) m"
