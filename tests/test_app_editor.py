@@ -345,17 +345,17 @@ def test_a_build_writes_what_the_command_line_writes(monkeypatch):
 
     with Session(open_preset(DOME_MODES, COARSE)) as session:
         wait(session.jobs, session.ask_solve({}))
-        job = wait(session.jobs, session.ask_build({}, ["stl", "3mf"]))
+        job = wait(session.jobs, session.ask_build({"export.formats": ["stl", "3mf"]})["job"])
         assert job.state == "done", job.text
         names = [file["name"] for file in job.result["files"]]
         assert names[:2] == ["dome_modes.stl", "dome_modes.3mf"]
         assert {"design.json", "preset.toml", "sheet.ply"} < set(names)
-        path = session.file(job.result["build"], 0)
+        path = session.builds.file(job.result["build"], 0)
         assert trimesh.load(path).is_volume
-        saved = session.file(job.result["build"], names.index("preset.toml"))
+        saved = session.builds.file(job.result["build"], names.index("preset.toml"))
         assert preset_from(tomllib.loads(saved.read_text())).pattern == session.opened.preset.pattern
-        assert session.file(job.result["build"], 99) is None
-        folder = path.parent.parent
+        assert session.builds.file(job.result["build"], 99) is None
+        folder = path.parent.parent.parent
     assert not folder.exists()  # nothing stays behind
 
 
@@ -372,7 +372,7 @@ def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSE)) as session:
         folder = Path(session._folder.name)
-        number = session.ask_build({}, ["step"])
+        number = session.ask_build({"export.formats": ["step"]})["job"]
         while not (pids.exists() and pids.read_text().endswith(" ") and session.jobs.job(number).text == "long"):
             assert session.jobs.job(number).state in ("waiting", "running")
             time.sleep(0.01)
@@ -410,7 +410,7 @@ def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
     monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", program)
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSE)) as session:
-        job = wait(session.jobs, session.ask_build({}, ["stl"]))
+        job = wait(session.jobs, session.ask_build({"export.formats": ["stl"]})["job"])
         assert job.state == state
         assert said in job.text
         assert not list(Path(session._folder.name).rglob("*"))
@@ -427,8 +427,8 @@ def test_a_draft_comes_out_of_another_process_as_it_was(dome):
 
 
 @contextmanager
-def serving(first=None):
-    with Session(first or Opened(load_preset(DOME_MODES, COARSE), ("dome",))) as session:
+def serving(first=None, outputs=None):
+    with Session(first or Opened(load_preset(DOME_MODES, COARSE), ("dome",)), outputs=outputs) as session:
         server = EditorServer(session)
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
         thread.start()
@@ -466,7 +466,7 @@ def test_it_answers_itself(server):
     assert "unsafe" not in headers["Content-Security-Policy"]
     assert headers["Referrer-Policy"] == "no-referrer"
     assert server.token.encode() in content
-    status, _, content = ask(server, "POST", "/api/preset", {"changes": {}})
+    status, _, content = ask(server, "POST", "/api/command", {"changes": {}})
     assert status == 200
     assert json.loads(content)["command"] == "dsfab build dome"
     assert ask(server, "GET", "/api/start")[0] == 200
@@ -530,7 +530,7 @@ def test_all_modules_are_asked_for_at_once(server):
         ("GET", "/api/events", None, {"X_Dsfab_Token": None}, 403),
         ("GET", "/api/early", None, {"X_Dsfab_Token": None}, 403),
         ("GET", "/api/file?build=1&index=0", None, {"X_Dsfab_Token": None}, 403),
-        ("POST", "/api/build", {"changes": {}, "formats": []}, {"X_Dsfab_Token": None}, 403),
+        ("POST", "/api/build", {"changes": {}}, {"X_Dsfab_Token": None}, 403),
         ("POST", "/api/preset", {"changes": {}}, {"Content_Type": "text/plain"}, 415),
         ("POST", "/api/preset", {"changes": {}}, {"Content_Type": None}, 415),
         ("POST", "/api/preset", b"{", {}, 400),

@@ -325,7 +325,7 @@ def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
 
 
 def test_a_build_can_be_cancelled(tab, monkeypatch):
-    def endless(preset, old, folder, progress, picture):
+    def endless(request, folder, progress):
         while True:
             progress("thickening", "for ever")
             time.sleep(0.01)
@@ -361,7 +361,7 @@ def test_a_load_twice_as_large_moves_the_sheet_twice_as_far(tab):
 def test_the_command_is_told(tab):
     type_into(tab, "pattern-minor-frequency", "12")
     tab.run("document.getElementById('copy').click()")
-    told = until(tab, "document.getElementById('command').textContent")
+    told = until(tab, "document.querySelector('#command code')?.textContent")
     assert told == "dsfab build dome --set pattern.minor.frequency=12"
 
 

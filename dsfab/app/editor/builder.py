@@ -20,7 +20,7 @@ def main() -> None:
     tell = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
     os.dup2(2, 1)  # what libraries print is none of it
     source = sys.stdin.buffer
-    preset, old, folder, picture = pickle.loads(source.read(int.from_bytes(source.read(8), "little")))
+    request, folder = pickle.loads(source.read(int.from_bytes(source.read(8), "little")))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     from dsfab.app.editor.building import built
 
@@ -28,7 +28,7 @@ def main() -> None:
         _say(tell, {"stage": stage, "text": text})
 
     try:
-        made = built(preset, old, Path(folder), progress, picture)
+        made = built(request, Path(folder), progress)
     except DsfabError as error:
         _say(tell, {"refused": str(error)})
     except Exception as error:  # the person is asked to report it

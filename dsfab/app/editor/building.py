@@ -1,11 +1,13 @@
 """What the page's Build does: what `dsfab build` does, with its own words for the progress."""
 
 import io
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from dsfab.app.editor.job import Telling
+from dsfab.app.editor.source import with_file
 from dsfab.pipeline import draft, revise, run
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
@@ -21,14 +23,30 @@ class EditorBuild:
     facts: dict[str, Any]
 
 
-def built(preset: Preset, old: Design | None, folder: Path, progress: Telling, picture: bool) -> EditorBuild:
-    """Make the solid, from the first stage that `old` has not, and write what the command line writes.
+@dataclass(frozen=True)
+class BuildRequest:
+    """What is to be built: a preset, from the first stage that `old` has not.
 
     picture : whether it is drawn too.
+    mesh    : of the page: it is copied beside the files, and the preset there names the copy.
+    """
+
+    preset: Preset
+    old: Design | None = None
+    picture: bool = False
+    mesh: Path | None = None
+
+
+def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild:
+    """Make the solid, and write what the command line writes.
+
     Raises DsfabError, of the stage that refuses; a STEP file that is too large is told in `facts` instead.
     """
+    preset, old = request.preset, request.old
     design = revise(old, preset, progress) if old else run(preset, progress)
-    saved = save(design, folder, progress, picture)
+    if request.mesh:
+        design = _beside(design, request.mesh, folder)
+    saved = save(design, folder, progress, request.picture)
     asked = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
     first = [path for path in asked if path.exists()]
     rest = sorted(path for path in folder.iterdir() if path not in first)
@@ -42,6 +60,13 @@ def built(preset: Preset, old: Design | None, folder: Path, progress: Telling, p
         "notes": [*(note.text for note in design.notes), *saved.told],
     }
     return EditorBuild([*first, *rest], facts)
+
+
+def _beside(design: Design, mesh: Path, folder: Path) -> Design:
+    """The design with its mesh in the folder of its files, where it outlives the session."""
+    copy = Path(shutil.copy(mesh, folder / f"surface{mesh.suffix}"))
+    made = {name: value for name, value in vars(design).items() if name != "preset"}
+    return Design.known(with_file(design.preset, copy), **made)
 
 
 def draw_png(

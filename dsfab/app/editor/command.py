@@ -2,6 +2,7 @@
 
 import sys
 import webbrowser
+from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -9,6 +10,9 @@ from cyclopts import Parameter
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import out
 from dsfab.errors import DsfabError
+
+OUTPUTS = "outputs"
+"""Where builds go, from where the command was started: as those of `dsfab build`."""
 
 
 def edit(
@@ -26,12 +30,14 @@ def edit(
     target
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
     """
+    from dsfab.app.editor.outputs import Outputs
     from dsfab.app.editor.server import EditorServer
     from dsfab.app.editor.session import Session
     from dsfab.app.editor.source import open_preset
 
     first = open_preset(target, source.sets(), source.unit, source.mesh)
-    with Session(first) as session:
+    outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
+    with Session(first, outputs=outputs) as session:
         try:
             server = EditorServer(session, port)
         except OSError as error:

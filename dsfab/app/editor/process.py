@@ -19,10 +19,9 @@ from types import MappingProxyType
 from typing import Any
 
 import dsfab
-from dsfab.app.editor.building import EditorBuild
+from dsfab.app.editor.building import BuildRequest, EditorBuild
 from dsfab.app.editor.job import JobProgress
 from dsfab.errors import DsfabError
-from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from, preset_toml
 
@@ -45,12 +44,12 @@ class BuilderError(RuntimeError):
     """A mistake of ours in the other process."""
 
 
-def built_apart(preset: Preset, old: Design | None, folder: Path, progress: JobProgress, picture: bool) -> EditorBuild:
+def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """What `building.built` makes. Raises what it raises, and Cancelled within a fraction of a second.
 
     Whatever ends it before its end: the process and those that it began are ended, and the folder is gone.
     """
-    asked = carried((preset, old, str(folder), picture))
+    asked = carried((request, str(folder)))
     try:
         with (
             tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as aside,

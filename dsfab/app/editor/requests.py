@@ -29,7 +29,7 @@ def _changes(given: Given) -> Given:
 
 
 def _build(session: Session, given: Given) -> Given:
-    return {"job": session.ask_build(_changes(given), [str(word) for word in _typed(given, "formats", list)])}
+    return session.ask_build(_changes(given), bool(given.get("replace", False)))
 
 
 def _picture(session: Session, given: Given) -> Given:
@@ -54,6 +54,7 @@ ASKS: dict[str, Callable[[Session, Given], Given]] = {
     "build": _build,
     "picture": _picture,
     "preset": lambda session, given: session.preset_file(_changes(given)),
+    "command": lambda session, given: session.command(_changes(given)),
     "open": _open,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_typed(given, "job", int))},
 }

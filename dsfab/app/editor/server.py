@@ -159,7 +159,7 @@ class Handler(BaseHTTPRequestHandler):
         self._bytes(content, f"{kind}; charset=utf-8")
 
     def _file(self, build: int, index: int) -> None:
-        path = self.server.session.file(build, index)
+        path = self.server.session.builds.file(build, index)
         if path is None:
             raise Refused(HTTPStatus.NOT_FOUND, "that file was not built")
         name = quote(path.name)

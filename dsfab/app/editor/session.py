@@ -2,21 +2,25 @@
 
 import base64
 import binascii
+import shlex
 import tempfile
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
+from dsfab.app.editor.building import BuildRequest
+from dsfab.app.editor.builds import Builds
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.job import JobProgress
 from dsfab.app.editor.jobs import Jobs
+from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.payload import colours, model, packed, widths
-from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped
+from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped, saved_preset
 from dsfab.errors import DsfabError
 from dsfab.pattern.wave import GLSL
 from dsfab.pipeline import draft
@@ -46,18 +50,20 @@ class SessionView:
 class Session:
     """What is opened, what was last made of it, and the files that were built; use as `with Session(opened)`.
 
-    made : a draft of the first preset, if there is one: the page then waits for nothing.
+    made    : a draft of the first preset, if there is one: the page then waits for nothing.
+    outputs : where builds go, and how that folder is called; without it they go with the session.
     """
 
-    def __init__(self, first: Opened, made: Design | None = None) -> None:
+    def __init__(self, first: Opened, made: Design | None = None, outputs: Outputs | None = None) -> None:
         self.jobs = Jobs()
         self._opened, self._opening = first, 1
         self._shown = SessionView(made, 1, 1, 1) if made else None
         self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
-        self._files: dict[int, list[Path]] = {}
         self._folder = tempfile.TemporaryDirectory(prefix="dsfab-edit-", ignore_cleanup_errors=True)
+        aside = Path(self._folder.name)
+        self.builds = Builds(outputs or Outputs(aside / "outputs"), aside)
 
     def __enter__(self) -> "Session":
         self.jobs.__enter__()
@@ -84,6 +90,7 @@ class Session:
             "presets": list(shipped_presets()),
             "units": list(METRES_PER),
             "meshes": list(MESHES),
+            "outputs": self.builds.outputs.shown,
             "wave": GLSL,
             "colours": colours(),
         }
@@ -119,10 +126,19 @@ class Session:
         return self.start()
 
     def preset_file(self, changes: Changes) -> dict[str, Any]:
-        """The preset as a file, and the command that builds it."""
+        """The preset as a file."""
         now = self.opened
+        return {"name": f"{now.changed(changes).name}.toml", "toml": now.toml(changes)}
+
+    def command(self, changes: Changes) -> dict[str, Any]:
+        """The command that builds it, and the file that was saved for it, or that the page has to save first."""
+        now, outputs = self.opened, self.builds.outputs
         command, save = now.command(changes)
-        return {"name": f"{now.preset.name}.toml", "toml": now.toml(changes), "command": command, "save": save}
+        if not (save and outputs.shown):
+            return {"command": command, "save": save, "saved": ""}
+        path = saved_preset(now, changes, outputs)
+        place = f"{outputs.shown}/{path.name}"
+        return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
         """A job that solves what these changes ask for, and then measures it; the one that does so already, if any."""
@@ -135,10 +151,13 @@ class Session:
             self._asked = job, number, preset
         return job
 
-    def ask_build(self, changes: Changes, formats: Sequence[str]) -> int:
-        """A job that makes the solid and its files; the formats are those of export.formats."""
-        preset = self.opened.changed({**changes, "export.formats": list(formats)})
-        return self.jobs.ask("build", lambda progress: self._build(preset, progress))
+    def ask_build(self, changes: Changes, replace: bool = True) -> dict[str, Any]:
+        """A job that makes the solid and its files; or what has to be asked first, where not to `replace` others."""
+        now = self.opened
+        preset = now.changed(changes)
+        if not replace and (question := self.builds.taken(preset.name)):
+            return question
+        return {"job": self.jobs.ask("build", lambda progress: self._build(preset, now.page_mesh, progress))}
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
         """A job that draws the structure here, for browsers that cannot."""
@@ -176,16 +195,6 @@ class Session:
                 self._kept = shown.version, model(shown.draft)
             return self._kept[1]
 
-    def file(self, job: int, index: int) -> Path | None:
-        """A file that was built, by its number; the page names no path."""
-        files = self._files.get(job, [])
-        return files[index] if 0 <= index < len(files) else None
-
-    @property
-    def latest(self) -> list[Path]:
-        """The files that were built last."""
-        return list(self._files[max(self._files)]) if self._files else []
-
     def _solve(self, preset: Preset, progress: JobProgress) -> dict[str, Any]:
         with self._lock:
             old, opening = self._shown, self._opening
@@ -203,18 +212,13 @@ class Session:
 
         return {"draft": shown.number, **figures(shown.draft, progress)}
 
-    def _build(self, preset: Preset, progress: JobProgress) -> dict[str, Any]:
-        from dsfab.app.editor.process import built_apart
+    def _build(self, preset: Preset, mesh: Path | None, progress: JobProgress) -> dict[str, Any]:
         from dsfab.render.opengl import why_no_pictures
 
         with self._lock:
             old = self._shown
-        folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._folder.name))
-        made = built_apart(preset, old.draft if old else None, folder, progress, not why_no_pictures())
-        number = len(self._files) + 1
-        self._files[number] = made.files
-        listed = [{"name": path.name, "bytes": path.stat().st_size} for path in made.files]
-        return {"build": number, "files": listed, **made.facts}
+        request = BuildRequest(preset, old.draft if old else None, not why_no_pictures(), mesh)
+        return self.builds.make(request, progress)
 
     def _picture(
         self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: JobProgress

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dsfab.app.editor.outputs import Outputs
 from dsfab.errors import PresetError
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, require_mesh, shipped_presets
@@ -46,10 +47,12 @@ class Opened:
     def toml(self, changes: Mapping[str, Any]) -> str:
         """The changed preset as a file; a mesh that came from the page is named as it was there."""
         preset = self.changed(changes)
-        if self.mesh and _file(preset):
-            surface = preset.surface.model_copy(update={"file": Path(self.mesh)})
-            preset = preset.model_copy(update={"surface": surface})
-        return preset_toml(preset)
+        return preset_toml(with_file(preset, Path(self.mesh)) if self.page_mesh else preset)
+
+    @property
+    def page_mesh(self) -> Path | None:
+        """The copy of a mesh that came from the page: it goes with the session."""
+        return _file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """The command that builds it, and whether its preset has to be saved first."""
@@ -82,6 +85,23 @@ class Opened:
             surface["file"], mesh = str(here), self.mesh
         values.setdefault("name", "preset")
         return Opened(preset_from(values), (), mesh)
+
+
+def with_file(preset: Preset, file: Path) -> Preset:
+    """The preset with its mesh in another file."""
+    return preset.model_copy(update={"surface": preset.surface.model_copy(update={"file": file})})
+
+
+def saved_preset(now: Opened, changes: Mapping[str, Any], outputs: Outputs) -> Path:
+    """Save the changed preset among the outputs, with a mesh that came from the page beside it; the preset's path.
+
+    Raises PresetError for changes that no preset holds, DsfabError where nothing can be written.
+    """
+    preset = now.changed(changes)
+    if mesh := now.page_mesh:
+        beside = outputs.keep(preset.name, mesh.suffix, mesh.read_bytes())
+        preset = with_file(preset, Path(beside.name))
+    return outputs.keep(preset.name, ".toml", preset_toml(preset).encode())
 
 
 def open_preset(

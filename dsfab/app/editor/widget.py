@@ -50,7 +50,7 @@ class Editor(anywidget.AnyWidget):
     @property
     def files(self) -> list[Path]:
         """What was built last, those asked for first; they go when the widget is closed or Python ends."""
-        return self._session.latest
+        return self._session.builds.latest
 
     def close(self) -> None:
         """Take the widget away, and stop what it does."""
@@ -91,7 +91,7 @@ class Editor(anywidget.AnyWidget):
         if name == "model":
             return self._session.model(int(given.get("have", 0)))
         if name == "file":
-            path = self._session.file(int(given.get("build", 0)), int(given.get("index", 0)))
+            path = self._session.builds.file(int(given.get("build", 0)), int(given.get("index", 0)))
             if path is None:
                 raise DsfabError("that file was not built")
             return path.read_bytes()

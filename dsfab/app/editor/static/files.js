@@ -1,30 +1,21 @@
-/** Files: presets and meshes in, presets and built solids out. */
+/** Files: presets and meshes in, presets out. */
 
 import { base64, download } from './bytes.js';
 import { make } from './controls.js';
-import { mass } from './figures.js';
-import { lead, post } from './transport.js';
+import { post } from './transport.js';
 
 const by = (id) => document.getElementById(id);
-const FORMATS = ['stl', '3mf', 'step'];
 const MOST = 64 * 2 ** 20; // bytes of a mesh: a third more as base64
 
 export class Files {
   /** start: of the server; changes(): what differs now; opened(start): another preset is open; say(text): a notice. */
-  constructor(start, { changes, opened, say, build }) {
-    Object.assign(this, { changes, opened, say, build });
-    for (const name of FORMATS) {
-      const label = make('label');
-      label.append(make('input', { type: 'checkbox', value: name, checked: name !== 'step' }), name.toUpperCase());
-      by('formats').append(label);
-    }
+  constructor(start, { changes, opened, say }) {
+    Object.assign(this, { changes, opened, say });
     for (const unit of start.units) by('ask-unit').append(make('option', { textContent: unit, selected: unit === 'mm' }));
     by('save').addEventListener('click', () => this.save());
-    by('copy').addEventListener('click', () => this.copy());
     by('open').addEventListener('click', () => by('file').click());
     by('file').addEventListener('change', () => by('file').files[0] && this.take(by('file').files[0]));
     by('preset').addEventListener('change', () => this.open({ preset: by('preset').value }));
-    by('build').addEventListener('click', () => this.build(this.wanted()));
     this.drop(by('picture'));
     this.list(start);
   }
@@ -35,10 +26,6 @@ export class Files {
     by('preset').replaceChildren(...names.map((name) => make('option', { value: name, textContent: name })));
     by('preset').value = start.title;
     document.title = `${start.title} · dsfab`;
-  }
-
-  wanted() {
-    return [...by('formats').querySelectorAll('input:checked')].map((input) => input.value);
   }
 
   async open(what) {
@@ -89,37 +76,4 @@ export class Files {
       this.say(error.message);
     }
   }
-
-  async copy() {
-    try {
-      const { command, save } = await post('preset', { changes: this.changes() });
-      by('command').textContent = save ? `${command}   (save the preset first)` : command;
-      by('command').hidden = false;
-      await navigator.clipboard?.writeText(command).catch(() => {}); // it stands there to be copied by hand
-    } catch (error) {
-      this.say(error.message);
-    }
-  }
-
-  /** What became of a build. */
-  built({ state, text, result }) {
-    by('build').disabled = false;
-    if (state === 'cancelled') return by('built').replaceChildren(make('p', { textContent: 'Cancelled; nothing was kept.' }));
-    if (state === 'failed') return by('built').replaceChildren(make('p', { textContent: text }));
-    const links = result.files.map(({ name, bytes }, index) => {
-      const link = make('a', { download: name, textContent: name });
-      lead(link, result.build, index);
-      const line = make('span');
-      line.append(link, ` ${size(bytes)}`);
-      return line;
-    });
-    const pieces = `${result.pieces} ${result.pieces === 1 ? 'piece' : 'pieces'}`;
-    const solid = make('p', { textContent: `Solid: ${result.triangles.toLocaleString('en')} triangles, ${mass(result.mass)}, ${pieces}, closed.` });
-    const refused = result.refused ? [make('p', { textContent: result.refused })] : [];
-    return by('built').replaceChildren(solid, ...refused, ...links);
-  }
-}
-
-function size(bytes) {
-  return bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} KB` : `${(bytes / 1e6).toFixed(1)} MB`;
 }

@@ -1,11 +1,12 @@
 /** The editor: one state, who changes it, and who follows. */
 
-import { Controls, make } from './controls.js';
+import { Controls } from './controls.js';
 import { estimated, histogram, measured, unknown } from './figures.js';
 import { Files } from './files.js';
 import { keyed } from './keys.js';
 import { Loads } from './loads.js';
 import { recall } from './looks.js';
+import { Making } from './making.js';
 import { drawn, Sampler } from './pattern.js';
 import { notes, notice, outdated } from './notices.js';
 import { Picking } from './picking.js';
@@ -18,6 +19,7 @@ import { Work } from './work.js';
 
 const by = (id) => document.getElementById(id);
 const WAIT = 120; // milliseconds without a change, after which the server is asked
+const UNSEEN = /^(name|description|export\..*)$/; // keys that change files alone
 
 recall();
 
@@ -39,12 +41,17 @@ class Editor {
       changes: () => this.state.changes,
       opened: (next) => this.opened(next),
       say: (text) => this.notice(text),
-      build: (formats) => this.build(formats),
+    });
+    this.making = new Making(start, {
+      state: this.state,
+      ask: (kind, body) => this.work.ask(kind, body),
+      say: (text, calm) => this.notice(text, calm),
+      save: () => this.files.save(),
     });
     this.work = new Work({
       solve: (job) => this.solved(job),
       figures: (job) => this.figured(job),
-      build: (job) => this.files.built(job),
+      build: (job) => this.making.built(job),
       picture: (job) => this.pictures?.show(job),
     });
     this.state.on((keys, final) => this.changed(keys, final));
@@ -93,16 +100,18 @@ class Editor {
   /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */
   changed(keys, final) {
     this.refresh(keys);
+    if (final) this.remember();
+    if (keys?.every((key) => UNSEEN.test(key))) return;
     this.stale = true;
     const live = keys && keys.every((key) => key.startsWith('pattern.'));
     if (!(live && this.stripes())) outdated(true);
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => this.solve(), WAIT);
-    if (final) this.remember();
   }
 
   refresh(keys = null) {
     this.controls.refresh();
+    this.making.refresh();
     if (!keys || keys.some((key) => key.startsWith('surface.'))) this.loads?.refresh();
     by('undo').disabled = !this.state.past.length;
     by('redo').disabled = !this.state.future.length;
@@ -173,13 +182,6 @@ class Editor {
     if (!this.stale && this.told?.draft === this.model?.facts.draft) measured(this.told);
   }
 
-  build(formats) {
-    if (!formats.length) return this.notice('Choose at least one kind of file.', true);
-    by('build').disabled = true;
-    by('built').replaceChildren(make('p', { textContent: 'Building …' }));
-    return this.work.ask('build', { changes: this.state.changes, formats });
-  }
-
   /** Another preset is open. */
   opened(start) {
     this.start = start;
@@ -199,7 +201,7 @@ class Editor {
   remember() {
     clearTimeout(this.keeping);
     this.keeping = setTimeout(() => {
-      if (this.viewer && this.model) this.state.view.eye = this.viewer.eye.numbers;
+      if (this.viewer && this.model?.facts.opening === this.start.opening) this.state.view.eye = this.viewer.eye.numbers;
       keep(this.state, this.start.title);
     }, 200);
   }

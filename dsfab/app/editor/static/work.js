@@ -24,18 +24,18 @@ export class Work {
     );
   }
 
-  /** Ask for a job; only the news of the newest of each kind counts. Returns its number. */
+  /** Ask for a job; only the news of the newest of each kind counts. Returns the answer: its number, or a question. */
   async ask(kind, body) {
     this.latest[kind] = Infinity; // whatever is heard of older ones is old
     try {
-      const { job } = await post(kind, body);
-      this.latest[kind] = job;
-      if (this.told[job]) this.hear(this.told[job]); // it was faster than the answer
-      return job;
+      const answer = await post(kind, body);
+      this.latest[kind] = answer.job ?? 0;
+      if (this.told[answer.job]) this.hear(this.told[answer.job]); // it was faster than the answer
+      return answer;
     } catch (error) {
       this.latest[kind] = 0;
       this.handlers[kind]({ state: 'failed', text: error.message, result: {} });
-      return 0;
+      return {};
     }
   }
 

@@ -1,0 +1,110 @@
+/** Making files: under which name, of which kinds, what became of a build, and the command that does the same. */
+
+import { make } from './controls.js';
+import { mass } from './figures.js';
+import { lead, post } from './transport.js';
+
+const by = (id) => document.getElementById(id);
+const USUAL = ['stl', '3mf', 'step'];
+const NAME = /^[A-Za-z0-9][A-Za-z0-9_.-]*$/;
+
+export class Making {
+  /** start: of the server; state: whose name and formats are meant; ask(kind, body): a job; say(text, calm): a notice; save(): the preset as a download. */
+  constructor(start, { state, ask, say, save }) {
+    Object.assign(this, { start, state, ask, say, save });
+    by('place').textContent = start.outputs ? `${start.outputs}/` : '';
+    by('name').addEventListener('change', () => this.rename(by('name').value.trim()));
+    by('formats').addEventListener('change', () => this.state.set({ 'export.formats': this.wanted() }));
+    by('build').addEventListener('click', () => this.build());
+    by('copy').addEventListener('click', () => this.copy());
+  }
+
+  /** Show the state's name and formats. */
+  refresh() {
+    const { name, export: { formats } } = this.state.preset;
+    if (name !== this.name) by('name').value = this.name = name;
+    const listed = [...new Set([...USUAL, ...formats])];
+    if (String(listed) !== this.listed) {
+      this.listed = String(listed);
+      by('formats').replaceChildren(...listed.map((format) => {
+        const label = make('label');
+        label.append(make('input', { type: 'checkbox', value: format }), format.toUpperCase());
+        return label;
+      }));
+    }
+    for (const box of by('formats').querySelectorAll('input')) box.checked = formats.includes(box.value);
+  }
+
+  rename(name) {
+    if (NAME.test(name)) return this.state.set({ name });
+    this.say(`“${name}” is no name for files: use letters, digits, dots and dashes.`, true);
+    by('name').value = this.state.preset.name;
+    return undefined;
+  }
+
+  wanted() {
+    return [...by('formats').querySelectorAll('input:checked')].map((input) => input.value);
+  }
+
+  /** Ask for the solid; where other files stand in its folder, the person says what becomes of them. */
+  async build(replace = false) {
+    if (!this.wanted().length) return this.say('Choose at least one kind of file.', true);
+    by('build').disabled = true;
+    by('built').replaceChildren(make('p', { textContent: 'Building …' }));
+    const { taken, free } = await this.ask('build', { changes: this.state.changes, replace });
+    if (!taken) return undefined;
+    by('build').disabled = false;
+    by('built').replaceChildren();
+    const choice = await this.question(taken, free);
+    if (choice === 'other') this.state.set({ name: free });
+    return choice === 'no' ? undefined : this.build(true);
+  }
+
+  /** no, other or yes. */
+  question(text, free) {
+    by('replace-text').textContent = text;
+    by('replace-other').textContent = `Build into ${free}`;
+    by('replace').returnValue = 'no';
+    by('replace').showModal();
+    return new Promise((done) => by('replace').addEventListener('close', () => done(by('replace').returnValue || 'no'), { once: true }));
+  }
+
+  /** The command goes to the clipboard; its preset is saved first, here where the server has no place for it. */
+  async copy() {
+    try {
+      const { command, save, saved } = await post('command', { changes: this.state.changes });
+      if (save) await this.save();
+      const where = saved ? `${saved} is saved; type this where dsfab edit was started.` : save ? 'Its preset is saved with your downloads.' : '';
+      by('command').replaceChildren(make('code', { textContent: command }), where);
+      by('command').hidden = false;
+      await navigator.clipboard?.writeText(command).catch(() => {}); // it stands there to be copied by hand
+    } catch (error) {
+      this.say(error.message);
+    }
+  }
+
+  /** What became of a build. */
+  built({ state, text, result }) {
+    by('build').disabled = false;
+    if (state === 'cancelled') return by('built').replaceChildren(make('p', { textContent: 'Cancelled; nothing was kept.' }));
+    if (state === 'failed') return by('built').replaceChildren(make('p', { textContent: text }));
+    const links = result.files.map(({ name, bytes }, index) => {
+      const link = make('a', { download: name, textContent: name });
+      lead(link, result.build, index);
+      const line = make('span');
+      line.append(link, ` ${size(bytes)}`);
+      return line;
+    });
+    const pieces = `${result.pieces} ${result.pieces === 1 ? 'piece' : 'pieces'}`;
+    const solid = make('p', { textContent: `Solid: ${result.triangles.toLocaleString('en')} triangles, ${mass(result.mass)}, ${pieces}, closed.` });
+    const place = result.folder ? [make('p', { textContent: `All files are in ${result.folder}:` })] : [];
+    const refused = result.refused ? [make('p', { textContent: result.refused })] : [];
+    const files = make('div', { className: 'files' });
+    files.append(...links);
+    return by('built').replaceChildren(solid, ...refused, ...place, files);
+  }
+}
+
+function size(bytes) {
+  return bytes < 1e6 ? `${(bytes / 1e3).toFixed(0)} KB` : `${(bytes / 1e6).toFixed(1)} MB`;
+}
