@@ -1,51 +1,21 @@
 """The controls of the page as a table: what a person may change, in which unit, and between which numbers."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any, get_args
 
-import numpy as np
-
-from dsfab.diffusion import Labelling
+from dsfab.app.editor.control import Control, one_digit
+from dsfab.app.editor.controls_given import given
 from dsfab.pattern import Rule
 from dsfab.preset import Family, Pattern, Preset
 from dsfab.render.striped_mesh import SLIDING
 from dsfab.surface import Surface
 
 
-@dataclass(frozen=True)
-class Control:
-    """One key of a preset. kind: number, whole (a whole number), choice, switch or length (a number of metres).
-
-    low, high, step : of the slider; the number beside it takes what the preset takes.
-    log             : whether the slider runs in decades.
-    live            : whether the picture follows in the same frame; others are solved for on the server.
-    word            : what may stand there instead of a number ("auto").
-    method          : the one pattern.method that takes it; others do not show it.
-    instead         : the number that 0 stands for where stripes are evenly spaced.
-    """
-
-    group: str
-    key: str
-    label: str
-    kind: str = "number"
-    unit: str = ""
-    low: float = 0.0
-    high: float = 1.0
-    step: float = 0.01
-    log: bool = False
-    live: bool = True
-    word: str = ""
-    choices: tuple[str, ...] = ()
-    hint: str = ""
-    method: str = ""
-    instead: float = 0.0
-
-
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
     """All of them, ready for JSON; lengths go up to a share of the surface's size."""
-    reach = _round(SLIDING * surface.size)
+    reach = one_digit(SLIDING * surface.size)
     families = [control for name in ("major", "minor") for control in _family(name, preset, surface, reach)]
-    return [asdict(control) for control in [*_method(), *families, *_width(reach), *_kept(reach), *_solved(surface)]]
+    return [asdict(control) for control in [*_method(), *families, *_width(reach), *_kept(reach), *given(surface)]]
 
 
 def _method() -> list[Control]:
@@ -127,28 +97,3 @@ def _kept(reach: float) -> list[Control]:
 
 _FILLET = "Radius of the corners of openings; seen in what is built."
 _TIDY = "Take off stripes that end in the air, as far as the member that they cross last; seen in what is built."
-
-
-def _solved(surface: Surface) -> list[Control]:
-    """What needs the statics or the diffusion solved again."""
-    flow, sheet = "directions", "sheet"
-    thin = _round(surface.size / 3000)
-    return [
-        Control(flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r: 1 ignores it."),
-        Control(flow, "diffusion.gamma", "load factor", low=0.01, high=100, log=True, live=False, hint=_GAMMA),
-        Control(flow, "diffusion.labelling", "major follows", "choice", choices=get_args(Labelling), live=False),
-        Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="How many."),
-        Control(sheet, "statics.thickness", "thickness", "length", "m", thin, 30 * thin, thin / 10, live=False),
-        Control(sheet, "statics.young", "Young's modulus", unit="Pa", low=1e8, high=1e12, log=True, live=False),
-        Control(sheet, "statics.poisson", "Poisson's ratio", low=0, high=0.49, live=False),
-        Control(sheet, "statics.density", "density", unit="kg/m3", low=0, high=9000, step=10, live=False),
-    ]
-
-
-_GAMMA = "gamma: multiplies the loads before faces are told isotropic or not."
-
-
-def _round(value: float) -> float:
-    """The nearest number with one digit."""
-    digit = 10.0 ** np.floor(np.log10(value))
-    return float(digit * max(round(value / digit), 1))

@@ -22,6 +22,7 @@ from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.payload import colours, model, packed, widths
 from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped, saved_preset
 from dsfab.errors import DsfabError
+from dsfab.materials import MATERIALS
 from dsfab.pattern.wave import GLSL
 from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
@@ -91,6 +92,7 @@ class Session:
             "units": list(METRES_PER),
             "meshes": list(MESHES),
             "outputs": self.builds.outputs.shown,
+            "materials": {name: {**one.values, "says": one.says} for name, one in MATERIALS.items()},
             "wave": GLSL,
             "colours": colours(),
         }

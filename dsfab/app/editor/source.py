@@ -59,7 +59,8 @@ class Opened:
         preset = self.changed(changes)
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_spelled(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
-        if self.words and len(command) <= WORDY:
+        spelled = None not in changes.values()  # TOML has no word for nothing
+        if self.words and spelled and len(command) <= WORDY:
             return command, False
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 

@@ -3,7 +3,7 @@
 import { make, short } from './controls.js';
 import { told } from './looks.js';
 
-const TOWARDS = { down: [0, 0, -1], up: [0, 0, 1], '+x': [1, 0, 0], '−x': [-1, 0, 0], '+y': [0, 1, 0], '−y': [0, -1, 0] };
+export const TOWARDS = { down: [0, 0, -1], up: [0, 0, 1], '+x': [1, 0, 0], '−x': [-1, 0, 0], '+y': [0, 1, 0], '−y': [0, -1, 0] };
 const HOLDS = { 'in all directions': 'xyz', vertically: 'z', 'along x': 'x', 'along y': 'y', sideways: 'xy' };
 const ALONG = { 'in all directions': [1, 1, 1], vertically: [0, 0, 1], 'along x': [1, 0, 0], 'along y': [0, 1, 0], sideways: [1, 1, 0] };
 const times = (direction, size) => direction.map((x) => x * size);

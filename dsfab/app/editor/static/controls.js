@@ -1,11 +1,17 @@
 /** Sliders and numbers: one row for each control of the server's table. */
 
+import { ROWS } from './rows.js';
+
 const OPEN = ['stripes', 'major stripes', 'minor stripes', 'width of members'];
 const PLACES = 4;
+const LONG = 1e6; // larger numbers are written with an exponent: the fields are narrow
 const FINEST = 10; // a slider makes stripes no more than so many times closer than they are without a wish
 
 /** A number as a person writes it. */
-export const short = (value) => String(Number(Number(value).toPrecision(PLACES)));
+export function short(value) {
+  const rounded = Number(Number(value).toPrecision(PLACES));
+  return Math.abs(rounded) < LONG ? String(rounded) : rounded.toExponential().replace('e+', 'e');
+}
 
 export class Controls {
   /** parent: where the groups go. */
@@ -34,7 +40,7 @@ export class Controls {
         group.append(make('summary', { textContent: name[0].toUpperCase() + name.slice(1) }));
         this.parent.append(group);
       }
-      const row = (this[control.kind] ?? this.number).call(this, control);
+      const row = ROWS[control.kind]?.(control, this.state) ?? (this[control.kind] ?? this.number).call(this, control);
       this.rows.set(control.key, row);
       group.append(row.element);
     }
@@ -64,6 +70,7 @@ export class Controls {
 
   number(control) {
     const { key, label, log, low, high, word } = control;
+    const worth = control.worth ?? word; // what the word stands for
     const id = key.replaceAll('.', '-');
     const whole = control.kind === 'whole';
     const place = (value) => (log ? Math.log10(Math.max(value, low)) : value);
@@ -82,8 +89,8 @@ export class Controls {
     slider.addEventListener('change', () => send(read(), true));
     number.addEventListener('change', () => {
       const text = number.value.trim().replace(',', '.');
-      const value = word && text === word ? word : Number(text);
-      if (text !== '' && (value === word || Number.isFinite(value)) && !(whole && value !== word && value % 1)) send(value, true);
+      const value = word && text === word ? worth : Number(text);
+      if (text !== '' && (value === worth || Number.isFinite(value)) && !(whole && value !== worth && value % 1)) send(value, true);
       else this.refresh();
     });
     const element = make('div', { className: 'row', title: control.hint });
@@ -93,12 +100,12 @@ export class Controls {
     if (word) {
       const toggle = make('button', { type: 'button', className: 'word', textContent: word });
       toggle.setAttribute('aria-label', `${label}: ${word}`);
-      toggle.addEventListener('click', () => send(this.state.get(key) === word ? read() : word, true));
+      toggle.addEventListener('click', () => send(this.state.get(key) === worth ? read() : worth, true));
       unit.replaceWith(toggle);
       inputs.push(toggle);
     }
     const refresh = (value) => {
-      if (value === word) toggleWord(element, number, word, true);
+      if (word && value === worth) toggleWord(element, number, word, true);
       else {
         toggleWord(element, number, word, false);
         slider.value = place(value);

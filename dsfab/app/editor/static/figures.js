@@ -18,7 +18,9 @@ export function measured(told) {
   by('f-mass').textContent = mass(told.mass);
   by('f-pieces').textContent = told.loose ? `${told.pieces} (${told.loose} loose)` : String(told.pieces);
   for (const id of ['f-mass', 'f-pieces']) by(id).classList.remove('old');
-  const narrow = told.narrowest === null ? '' : `, narrowest ${metres(told.narrowest)}`;
+  const thin = told.narrowest !== null && told.narrowest < told.min_member;
+  const narrow = told.narrowest === null ? '' : `, narrowest ${metres(told.narrowest)}${thin ? `: under ${metres(told.min_member)}` : ''}`;
+  by('f-widths').classList.toggle('bad', thin);
   by('f-widths').textContent = `widths of members${narrow}; ${ends(told.pattern)}`;
   last = told;
   histogram();

@@ -2,6 +2,7 @@
 
 import { form, KINDS, magnitude, where } from './acting.js';
 import { make, short } from './controls.js';
+import { switched, Weather } from './weather.js';
 
 const WAYS = { spot: 'Point', region: 'Region', edge: 'Edge', lasso: 'Lasso' };
 const SAY = {
@@ -13,15 +14,15 @@ const SAY = {
 export class Loads {
   /** picked(picker, ...) of Picking is handed to `pick`; place: where the list goes. */
   constructor(place, state, viewer, picking) {
-    Object.assign(this, { place, state, viewer, picking, kind: 'force' });
+    Object.assign(this, { place, state, viewer, picking, kind: 'force', weather: new Weather(state) });
   }
 
   refresh() {
     const { surface } = this.state.preset;
     const items = [];
-    surface.load.forEach((load, i) => items.push(this.item('load', load, i)));
+    surface.load.forEach((load, i) => switched(load) || items.push(this.item('load', load, i)));
     surface.support.forEach((support, i) => items.push(this.item('support', support, i)));
-    this.place.replaceChildren(...items, this.adder());
+    this.place.replaceChildren(...this.weather.rows(), ...items, this.adder());
   }
 
   item(list, thing, index) {

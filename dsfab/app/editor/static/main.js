@@ -7,6 +7,7 @@ import { keyed } from './keys.js';
 import { Loads } from './loads.js';
 import { recall } from './looks.js';
 import { Making } from './making.js';
+import { Materials } from './materials.js';
 import { drawn, Sampler } from './pattern.js';
 import { notes, notice, outdated } from './notices.js';
 import { Picking } from './picking.js';
@@ -27,7 +28,7 @@ class Editor {
   constructor(start) {
     this.start = start;
     const { changes, view } = kept(start);
-    this.state = new State(start.preset, changes, { colour: 'plain', layers: ['loads', 'supports'], ...view });
+    this.state = new State(start.preset, changes, { colour: 'plain', layers: ['loads', 'supports'], ...view }, new Materials(start.materials));
     this.controls = new Controls(by('groups'), this.state);
     try {
       this.viewer = new Viewer(by('canvas'), start.wave, { antialias: !location.search.includes('hard') });

@@ -3,9 +3,10 @@
 const DEEP = 200;
 
 export class State {
-  /** base: the preset as nested objects; changes: dotted keys and values. */
-  constructor(base, changes = {}, view = {}) {
+  /** base: the preset as nested objects; changes: dotted keys and values; materials: see materials.js. */
+  constructor(base, changes = {}, view = {}, materials = null) {
     this.listeners = [];
+    this.materials = materials;
     this.view = view;
     this.open(base, changes);
   }
@@ -27,8 +28,13 @@ export class State {
 
   /** The preset with all changes. Not to be changed by who reads it. */
   get preset() {
-    this.made ??= applied(this.base, this.changes);
+    this.made ??= applied(this.usual(this.changes), this.changes);
     return this.made;
+  }
+
+  /** The preset before changes, with what they imply. */
+  usual(changes) {
+    return this.materials?.implied(this.base, changes) ?? this.base;
   }
 
   /** The value at a dotted key. */
@@ -43,7 +49,7 @@ export class State {
       for (const old of Object.keys(changes)) if (old.startsWith(`${key}.`)) delete changes[old];
       const parent = Object.keys(changes).find((old) => key.startsWith(`${old}.`));
       if (parent) changes[parent] = applied(changes[parent], { [key.slice(parent.length + 1)]: value });
-      else if (same(at(this.base, key), value)) delete changes[key];
+      else if (same(at(this.usual(changes), key), value)) delete changes[key];
       else changes[key] = value;
     }
     this.changes = changes;
