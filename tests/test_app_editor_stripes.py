@@ -82,6 +82,7 @@ def test_controls_say_which_method_takes_them(dome):
     assert table["pattern.families"]["choices"] == ("both", "major", "minor")
     assert not table["pattern.families"]["method"]
     assert {key.split(".")[-1] for key, control in table.items() if control["method"] == "modes"} == {
+        "symmetry",
         "mode",
         "frequency",
         "phase",

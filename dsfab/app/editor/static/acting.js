@@ -1,6 +1,6 @@
 /** What can act where something was picked: its fields in the form, and the load or support that becomes of them. */
 
-import { make, short } from './controls.js';
+import { make } from './controls.js';
 import { told } from './looks.js';
 
 export const TOWARDS = { down: [0, 0, -1], up: [0, 0, 1], '+x': [1, 0, 0], '−x': [-1, 0, 0], '+y': [0, 1, 0], '−y': [0, -1, 0] };
@@ -63,8 +63,9 @@ export function magnitude(thing) {
 /** A picker in words. */
 export function where(at) {
   if (!at) return '';
-  if (at.pick === 'nearest') return at.points.length === 1 ? `at (${at.points[0].map(short).join(', ')})` : `at ${at.points.length} points`;
-  if (at.pick === 'ball') return `within ${told(at.radius, 'm')} of (${at.center.map(short).join(', ')})`;
+  if (at.pick === 'nearest') return at.points.length === 1 ? 'at a point' : `at ${at.points.length} points`;
+  if (at.pick === 'ball') return `within ${told(at.radius, 'm')} of a place`;
+  if (at.pick === 'box') return 'in a box';
   if (at.pick === 'side') return `at the ${at.end === 'min' ? 'lowest' : 'highest'} ${at.axis}`;
   if (at.pick === 'boundary') return at.loop === 'all' || at.loop === undefined ? 'on all edges' : `on edge ${at.loop + 1}`;
   if (at.pick === 'vertices') return `on ${at.indices.length} vertices`;

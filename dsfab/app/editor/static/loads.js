@@ -2,6 +2,7 @@
 
 import { form, KINDS, magnitude, where } from './acting.js';
 import { make, short } from './controls.js';
+import { rows } from './regions.js';
 import { switched, Weather } from './weather.js';
 
 const WAYS = { spot: 'Point', region: 'Region', edge: 'Edge', lasso: 'Lasso' };
@@ -22,7 +23,9 @@ export class Loads {
     const items = [];
     surface.load.forEach((load, i) => switched(load) || items.push(this.item('load', load, i)));
     surface.support.forEach((support, i) => items.push(this.item('support', support, i)));
+    const focused = document.activeElement?.id;
     this.place.replaceChildren(...this.weather.rows(), ...items, this.adder());
+    if (focused) document.getElementById(focused)?.focus();
   }
 
   item(list, thing, index) {
@@ -41,6 +44,7 @@ export class Loads {
     head.append(words, remove);
     box.append(head);
     if (magnitude(thing)) box.append(this.amount(list, thing, index));
+    box.append(...rows({ key: `surface.${list}.${index}.at`, name: `${list} ${index + 1}`, at: thing.at }, this.state));
     return box;
   }
 

@@ -3,6 +3,8 @@
 import { Controls } from './controls.js';
 import { estimated, histogram, measured, unknown } from './figures.js';
 import { Files } from './files.js';
+import { Guides } from './guides.js';
+import { Handles } from './handles.js';
 import { keyed } from './keys.js';
 import { Loads } from './loads.js';
 import { recall } from './looks.js';
@@ -34,9 +36,11 @@ class Editor {
       this.viewer = new Viewer(by('canvas'), start.wave, { antialias: !location.search.includes('hard') });
       this.picking = new Picking(this.viewer, by('lasso').firstElementChild, (...picked) => this.loads.pick(...picked));
       this.loads = new Loads(by('load-list'), this.state, this.viewer, this.picking);
+      this.handles = new Handles(by('handles'), this.state, this.viewer, this.picking, (key) => by(key.startsWith('surface') ? 'loads' : 'guides').open);
     } catch (error) {
       this.without(error);
     }
+    this.guides = new Guides(by('guide-list'), this.state);
     this.views = new Views(this);
     this.files = new Files(start, {
       changes: () => this.state.changes,
@@ -69,6 +73,7 @@ class Editor {
   }
 
   wire() {
+    for (const id of ['loads', 'guides']) by(id).addEventListener('toggle', () => this.handles?.refresh());
     by('undo').addEventListener('click', () => this.state.undo());
     by('redo').addEventListener('click', () => this.state.redo());
     this.views.wire();
@@ -114,6 +119,8 @@ class Editor {
     this.controls.refresh();
     this.making.refresh();
     if (!keys || keys.some((key) => key.startsWith('surface.'))) this.loads?.refresh();
+    if (!keys || keys.some((key) => key.startsWith('pattern.'))) this.guides.refresh();
+    this.handles?.refresh();
     by('undo').disabled = !this.state.past.length;
     by('redo').disabled = !this.state.future.length;
   }
@@ -159,6 +166,7 @@ class Editor {
 
   surface() {
     const first = this.viewer?.model(this.model);
+    this.handles?.refresh();
     this.sampler = new Sampler(this.model.facts, this.model.arrays);
     this.controls.build(this.model.facts.controls);
     if (first) {

@@ -126,6 +126,18 @@ export class Picking {
     return this.ray.intersectObject(this.viewer.sheet)[0]?.point ?? null;
   }
 
+  /** Where a handle goes that is dragged to a place in the picture: on the surface, or on the vertex next to the line of sight. */
+  near(event) {
+    const at = this.hit(event);
+    if (at) return at;
+    let [best, chosen] = [Infinity, null];
+    for (let i = 0; i < this.V.length / 3; i += 1) {
+      const away = this.ray.ray.distanceSqToPoint(this.vertex(i));
+      if (away < best) [best, chosen] = [away, i];
+    }
+    return chosen === null ? null : this.vertex(chosen);
+  }
+
   nearest(at) {
     const { V } = this;
     let [best, chosen] = [Infinity, 0];

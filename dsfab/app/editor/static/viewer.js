@@ -27,6 +27,7 @@ export class Viewer {
     this.scene.add(this.ground.plane, this.sheet, this.marks.group);
     this.eye = new Eye(canvas, () => this.due());
     this.frames = 0;
+    this.drawn = null; // called after each frame
     canvas.addEventListener('webglcontextrestored', () => this.due());
   }
 
@@ -119,6 +120,7 @@ export class Viewer {
     this.sheet.uniforms.uUp.value.copy(this.eye.up).transformDirection(camera.matrixWorldInverse);
     this.renderer.clear();
     this.renderer.render(this.scene, camera);
+    this.drawn?.();
     this.frames += 1;
   }
 

@@ -43,7 +43,6 @@ export class Weather {
     const rest = this.loads.filter((_, i) => i !== index);
     const added = { kind, ...SWITCHES[kind].start, case: this.loads[0]?.case ?? 'load' };
     this.state.set({ 'surface.load': index >= 0 ? rest : [...this.loads, added] });
-    document.getElementById(`weather-${kind}`)?.focus();
   }
 
   size(kind, index) {
