@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from dsfab.app.editor.session import Session
+from dsfab.app.editor.variants import Variant, differences
 from dsfab.errors import DsfabError
 
 SMALLEST, WIDEST = 64, 2400
@@ -40,11 +41,39 @@ def _picture(session: Session, given: Given) -> Given:
     return {"job": session.ask_picture(_changes(given), view, show, (size[0], size[1]))}
 
 
+def _keep(session: Session, given: Given) -> Given:
+    name, picture, figures = _typed(given, "name", str), _typed(given, "picture", str), _typed(given, "figures", dict)
+    session.variants.keep(Variant(name, session.opened, _changes(given), picture, figures))
+    return {"variants": session.variants.listed()}
+
+
+def _rename(session: Session, given: Given) -> Given:
+    session.variants.rename(_typed(given, "variant", int), _typed(given, "name", str))
+    return {"variants": session.variants.listed()}
+
+
+def _drop(session: Session, given: Given) -> Given:
+    session.variants.drop(_typed(given, "variant", int))
+    return {"variants": session.variants.listed()}
+
+
+def _compare(session: Session, given: Given) -> Given:
+    """Two variants, or one and what is shown now."""
+    numbers = _typed(given, "variants", list)
+    if len(numbers) not in (1, 2) or not all(isinstance(number, int) for number in numbers):
+        raise AskError("variants are one or two numbers")
+    presets = [session.variants[number].preset for number in numbers]
+    one, other = (*presets, session.opened.changed(_changes(given)))[:2]
+    return {"differences": differences(one, other)}
+
+
 def _open(session: Session, given: Given) -> Given:
     if "preset" in given:
         return session.open_preset(_typed(given, "preset", str))
     if "toml" in given:
         return session.open_toml(_typed(given, "toml", str))
+    if "variant" in given:
+        return session.open_variant(_typed(given, "variant", int))
     unit = given.get("unit")
     return session.open_mesh(_typed(given, "name", str), str(unit) if unit else None, _typed(given, "data", str))
 
@@ -56,6 +85,10 @@ ASKS: dict[str, Callable[[Session, Given], Given]] = {
     "preset": lambda session, given: session.preset_file(_changes(given)),
     "command": lambda session, given: session.command(_changes(given)),
     "open": _open,
+    "keep": _keep,
+    "rename": _rename,
+    "drop": _drop,
+    "compare": _compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_typed(given, "job", int))},
 }
 """Each raises DsfabError with a sentence for the person; the answers are ready for JSON."""

@@ -21,6 +21,7 @@ from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.payload import colours, model, packed, widths
 from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped, saved_preset
+from dsfab.app.editor.variants import Variants
 from dsfab.errors import DsfabError
 from dsfab.materials import MATERIALS
 from dsfab.pattern.wave import GLSL
@@ -64,6 +65,7 @@ class Session:
         self._kept: tuple[int, Packed] | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="dsfab-edit-", ignore_cleanup_errors=True)
         aside = Path(self._folder.name)
+        self.variants = Variants()
         self.builds = Builds(outputs or Outputs(aside / "outputs"), aside)
 
     def __enter__(self) -> "Session":
@@ -93,6 +95,7 @@ class Session:
             "meshes": list(MESHES),
             "outputs": self.builds.outputs.shown,
             "materials": {name: {**one.values, "says": one.says} for name, one in MATERIALS.items()},
+            "variants": self.variants.listed(),
             "wave": GLSL,
             "colours": colours(),
         }
@@ -104,6 +107,13 @@ class Session:
     def open_toml(self, text: str) -> dict[str, Any]:
         """Open a preset file that the page sends."""
         return self._open(self.opened.reopened(text))
+
+    def open_variant(self, number: int) -> dict[str, Any]:
+        """Go back to a variant; `changes` are those over what is then open."""
+        variant = self.variants[number]
+        with self._lock:
+            same = variant.opened is self._opened
+            return {**(self.start() if same else self._open(variant.opened)), "changes": dict(variant.changes)}
 
     def open_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
         """Open a mesh that the page sends, base64; its name is for people, the file here has one of ours."""

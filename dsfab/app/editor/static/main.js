@@ -16,6 +16,7 @@ import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
 import { State } from './state.js';
 import { begun, early, follow, keep, kept, model as fetched } from './transport.js';
+import { Tray } from './tray.js';
 import { Viewer } from './viewer.js';
 import { Views } from './views.js';
 import { Work } from './work.js';
@@ -29,6 +30,7 @@ recall();
 class Editor {
   constructor(start) {
     this.start = start;
+    this.asking = []; // who waits for what is shown to be measured
     const { changes, view } = kept(start);
     this.state = new State(start.preset, changes, { colour: 'plain', layers: ['loads', 'supports'], ...view }, new Materials(start.materials));
     this.controls = new Controls(by('groups'), this.state);
@@ -52,6 +54,11 @@ class Editor {
       ask: (kind, body) => this.work.ask(kind, body),
       say: (text, calm) => this.notice(text, calm),
       save: () => this.files.save(),
+    });
+    this.tray = new Tray(start, {
+      shown: () => this.shown(),
+      back: (next) => this.back(next),
+      say: (text) => this.notice(text),
     });
     this.work = new Work({
       solve: (job) => this.solved(job),
@@ -180,21 +187,38 @@ class Editor {
   }
 
   figured({ state, result, text }) {
-    if (state === 'failed') this.notice(text);
-    if (state !== 'done') return;
-    this.told = result;
-    this.figures();
+    if (state === 'failed') {
+      this.notice(text);
+      this.told = { draft: this.model?.facts.draft, failed: true };
+    }
+    if (state === 'done') this.told = result;
+    if (['done', 'failed'].includes(state)) this.figures();
   }
 
   /** What was measured, once what is shown is what was measured: either may arrive first. */
   figures() {
-    if (!this.stale && this.told?.draft === this.model?.facts.draft) measured(this.told);
+    if (this.stale || this.told?.draft !== this.model?.facts.draft) return;
+    if (!this.told.failed) measured(this.told);
+    for (const done of this.asking.splice(0)) done();
+  }
+
+  /** What is shown, once it is measured: { changes, picture, figures }. */
+  async shown() {
+    if (this.stale || this.told?.draft !== this.model?.facts.draft) await new Promise((done) => this.asking.push(done));
+    const picture = this.viewer?.snapshot() ?? by('drawn').src;
+    return { changes: this.state.changes, picture, figures: this.told.failed ? null : this.told };
+  }
+
+  /** A variant is shown again. */
+  back(start) {
+    if (start.opening === this.start.opening) this.state.become(start.changes);
+    else this.opened(start);
   }
 
   /** Another preset is open. */
   opened(start) {
     this.start = start;
-    this.state.open(start.preset);
+    this.state.open(start.preset, start.changes);
     this.state.view = { ...this.state.view, eye: undefined, section: undefined };
     by('section-axis').value = '';
     by('built').replaceChildren();

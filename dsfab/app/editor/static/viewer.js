@@ -124,6 +124,16 @@ export class Viewer {
     this.frames += 1;
   }
 
+  /** The picture as it is, as JPEG in a data: address, no wider than so many pixels. */
+  snapshot(widest = 960) {
+    this.draw(); // what was drawn before is gone from the canvas by now
+    const scale = Math.min(widest / this.canvas.width, 1);
+    const copy = document.createElement('canvas');
+    Object.assign(copy, { width: Math.round(scale * this.canvas.width), height: Math.round(scale * this.canvas.height) });
+    copy.getContext('2d').drawImage(this.canvas, 0, 0, copy.width, copy.height);
+    return copy.toDataURL('image/jpeg', 0.88);
+  }
+
   /** Where material is seen, one byte for each pixel from the lower left: for tests and for counting. */
   mask() {
     const { width, height } = this.canvas;
