@@ -2,6 +2,7 @@
 
 import shlex
 import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from dsfab.app.editor.builds import Builds
 from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import Opened, open_preset, opened_mesh, saved_preset
-from dsfab.errors import DsfabError
+from dsfab.app.export import TO, format_suffix, offered_formats
+from dsfab.errors import DsfabError, ExportError
 from dsfab.export import write
 from dsfab.preset_file import load_preset
 from tests.browser import browser
@@ -130,6 +132,38 @@ def tab(outputs, tmp_path):
         yield tab
 
 
+def test_one_file_is_exported_and_told(outputs, dropped):
+    with Session(dropped, outputs=outputs) as session:
+        wait(session.jobs, session.ask_solve({}))
+        job = wait(session.jobs, session.ask_build({}, only="csv")["job"])
+        assert job.state == "done", job.text
+        assert [file["name"] for file in job.result["files"]] == ["my_roof.csv"]
+        assert job.result["told"][-1].startswith("csv: ")
+        wait(session.jobs, session.ask_build(STL)["job"])
+        job = wait(session.jobs, session.ask_build({}, only="calculix")["job"])
+        assert job.state == "done", job.text
+        assert job.result["told"][-1] == "compare: cd outputs/my_roof && ccx my_roof, then read my_roof.dat"
+        with pytest.raises(ExportError, match="names no format"):
+            session.ask_build({}, only="docx")
+
+
+def test_every_format_of_the_command_line_is_offered(monkeypatch):
+    from dsfab.export import FORMATS
+
+    def missing():
+        raise ExportError('.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"')
+
+    monkeypatch.setitem(FORMATS, ".3dm", replace(FORMATS[".3dm"], ready=missing))
+    offered = {one["format"]: one for one in offered_formats()}
+    assert set(offered) == {suffix[1:] for suffix in FORMATS} - {"stp"} | {"calculix"}
+    for word in offered:
+        assert word in TO
+    assert offered["3dm"]["missing"].endswith('pip install "dsfab[rhino]"')
+    assert not any(one["missing"] for word, one in offered.items() if word not in ("3dm", "ifc"))
+    with pytest.raises(ExportError, match="dsfab\\[rhino\\]"):
+        format_suffix("3dm")
+
+
 def drop_roof(tab):
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
@@ -192,3 +226,23 @@ def test_what_is_opened_fills_the_picture_whatever_its_size(tab):
     tab.run("dsfab.files.open({preset: 'dome'})")
     until(tab, "dsfab.start.title === 'dome' && dsfab.model.facts.triangles !== 162 && " + READY)
     assert tab.run(share) == pytest.approx(whole, rel=0.3)
+
+
+@seen_in_a_page
+@pytest.mark.slow
+def test_a_file_of_any_kind_is_exported_from_the_page(tab, outputs, monkeypatch):
+    missing = {"format": "3dm", "group": "the solid", "missing": 'install it with: pip install "dsfab[rhino]"'}
+    offered = [one for one in offered_formats() if one["format"] != "3dm"]
+    monkeypatch.setattr("dsfab.app.editor.requests.offered_formats", lambda: [*offered, missing])
+    tab.run("document.getElementById('export').click()")
+    until(tab, "document.getElementById('exporting').open")
+    buttons = "[...document.querySelectorAll('#format-list button')]"
+    assert set(tab.run(f"{buttons}.map(e => e.textContent)")) == {one["format"] for one in offered_formats()}
+    assert tab.run(f"{buttons}.filter(e => e.disabled).map(e => e.textContent)") == ["3dm"]
+    assert 'pip install "dsfab[rhino]"' in tab.run("document.getElementById('format-list').innerText")
+    tab.run(f"{buttons}.find(e => e.textContent === 'svg').click()")
+    until(tab, "document.querySelectorAll('#built a').length > 0", 120)
+    assert not tab.run("document.getElementById('exporting').open")
+    assert "outputs/dome_modes:" in tab.run("document.getElementById('built').innerText")
+    assert (outputs.home / "dome_modes" / "dome_modes.svg").read_text().startswith("<?xml")
+    assert [path.name for path in (outputs.home / "dome_modes").iterdir()] == ["dome_modes.svg"]

@@ -2,11 +2,11 @@
 
 import pytest
 
-from dsfab.app.editor import variants as tray
+from dsfab.app.editor import tray
 from dsfab.app.editor.requests import ASKS
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import Opened, open_preset
-from dsfab.app.editor.variants import Variant, Variants, differences
+from dsfab.app.editor.tray import KeptVariant, VariantTray, differences
 from dsfab.errors import DsfabError, PresetError
 from dsfab.preset_file import load_preset, overridden
 from tests.browser import browser
@@ -24,9 +24,9 @@ def opened():
 
 
 def test_variants_are_kept_in_order_and_named(opened):
-    kept = Variants()
-    kept.keep(Variant("", opened, {}, "data:image/jpeg;base64,AA==", {"share": 0.4, "mass": 3.0, "other": 1.0}))
-    kept.keep(Variant("  wide \n bands ", opened, WIDE))
+    kept = VariantTray()
+    kept.keep(KeptVariant("", opened, {}, "data:image/jpeg;base64,AA==", {"share": 0.4, "mass": 3.0, "other": 1.0}))
+    kept.keep(KeptVariant("  wide \n bands ", opened, WIDE))
     assert [(one["number"], one["name"]) for one in kept.listed()] == [(1, "Variant 1"), (2, "wide bands")]
     first = kept.listed()[0]["figures"]
     assert first == {"share": 0.4, "mass": 3.0, **dict.fromkeys(("area", "pieces", "narrowest", "compliance"))}
@@ -35,7 +35,7 @@ def test_variants_are_kept_in_order_and_named(opened):
     assert [one["name"] for one in kept.listed()] == ["thin", "wide bands"]
     assert kept[2].preset.pattern.width.solid_fraction == 0.6
     kept.drop(1)
-    kept.keep(Variant("", opened, {}))
+    kept.keep(KeptVariant("", opened, {}))
     assert [one["name"] for one in kept.listed()] == ["wide bands", "Variant 3"]  # numbers are not given twice
     for act in (kept.drop, lambda number: kept.rename(number, "x"), kept.__getitem__):
         with pytest.raises(DsfabError, match="not kept any more"):
@@ -43,16 +43,16 @@ def test_variants_are_kept_in_order_and_named(opened):
 
 
 def test_what_is_no_variant_is_refused(opened, monkeypatch):
-    kept = Variants()
+    kept = VariantTray()
     with pytest.raises(PresetError, match="threshold"):
-        kept.keep(Variant("", opened, {"pattern.major.threshold": 7}))
+        kept.keep(KeptVariant("", opened, {"pattern.major.threshold": 7}))
     for picture in ("http://elsewhere/", "javascript:1", "data:image/png;base64," + "A" * tray.LARGEST):
         with pytest.raises(DsfabError, match="keep it again"):
-            kept.keep(Variant("", opened, {}, picture))
+            kept.keep(KeptVariant("", opened, {}, picture))
     monkeypatch.setattr(tray, "MOST", 1)
-    kept.keep(Variant("", opened, {}))
+    kept.keep(KeptVariant("", opened, {}))
     with pytest.raises(DsfabError, match="1 variants are kept already"):
-        kept.keep(Variant("", opened, {}))
+        kept.keep(KeptVariant("", opened, {}))
 
 
 def test_what_differs_is_told_by_its_keys():

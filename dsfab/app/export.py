@@ -11,6 +11,7 @@ from dsfab.app.options import UNCHANGED, Quiet, Source, built_folder
 from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
+from dsfab.pipeline.log import Progress
 from dsfab.wording import length, size
 
 if TYPE_CHECKING:
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 SUFFIX = ".inp"
+SAME_AS_STEP = ".stp"
+GROUPS = {"mesh": "the solid", "both": "the solid", "lines": "lines and drawings", "fields": "fields"}
+"""What a format is for in words, by what it takes."""
 
 TO = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -69,7 +73,7 @@ def export(
         return estimate_step(given, reporter, built)
     ask = _asked(to, output, folder, given.name, sheet)
     try:
-        told = _model(given, ask, reporter) if ask.suffix == SUFFIX else _mesh(given, built, ask, reporter)
+        told = write_file(given, built, ask, reporter)
         reporter.done()
     finally:
         reporter.stop()
@@ -78,6 +82,31 @@ def export(
             out(line)
         out(f"  {ask.path}  {size(ask.path.stat().st_size)}")
     return 0
+
+
+def write_file(given: "Preset", built: "Design | None", ask: ExportRequest, progress: Progress) -> list[str]:
+    """Write the one file that is asked for, of a design that is there or is made now; lines about it.
+
+    Raises DsfabError of the stage that refuses, and ExportError where the file cannot be written.
+    """
+    return _model(given, ask, progress) if ask.suffix == SUFFIX else _mesh(given, built, ask, progress)
+
+
+def offered_formats() -> list[dict[str, str]]:
+    """What can be exported, by the groups of `dsfab export --help`: the suffix, and why it is `missing` or ''."""
+    from dsfab.export.formats import FORMATS
+
+    offered = []
+    for suffix, form in FORMATS.items():
+        if suffix == SAME_AS_STEP:
+            continue
+        try:
+            form.ready()
+            missing = ""
+        except ExportError as error:
+            missing = str(error)
+        offered.append({"format": suffix[1:], "group": GROUPS[form.takes], "missing": missing})
+    return [*offered, {"format": CALCULIX, "group": "a check", "missing": ""}]
 
 
 def _source(name: str, source: Source) -> tuple["Preset", Path]:
@@ -96,29 +125,44 @@ def _built(name: str, given: "Preset") -> "Design | None":
     return read_archive(folder, given) if folder else None
 
 
-def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> ExportRequest:
-    """Check what was asked for before any work begins."""
-    from dsfab.export.formats import FORMATS, suffix_of
+def _words() -> dict[str, str]:
+    """Suffixes by the words of --to."""
+    from dsfab.export.formats import FORMATS
 
-    known = {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
-    if to is None and output is None:
-        raise ExportError(f"nothing says what to write; add --to {', '.join(known)}")
-    word = (to if to is not None else suffix_of(output) if output else "").lower().removeprefix(".")
+    return {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
+
+
+def format_suffix(word: str) -> str:
+    """The suffix that a word of --to means. Raises ExportError where there is none, or its library is missing."""
+    from dsfab.export.formats import FORMATS
+
+    known = _words()
     suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
     if suffix is None:
         near = difflib.get_close_matches(word, known, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(known)}")
+    if suffix in FORMATS:
+        FORMATS[suffix].ready()
+    return suffix
+
+
+def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> ExportRequest:
+    """Check what was asked for before any work begins."""
+    from dsfab.export.formats import FORMATS, suffix_of
+
+    if to is None and output is None:
+        raise ExportError(f"nothing says what to write; add --to {', '.join(_words())}")
+    word = (to if to is not None else suffix_of(output) if output else "").lower().removeprefix(".")
+    suffix = format_suffix(word)
     path = output if output is not None else folder / f"{name}{suffix}"
     if suffix_of(path) != suffix:
         raise ExportError(f"-o {path} does not end in {suffix}; --to {word} writes {path.stem}{suffix}")
     if sheet is not None and suffix != SUFFIX and not FORMATS[suffix].sheets:
         holds = ", ".join(key[1:] for key, form in FORMATS.items() if form.sheets and form.takes == "mesh")
         raise ExportError(f"a {suffix} file holds solids only; leave out --sheet, or write {holds}")
-    if suffix != SUFFIX:
-        if sheet is not None and FORMATS[suffix].takes != "mesh":
-            raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
-        FORMATS[suffix].ready()
+    if suffix != SUFFIX and sheet is not None and FORMATS[suffix].takes != "mesh":
+        raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
 
@@ -129,7 +173,7 @@ def _make_folder(path: Path) -> None:
         raise ExportError(f"cannot make the folder {path.parent}: {error.strerror}; choose another with -o") from None
 
 
-def _model(given: "Preset", ask: ExportRequest, reporter: Reporter) -> list[str]:
+def _model(given: "Preset", ask: ExportRequest, reporter: Progress) -> list[str]:
     """Write the .inp file; returns what to tell about it."""
     from dsfab.export.calculix import write_calculix
     from dsfab.pipeline import run
@@ -160,7 +204,7 @@ def _told(made: "CheckModel", ask: ExportRequest) -> list[str]:
     return lines
 
 
-def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter: Reporter) -> list[str]:
+def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter: Progress) -> list[str]:
     """Write the solid or a sheet, of what was built or made now; returns what to tell about it."""
     from dsfab.delivery.files import deliverable
     from dsfab.export import write

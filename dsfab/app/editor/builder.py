@@ -16,19 +16,19 @@ from dsfab.errors import DsfabError
 
 
 def main() -> None:
-    """Build what standard input asks for."""
+    """Build, or export, what standard input asks for."""
     tell = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
     os.dup2(2, 1)  # what libraries print is none of it
     source = sys.stdin.buffer
     request, folder = pickle.loads(source.read(int.from_bytes(source.read(8), "little")))
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    from dsfab.app.editor.building import built
+    from dsfab.app.editor.building import built, exported
 
     def progress(stage: str, text: str) -> None:
         _say(tell, {"stage": stage, "text": text})
 
     try:
-        made = built(request, Path(folder), progress)
+        made = (exported if request.only else built)(request, Path(folder), progress)
     except DsfabError as error:
         _say(tell, {"refused": str(error)})
     except Exception as error:  # the person is asked to report it

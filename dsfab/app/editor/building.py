@@ -29,12 +29,16 @@ class BuildRequest:
 
     picture : whether it is drawn too.
     mesh    : of the page: it is copied beside the files, and the preset there names the copy.
+    only    : the one format that is wanted, in a word of `dsfab export --to`; '' for everything that a build writes.
+    before  : the folder of an earlier build, which may hold this very design.
     """
 
     preset: Preset
     old: Design | None = None
     picture: bool = False
     mesh: Path | None = None
+    only: str = ""
+    before: Path | None = None
 
 
 def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild:
@@ -42,8 +46,8 @@ def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild
 
     Raises DsfabError, of the stage that refuses; a STEP file that is too large is told in `facts` instead.
     """
-    preset, old = request.preset, request.old
-    design = revise(old, preset, progress) if old else run(preset, progress)
+    preset = request.preset
+    design = _made(request, progress)
     if request.mesh:
         design = _beside(design, request.mesh, folder)
     saved = save(design, folder, progress, request.picture)
@@ -62,9 +66,36 @@ def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild
     return EditorBuild([*first, *rest], facts)
 
 
+def exported(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild:
+    """Write one file as `dsfab export` does, of what the folder `before` holds of this design, or of what is made now.
+
+    Raises DsfabError, of the stage that refuses or of the format.
+    """
+    from dsfab.app.export import CALCULIX, SUFFIX, ExportRequest, write_file
+    from dsfab.delivery.archive import read_archive
+
+    suffix = SUFFIX if request.only == CALCULIX else f".{request.only}"
+    preset, before = request.preset, request.before
+    there = with_file(preset, _copied(request.mesh, before)) if request.mesh and before else preset
+    design = read_archive(before, there) if before else None
+    ask = ExportRequest(suffix, folder / f"{preset.name}{suffix}", None)
+    made = design or (None if suffix == SUFFIX else _made(request, progress))
+    told = write_file(preset, made, ask, progress)
+    return EditorBuild([ask.path], {"told": told})
+
+
+def _made(request: BuildRequest, progress: Telling) -> Design:
+    return revise(request.old, request.preset, progress) if request.old else run(request.preset, progress)
+
+
+def _copied(mesh: Path, folder: Path) -> Path:
+    """Where a mesh of the page lies among the files of its build."""
+    return folder / f"surface{mesh.suffix}"
+
+
 def _beside(design: Design, mesh: Path, folder: Path) -> Design:
     """The design with its mesh in the folder of its files, where it outlives the session."""
-    copy = Path(shutil.copy(mesh, folder / f"surface{mesh.suffix}"))
+    copy = Path(shutil.copy(mesh, _copied(mesh, folder)))
     made = {name: value for name, value in vars(design).items() if name != "preset"}
     return Design.known(with_file(design.preset, copy), **made)
 

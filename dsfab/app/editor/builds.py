@@ -1,6 +1,7 @@
 """`Builds`: what the page had made, folder by folder; the files stay where `Outputs` puts them."""
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +41,17 @@ class Builds:
         """Build, move the files to their place, and tell the page of them. Raises DsfabError, and Cancelled."""
         from dsfab.app.editor.process import built_apart
 
+        name = request.preset.name
+        request = replace(request, before=self.outputs.folder(name))
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))
         made = built_apart(request, folder, progress)
-        name = request.preset.name
         there = self.outputs.publish(folder, name)
         folder.rmdir()
         number = len(self._files) + 1
         self._files[number] = files = [there / path.name for path in made.files]
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in files]
         place = f"{self.outputs.shown}/{name}" if self.outputs.shown else ""
-        return {"build": number, "files": listed, "folder": place, **made.facts}
+        facts = made.facts
+        if "told" in facts:  # name the place where the file is now
+            facts = facts | {"told": [line.replace(str(folder), place or str(there)) for line in facts["told"]]}
+        return {"build": number, "files": listed, "folder": place, **facts}

@@ -45,7 +45,9 @@ class BuilderError(RuntimeError):
 
 
 def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
-    """What `building.built` makes. Raises what it raises, and Cancelled within a fraction of a second.
+    """What `building.built` makes, or `exported` where one file is wanted.
+
+    Raises what it raises, and Cancelled within a fraction of a second.
 
     Whatever ends it before its end: the process and those that it began are ended, and the folder is gone.
     """

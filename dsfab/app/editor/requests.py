@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.variants import Variant, differences
+from dsfab.app.editor.tray import KeptVariant, differences
+from dsfab.app.export import offered_formats
 from dsfab.errors import DsfabError
 
 SMALLEST, WIDEST = 64, 2400
@@ -33,6 +34,10 @@ def _build(session: Session, given: Given) -> Given:
     return session.ask_build(_changes(given), bool(given.get("replace", False)))
 
 
+def _export(session: Session, given: Given) -> Given:
+    return session.ask_build(_changes(given), bool(given.get("replace", False)), _typed(given, "format", str))
+
+
 def _picture(session: Session, given: Given) -> Given:
     size = _typed(given, "size", list)
     if len(size) != 2 or not all(isinstance(x, int) and SMALLEST <= x <= WIDEST for x in size):
@@ -43,7 +48,7 @@ def _picture(session: Session, given: Given) -> Given:
 
 def _keep(session: Session, given: Given) -> Given:
     name, picture, figures = _typed(given, "name", str), _typed(given, "picture", str), _typed(given, "figures", dict)
-    session.variants.keep(Variant(name, session.opened, _changes(given), picture, figures))
+    session.variants.keep(KeptVariant(name, session.opened, _changes(given), picture, figures))
     return {"variants": session.variants.listed()}
 
 
@@ -81,6 +86,8 @@ def _open(session: Session, given: Given) -> Given:
 ASKS: dict[str, Callable[[Session, Given], Given]] = {
     "solve": lambda session, given: {"job": session.ask_solve(_changes(given))},
     "build": _build,
+    "export": _export,
+    "formats": lambda session, given: {"formats": offered_formats()},
     "picture": _picture,
     "preset": lambda session, given: session.preset_file(_changes(given)),
     "command": lambda session, given: session.command(_changes(given)),

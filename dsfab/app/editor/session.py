@@ -7,7 +7,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,8 @@ from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.payload import colours, model, packed, widths
 from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped, saved_preset
-from dsfab.app.editor.variants import Variants
+from dsfab.app.editor.tray import VariantTray
+from dsfab.app.export import format_suffix
 from dsfab.errors import DsfabError
 from dsfab.materials import MATERIALS
 from dsfab.pattern.wave import GLSL
@@ -65,7 +66,7 @@ class Session:
         self._kept: tuple[int, Packed] | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="dsfab-edit-", ignore_cleanup_errors=True)
         aside = Path(self._folder.name)
-        self.variants = Variants()
+        self.variants = VariantTray()
         self.builds = Builds(outputs or Outputs(aside / "outputs"), aside)
 
     def __enter__(self) -> "Session":
@@ -163,13 +164,19 @@ class Session:
             self._asked = job, number, preset
         return job
 
-    def ask_build(self, changes: Changes, replace: bool = True) -> dict[str, Any]:
-        """A job that makes the solid and its files; or what has to be asked first, where not to `replace` others."""
+    def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
+        """A job that makes the solid and its files; or what has to be asked first, where not to `replace` others.
+
+        only : one format, in a word of `dsfab export --to`. Raises ExportError for one that cannot be written here.
+        """
         now = self.opened
         preset = now.changed(changes)
+        if only:
+            format_suffix(only)
         if not replace and (question := self.builds.taken(preset.name)):
             return question
-        return {"job": self.jobs.ask("build", lambda progress: self._build(preset, now.page_mesh, progress))}
+        request = BuildRequest(preset, mesh=now.page_mesh, only=only)
+        return {"job": self.jobs.ask("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
         """A job that draws the structure here, for browsers that cannot."""
@@ -224,13 +231,12 @@ class Session:
 
         return {"draft": shown.number, **figures(shown.draft, progress)}
 
-    def _build(self, preset: Preset, mesh: Path | None, progress: JobProgress) -> dict[str, Any]:
+    def _build(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
         from dsfab.render.opengl import why_no_pictures
 
         with self._lock:
-            old = self._shown
-        request = BuildRequest(preset, old.draft if old else None, not why_no_pictures(), mesh)
-        return self.builds.make(request, progress)
+            old = self._shown.draft if self._shown else None
+        return self.builds.make(replace(request, old=old, picture=not why_no_pictures()), progress)
 
     def _picture(
         self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: JobProgress

@@ -64,6 +64,7 @@ class Editor {
       solve: (job) => this.solved(job),
       figures: (job) => this.figured(job),
       build: (job) => this.making.built(job),
+      export: (job) => this.making.built(job),
       picture: (job) => this.pictures?.show(job),
     });
     this.state.on((keys, final) => this.changed(keys, final));

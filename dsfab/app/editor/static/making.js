@@ -16,6 +16,7 @@ export class Making {
     by('name').addEventListener('change', () => this.rename(by('name').value.trim()));
     by('formats').addEventListener('change', () => this.state.set({ 'export.formats': this.wanted() }));
     by('build').addEventListener('click', () => this.build());
+    by('export').addEventListener('click', () => this.offer());
     by('copy').addEventListener('click', () => this.copy());
   }
 
@@ -49,15 +50,50 @@ export class Making {
   /** Ask for the solid; where other files stand in its folder, the person says what becomes of them. */
   async build(replace = false) {
     if (!this.wanted().length) return this.say('Choose at least one kind of file.', true);
-    by('build').disabled = true;
-    by('built').replaceChildren(make('p', { textContent: 'Building …' }));
-    const { taken, free } = await this.ask('build', { changes: this.state.changes, replace });
+    return this.begin('build', {}, replace);
+  }
+
+  /** A job of files: build, or export of one format. */
+  async begin(kind, body, replace = false) {
+    this.busy(true, kind === 'build' ? 'Building …' : `Writing ${body.format} …`);
+    const { taken, free } = await this.ask(kind, { ...body, changes: this.state.changes, replace });
     if (!taken) return undefined;
-    by('build').disabled = false;
-    by('built').replaceChildren();
+    this.busy(false, '');
     const choice = await this.question(taken, free);
     if (choice === 'other') this.state.set({ name: free });
-    return choice === 'no' ? undefined : this.build(true);
+    return choice === 'no' ? undefined : this.begin(kind, body, true);
+  }
+
+  busy(yes, text) {
+    for (const id of ['build', 'export']) by(id).disabled = yes;
+    by('built').replaceChildren(...(text ? [make('p', { textContent: text })] : []));
+  }
+
+  /** All formats, by what they are for; those whose library is missing say how to get it. */
+  async offer() {
+    try {
+      const { formats } = await post('formats', {});
+      const groups = [...new Set(formats.map(({ group }) => group))];
+      by('format-list').replaceChildren(...groups.map((group) => this.offered(group, formats.filter((one) => one.group === group))));
+      by('exporting').showModal();
+    } catch (error) {
+      this.say(error.message);
+    }
+  }
+
+  offered(group, formats) {
+    const box = make('section');
+    box.append(make('h2', { textContent: group }));
+    for (const { format, missing } of formats) {
+      const button = make('button', { type: 'button', textContent: format, disabled: Boolean(missing), title: missing });
+      button.addEventListener('click', () => {
+        by('exporting').close();
+        this.begin('export', { format });
+      });
+      box.append(button);
+    }
+    box.append(...formats.filter(({ missing }) => missing).map(({ missing }) => make('p', { textContent: missing })));
+    return box;
   }
 
   /** no, other or yes. */
@@ -83,11 +119,10 @@ export class Making {
     }
   }
 
-  /** What became of a build. */
+  /** What became of a build or an export. */
   built({ state, text, result }) {
-    by('build').disabled = false;
-    if (state === 'cancelled') return by('built').replaceChildren(make('p', { textContent: 'Cancelled; nothing was kept.' }));
-    if (state === 'failed') return by('built').replaceChildren(make('p', { textContent: text }));
+    this.busy(false, state === 'cancelled' ? 'Cancelled; nothing was kept.' : state === 'failed' ? text : '');
+    if (state !== 'done') return;
     const links = result.files.map(({ name, bytes }, index) => {
       const link = make('a', { download: name, textContent: name });
       lead(link, result.build, index);
@@ -95,14 +130,16 @@ export class Making {
       line.append(link, ` ${size(bytes)}`);
       return line;
     });
-    const pieces = `${result.pieces} ${result.pieces === 1 ? 'piece' : 'pieces'}`;
-    const solid = make('p', { textContent: `Solid: ${result.triangles.toLocaleString('en')} triangles, ${mass(result.mass)}, ${pieces}, closed.` });
-    const place = result.folder ? [make('p', { textContent: `All files are in ${result.folder}:` })] : [];
-    const refused = result.refused ? [make('p', { textContent: result.refused })] : [];
     const files = make('div', { className: 'files' });
     files.append(...links);
-    return by('built').replaceChildren(solid, ...refused, ...place, files);
+    const place = result.folder ? [`${links.length === 1 ? 'It is' : 'All files are'} in ${result.folder}:`] : [];
+    const told = result.told ?? [solid(result), ...(result.refused ? [result.refused] : [])];
+    by('built').replaceChildren(...[...told, ...place].map((textContent) => make('p', { textContent })), files);
   }
+}
+
+function solid({ pieces, triangles, mass: kilograms }) {
+  return `Solid: ${triangles.toLocaleString('en')} triangles, ${mass(kilograms)}, ${pieces} ${pieces === 1 ? 'piece' : 'pieces'}, closed.`;
 }
 
 function size(bytes) {

@@ -1,4 +1,4 @@
-"""`Variants`: designs that a person keeps while trying others: named, looked at side by side, and gone back to."""
+"""`VariantTray`: designs that a person keeps while trying others: named, looked at side by side, and gone back to."""
 
 import itertools
 from collections.abc import Iterator, Mapping
@@ -20,7 +20,7 @@ FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")
 
 
 @dataclass(frozen=True)
-class Variant:
+class KeptVariant:
     """What was open, what the person had changed, and how it looked. figures: by name, None where not measured."""
 
     name: str
@@ -35,14 +35,14 @@ class Variant:
         return self.opened.changed(self.changes)
 
 
-class Variants:
+class VariantTray:
     """Variants by their numbers, in the order in which they were kept; they go with the session."""
 
     def __init__(self) -> None:
-        self._all: dict[int, Variant] = {}
+        self._all: dict[int, KeptVariant] = {}
         self._numbers = itertools.count(1)
 
-    def __getitem__(self, number: int) -> Variant:
+    def __getitem__(self, number: int) -> KeptVariant:
         """Raises DsfabError for one that is not there."""
         if number not in self._all:
             raise DsfabError("that variant is not kept any more")
@@ -55,7 +55,7 @@ class Variants:
             for number, one in self._all.items()
         ]
 
-    def keep(self, variant: Variant) -> None:
+    def keep(self, variant: KeptVariant) -> None:
         """One more; without a name it gets its number. Raises DsfabError for what is none, and where there are many."""
         _ = variant.preset
         if len(self._all) >= MOST:
