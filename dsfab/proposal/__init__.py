@@ -6,6 +6,6 @@ propose.py   all of it as a commented preset
 """
 
 from dsfab.proposal.propose import OWN, Proposal, preset_for, propose
-from dsfab.proposal.reading import Decision
+from dsfab.proposal.reading import Decision, preset_name
 
-__all__ = ["OWN", "Decision", "Proposal", "preset_for", "propose"]
+__all__ = ["OWN", "Decision", "Proposal", "preset_for", "preset_name", "propose"]

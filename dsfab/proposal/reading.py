@@ -1,5 +1,6 @@
 """A mesh of the user's as a surface in metres with z up, and what was decided on the way."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -51,8 +52,12 @@ def mesh_in_file(path: Path, unit: str | None, up: Up | None) -> GivenMesh:
     surface, up, turned = _turned(surface, up)
     if up != "z":
         keys["up"] = up
-    name = "".join(c if c.isalnum() or c in "-_." else "_" for c in path.stem).strip("_.-") or "mesh"
-    return GivenMesh(surface, name, keys, (*decisions, turned))
+    return GivenMesh(surface, preset_name(path), keys, (*decisions, turned))
+
+
+def preset_name(mesh: str | Path) -> str:
+    """What a preset for a mesh file is called."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(mesh).stem).strip("_.-") or "mesh"
 
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:

@@ -1,4 +1,4 @@
-"""Remeshing by mesh and by edge: angles, distances, curves, plan and seconds, as `dsfab.surface.remeshed` promises them.
+"""Remeshing by mesh and by edge: angles, distances, curves, plan and seconds, as `dsfab.surface.remeshed` promises.
 
     python tests/benchmarks/remeshing.py                   every mesh of DSFAB_MESHES, and odd ones made here
     python tests/benchmarks/remeshing.py spot gyroid       some of them

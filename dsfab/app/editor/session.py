@@ -7,7 +7,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from dsfab.app.editor.job import JobProgress
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.payload import colours, model, packed, widths
-from dsfab.app.editor.source import MESHES, Opened, opened_mesh, opened_shipped, saved_preset
+from dsfab.app.editor.source import Opened, opened_mesh, opened_shipped, saved_preset
 from dsfab.app.editor.tray import VariantTray
 from dsfab.app.export import format_suffix
 from dsfab.errors import DsfabError
@@ -31,6 +31,7 @@ from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 from dsfab.preset_file import shipped_presets
 from dsfab.render.striped_mesh import StripedMesh
+from dsfab.surface import MESH_SUFFIXES
 from dsfab.units import METRES_PER
 
 PAUSE = 0.01
@@ -93,7 +94,8 @@ class Session:
             "opening": number,
             "presets": list(shipped_presets()),
             "units": list(METRES_PER),
-            "meshes": list(MESHES),
+            "meshes": list(MESH_SUFFIXES),
+            "decided": [asdict(decision) for decision in now.decided],
             "outputs": self.builds.outputs.shown,
             "materials": {name: {**one.values, "says": one.says} for name, one in MATERIALS.items()},
             "variants": self.variants.listed(),
@@ -119,8 +121,8 @@ class Session:
     def open_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
         """Open a mesh that the page sends, base64; its name is for people, the file here has one of ours."""
         suffix = Path(name).suffix.lower()
-        if suffix not in MESHES:
-            raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESHES)}")
+        if suffix not in MESH_SUFFIXES:
+            raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}")
         try:
             content = base64.b64decode(data, validate=True)
         except (binascii.Error, ValueError):

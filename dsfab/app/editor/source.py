@@ -1,22 +1,18 @@
 """`Opened`: the preset that the page has open, and what the command line calls it."""
 
-import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dsfab.app.editor.outputs import Outputs
 from dsfab.errors import PresetError
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, require_mesh, shipped_presets
+from dsfab.proposal import OWN, Decision, preset_name, propose
 from dsfab.study.variations import spelled_value
-from dsfab.surface import read_surface
-
-MESHES = (".obj", ".ply", ".stl", ".off", ".glb", ".3mf")
+from dsfab.surface import MESH_SUFFIXES
 
 WORDY = 2000
 """A command longer than this is no use to anybody: the preset is to be saved instead."""
@@ -26,13 +22,15 @@ WORDY = 2000
 class Opened:
     """A preset and where it comes from.
 
-    words : what stands between `dsfab build` and the changes; none for what only the page has.
-    mesh  : the name that a mesh from the page has for the person: its file here is a copy.
+    words   : what stands between `dsfab build` and the changes; none for what only the page has.
+    mesh    : the name that a mesh from the page has for the person: its file here is a copy.
+    decided : what was decided for a mesh, as `dsfab new` tells it.
     """
 
     preset: Preset
     words: tuple[str, ...] = ()
     mesh: str = ""
+    decided: tuple[Decision, ...] = ()
 
     def changed(self, changes: Mapping[str, Any]) -> Preset:
         """The preset with other values at dotted keys.
@@ -85,7 +83,7 @@ class Opened:
                 )
             surface["file"], mesh = str(here), self.mesh
         values.setdefault("name", "preset")
-        return Opened(preset_from(values), (), mesh)
+        return Opened(preset_from(values), (), mesh, self.decided if mesh else ())
 
 
 def with_file(preset: Preset, file: Path) -> Preset:
@@ -113,14 +111,15 @@ def open_preset(
     mesh : a file that takes the place of the preset's surface.
     Raises DsfabError for anything else, and for a preset that waits for a mesh where none is given.
     """
-    if Path(target).suffix.lower() in MESHES:
-        if mesh is not None:
-            raise PresetError(f"--mesh {mesh}: {target} is a mesh already; give one of the two")
-        first = opened_mesh(Path(target).absolute(), Path(target).name, unit)
-        return replace(first, preset=overridden(first.preset, changes or {}), mesh="")
+    if Path(target).suffix.lower() in MESH_SUFFIXES and mesh is not None:
+        raise PresetError(f"--mesh {mesh}: {target} is a mesh already; give one of the two")
     sets = [word for key, value in (changes or {}).items() for word in ("--set", f"{key}={_spelled(value)}")]
     for flag, value in (("--mesh", mesh), ("--unit", unit)):
         sets += [flag, str(value)] if value is not None else []
+    own = target if Path(target).suffix.lower() in MESH_SUFFIXES else mesh if target == OWN else None
+    if own is not None:
+        first = opened_mesh(Path(own).absolute(), Path(own).name, unit)
+        return replace(first, preset=overridden(first.preset, changes or {}), words=(target, *sets), mesh="")
     preset = load_preset(target, {**(changes or {}), **({"surface.unit": unit} if unit else {})}, mesh)
     require_mesh(preset)
     return Opened(preset, (target, *sets))
@@ -133,25 +132,16 @@ def opened_shipped(name: str) -> Opened:
     return Opened(load_preset(name), (name,))
 
 
-def opened_mesh(path: Path, name: str, unit: str | None) -> Opened:
-    """A mesh, standing on its lowest vertices (a flat one: on its boundary) and carrying itself, to begin with.
+def opened_mesh(path: Path, name: str, unit: str | None, up: str | None = None) -> Opened:
+    """A mesh with the preset that `dsfab new` proposes for it, to begin with.
+
+    name : what the file is called where it comes from.
 
     Raises SurfaceError for a file that cannot be read.
     """
-    surface = read_surface(path, unit)
-    height = float(np.ptp(surface.V[:, 2]))
-    flat = height < 0.02 * surface.size
-    at = {"pick": "boundary"} if flat else {"pick": "side", "axis": "z", "end": "min", "depth": round(0.03 * height, 6)}
-    reach = round(surface.size / 60, 6)
-    values: dict[str, Any] = {
-        "name": re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(name).stem).strip("_.-") or "mesh",
-        "surface": {"file": str(path), "support": [{"at": at}], "load": [{"kind": "self_weight"}]},
-        "statics": {"thickness": round(surface.size / 200, 6)},
-        "pattern": {"keep": reach, "rim": 0.0 if surface.is_closed else reach, "width": {"solid_fraction": 0.5}},
-    }
-    if unit:
-        values["surface"]["unit"] = unit
-    return Opened(preset_from(values, f"mesh {name}"), (), name)
+    proposal = propose(path, unit, up)
+    preset = proposal.preset.model_copy(update={"name": preset_name(name)})
+    return Opened(preset, (), name, proposal.decisions)
 
 
 def _spelled(value: Any) -> str:

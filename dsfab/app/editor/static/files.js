@@ -11,7 +11,7 @@ export class Files {
   /** start: of the server; changes(): what differs now; opened(start): another preset is open; say(text): a notice. */
   constructor(start, { changes, opened, say }) {
     Object.assign(this, { changes, opened, say });
-    for (const unit of start.units) by('ask-unit').append(make('option', { textContent: unit, selected: unit === 'mm' }));
+    by('ask-unit').append(make('option', { value: '', textContent: 'as its size says' }), ...start.units.map((unit) => make('option', { textContent: unit })));
     by('save').addEventListener('click', () => this.save());
     by('open').addEventListener('click', () => by('file').click());
     by('file').addEventListener('change', () => by('file').files[0] && this.take(by('file').files[0]));
@@ -57,7 +57,7 @@ export class Files {
     const knows = /\.(glb|3mf)$/i.test(file.name);
     const unit = knows ? null : await this.unit(file.name);
     if (unit === undefined) return undefined;
-    return this.open({ name: file.name, unit, data: await base64(file) });
+    return this.open({ name: file.name, unit: unit || null, data: await base64(file) });
   }
 
   unit(name) {

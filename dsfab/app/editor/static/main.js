@@ -11,7 +11,7 @@ import { recall } from './looks.js';
 import { Making } from './making.js';
 import { Materials } from './materials.js';
 import { drawn, Sampler } from './pattern.js';
-import { notes, notice, outdated } from './notices.js';
+import { decisions, notes, notice, outdated } from './notices.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
 import { State } from './state.js';
@@ -43,6 +43,7 @@ class Editor {
       this.without(error);
     }
     this.guides = new Guides(by('guide-list'), this.state);
+    decisions(start.decided);
     this.views = new Views(this);
     this.files = new Files(start, {
       changes: () => this.state.changes,
@@ -224,6 +225,7 @@ class Editor {
     by('section-axis').value = '';
     by('built').replaceChildren();
     this.files.list(start);
+    decisions(start.decided);
     this.changed(null, true);
   }
 

@@ -16,6 +16,14 @@ export function notes(list) {
   by('notes').replaceChildren(...list.map((textContent) => make('li', { textContent })));
 }
 
+/** What was decided for a mesh, each with the key that changes it. */
+export function decisions(list) {
+  by('decided-box').hidden = !list.length;
+  by('decided').replaceChildren(...list.flatMap(({ topic, choice, change }) => [
+    make('dt', { textContent: topic }), make('dd', { textContent: choice, title: change ? `change ${change}` : '' }),
+  ]));
+}
+
 /** Over the picture; nothing takes it away. calm: it is no refusal. */
 export function notice(text, calm) {
   by('notice').textContent = text;
