@@ -69,7 +69,7 @@ def sizes(surface: Surface, material: str | None = None) -> Sizes:
     square = float(np.sqrt(surface.area))
     spacing = two_digits(max(square / MEMBERS_AROUND if figure else span / MEMBERS, square / np.sqrt(CELLS)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
-    thick = spacing / 6 if figure else span / SLENDER["steel" if material in STEEL else "timber"]
+    thick = spacing / 8 if figure else span / SLENDER["steel" if material in STEEL else "timber"]
     edge = two_digits(max(spacing / EDGES, square / np.sqrt(np.sqrt(3) / 4 * TRIANGLES)))
     coarse = edge < FACETS * surface.mean_edge
     return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material, coarse)

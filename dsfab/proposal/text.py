@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.proposal.feet import Foot
 from dsfab.proposal.reading import GivenMesh
-from dsfab.proposal.sizes import Sizes
+from dsfab.proposal.sizes import Sizes, is_figure
 from dsfab.surface import Boundary, Surface
 from dsfab.wording import length
 
@@ -16,6 +16,8 @@ SNOW = 750.0
 """Pa on the plan: a placeholder for the local code."""
 SHARE = 0.45
 """Of the surface that stays material."""
+THINNEST = 0.05
+"""Share of its thickness that is left to a figure where it bends sharply: the least that the solid is made with."""
 
 
 def proposal_text(
@@ -45,6 +47,7 @@ def proposal_text(
         _pattern(surface, size),
         *_families(size),
         _widths(),
+        *_thickening(surface),
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
@@ -105,6 +108,11 @@ def _widths() -> Iterator[str]:
     yield "[pattern.width]"
     yield _entry("rule", "constant", "members are as wide everywhere; graded, stressed: as they work")
     yield _entry("solid_fraction", SHARE, "share of the surface that is material")
+
+
+def _thickening(surface: Surface) -> Iterator[list[str]]:
+    if is_figure(surface):  # ears and fingers bend more sharply than a roof
+        yield ["[thickening]", _entry("thinnest", THINNEST, "share of the thickness that sharp bends must leave")]
 
 
 def _entry(key: str, value: Any, note: str = "") -> str:
