@@ -11,6 +11,7 @@ from dsfab.report.design.balance import case_lines
 from dsfab.report.design.facts import facts
 from dsfab.statics import Elements, Material, SheetModel, resultant, solve_statics, spread_load, support_reactions
 from dsfab.surface import Box, Line, LoadCase, Side, Snow, Support, Vertices
+from dsfab.wording import force
 from tests.presets import BARREL_VAULT_MODES
 from tests.zoo import ZOO, grid, zoo
 
@@ -106,5 +107,5 @@ def test_a_design_tells_its_balance():
     assert told["supports"][0]["reaction_N"] != pytest.approx(told["supports"][1]["reaction_N"], rel=0.01)
     assert json.dumps(told)
     _, line = case_lines(design)
-    assert line.startswith(f"loads sum to {np.linalg.norm(told['load_N']):.4g} N; supports carry ")
-    assert line.count(" N") == 1 + len(supports)
+    assert line.startswith(f"loads sum to {force(np.linalg.norm(told['load_N']))}; supports carry ")
+    assert line.count(" kN") == 1 + len(supports)

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from dsfab.report.design.answers import answer_facts
-from dsfab.wording import length
+from dsfab.wording import force, length
 
 if TYPE_CHECKING:
     from dsfab.pipeline.design import Design
@@ -78,8 +78,8 @@ def _answered(answer: "Equilibrium") -> str:
 def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
     sums = balance(design, load, answer)
 
-    def told(force: list[float]) -> str:
-        return f"{sum(x * x for x in force) ** 0.5:.4g} N"
+    def told(vector: list[float]) -> str:
+        return force(sum(x * x for x in vector) ** 0.5)
 
     parts = ", ".join(told(part["reaction_N"]) for part in sums["supports"])
     return f"loads sum to {told(sums['load_N'])}; supports carry {parts}"
