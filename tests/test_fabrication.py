@@ -104,8 +104,12 @@ def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
     values = {"name": "two", "surface": {"file": str(tmp_path / "two.obj"), "unit": "m", "support": supports}}
     values["surface"]["load"] = loads
     values |= {"statics": {"thickness": 0.02}, "pattern": {"major": {"threshold": -1.0}}}
-    found = fabrication(dsfab.run(preset_from(values))).pieces
-    assert {(piece.supports, piece.loads) for piece in found} == {((1,), (2,)), ((2, 3), ())}
+    values["surface"]["support"][1]["name"] = "gate"
+    made = fabrication(dsfab.run(preset_from(values)))
+    assert {(piece.supports, piece.loads) for piece in made.pieces} == {((1,), (2,)), ((2, 3), ())}
+    told = "\n".join(fabrication_lines(fabrication_facts(made)))
+    assert "touches support 1, force\n" in f"{told}\n"
+    assert "touches gate, support 3\n" in f"{told}\n"
 
 
 def test_refuse_builds_what_is_in_one_piece(plate):

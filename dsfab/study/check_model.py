@@ -16,7 +16,7 @@ from dsfab.preset import Preset
 from dsfab.statics import Equilibrium, SheetModel, SpreadLoad, elements_of, flat_axis, solve_cases
 from dsfab.statics.supports import all_clamped
 from dsfab.study.finite_elements import axes_of_file, nodal_forces, six_node_model
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import LoadCase, Surface, support_names
 
 UNRELIABLE = (
     "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or answer far too soft; check the "
@@ -118,13 +118,15 @@ def _answers(
 
 
 def _on_supports(preset: Preset, model: CalculixModel) -> Iterator[str]:
-    for k, support in enumerate(preset.surface.support, 1):
+    names = support_names(preset.surface.support)
+    for k, (name, support) in enumerate(zip(names, preset.surface.support, strict=True), 1):
         if (held := model.supports.get(f"SUPPORT_{k}")) is not None:
-            yield f"SUPPORT_{k} holds {support.hold} at {int(held.any(axis=1).sum())} nodes"
+            called = f" ({name})" if support.name else ""
+            yield f"SUPPORT_{k}{called} holds {support.hold} at {int(held.any(axis=1).sum())} nodes"
         if support.spring:
-            yield f"support {k} stands on springs of {_vector(np.array(support.spring))} N/m in all"
+            yield f"{name} stands on springs of {_vector(np.array(support.spring))} N/m in all"
         if support.clamp:
-            yield f"support {k} is clamped: its edges do not turn"
+            yield f"{name} is clamped: its edges do not turn"
 
 
 def _expected(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:

@@ -10,6 +10,7 @@ from dsfab.limits import Status
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
+from dsfab.surface import load_names, support_names
 from dsfab.surface.topology import pieces
 from dsfab.thickening.wall import Wall, thinnest_wall
 
@@ -31,11 +32,13 @@ class Check:
 
 @dataclass(frozen=True)
 class Touches:
-    """A piece of the sheet: m2, and the entries of surface.support and surface.load that act on it, counted from 1."""
+    """A piece of the sheet: m2, and the entries of surface.support and surface.load that act on it, counted from 1; and
+    what they are called."""
 
     area: float
     supports: tuple[int, ...]
     loads: tuple[int, ...]
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +109,13 @@ def _touches(design: Design) -> tuple[Touches, ...]:
         return found
 
     supports, loads = touched(given.support), touched(given.load)
-    return tuple(Touches(float(area[k]), tuple(supports[k]), tuple(loads[k])) for k in range(count))
+    called = support_names(given.support), load_names(given.load)
+
+    def piece(k: int) -> Touches:
+        names = [names[number - 1] for names, at in zip(called, (supports[k], loads[k]), strict=True) for number in at]
+        return Touches(float(area[k]), tuple(supports[k]), tuple(loads[k]), tuple(names))
+
+    return tuple(map(piece, range(count)))
 
 
 def _pieces_at(design: Design, marks: np.ndarray, label: Ints) -> list[int]:

@@ -127,10 +127,10 @@ def found_order(found: Findings) -> list[str]:
 def acting_table(found: Findings, number: Numbers) -> Table:
     """Every load and every support, as the preset gives them."""
     given = found.task.preset.surface
-    rows = [("Load", load.case, load.kind.replace("_", " "), _places(load)) for load in given.load]
+    rows = [(load.name or "Load", load.case, load.kind.replace("_", " "), _places(load)) for load in given.load]
     rows += [
         (
-            f"Support {k}",
+            one.name or f"Support {k}",
             "all",
             f"holds {', '.join(one.hold)}" if one.hold else "springs" if one.spring else "clamps",
             _places(one),
@@ -284,7 +284,9 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
         size = float(np.linalg.norm(force)) / factor
         return (text, *(_small(x / factor) for x in force), digits_of(size, 4) if size > 1e-4 else "0")
 
-    rows = [line(f"Support {k}", force) for k, force in enumerate(case.reactions, start=1)]
+    supports = found.task.preset.surface.support
+    names = [escaped(one.name) or f"Support {k}" for k, one in enumerate(supports, start=1)]
+    rows = [line(text, force) for text, force in zip(names, case.reactions, strict=True)]
     rows += [line("All supports", held), line("Loads", loads)]
     note = (
         f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."

@@ -30,7 +30,12 @@ def fabrication_facts(made: "FabricationMeasures") -> dict[str, Any]:
         "member_widths": _widths(found),
         "size_m": made.box.tolist(),
         "pieces": [
-            {"area_m2": piece.area, "supports": list(piece.supports), "loads": list(piece.loads)}
+            {
+                "area_m2": piece.area,
+                "supports": list(piece.supports),
+                "loads": list(piece.loads),
+                "touches": list(piece.names),
+            }
             for piece in made.pieces
         ],
         "triangles": {
@@ -106,8 +111,8 @@ def _narrow(facts: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _touched(piece: Mapping[str, Any]) -> str:
-    named = [(word, piece[key]) for word, key in (("support", "supports"), ("load", "loads")) if piece[key]]
-    return ", ".join(f"{word} {' '.join(map(str, numbers))}" for word, numbers in named) or "no support and no load"
+    numbered = (f"{word[:-1]} {number}" for word in ("supports", "loads") for number in piece[word])
+    return ", ".join(piece.get("touches") or numbered) or "no support and no load"
 
 
 def _row(check: Mapping[str, Any]) -> Sequence[str]:
