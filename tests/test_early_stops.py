@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 
 from dsfab import Boundary, Force, Line, Nearest, Preset, Pressure, SelfWeight, Side, Snow, Support, Wind, load_preset
 from dsfab.app.cli import main
+from dsfab.app.editor.source import open_preset
 from dsfab.errors import DsfabError, PresetError, StaticsError, SurfaceError
 from dsfab.pipeline import Design, draft, run
 from dsfab.preset_file import preset_from, preset_toml
@@ -293,3 +294,22 @@ def test_units_that_are_swapped_are_refused_or_told():
     made = Design.of(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 60.0}, **given))
     _ = made.statics
     assert "the surface is 1.74e+04 m large: check its unit" in [note.text for note in made.notes]
+
+
+def test_the_editor_opens_a_preset_on_a_mesh_and_its_command_names_both(tmp_path):
+    file = tmp_path / "plate.obj"
+    file.write_text("v 0 0 0\nv 4000 0 0\nv 0 4000 0\nf 1 2 3\n")
+    opened = open_preset("roof", {"statics.thickness": 0.1}, "mm", file)
+    assert opened.preset.surface.build().area == pytest.approx(8)
+    words = ("roof", "--set", "statics.thickness=0.1", "--mesh", str(file), "--unit", "mm")
+    assert opened.words == words
+    with pytest.raises(PresetError, match="is a mesh already; give one of the two"):
+        open_preset(str(file), mesh=file)
+
+
+@pytest.mark.parametrize("words", [["--set", "statics.thickness=0.1"], ["--mesh", "a.obj"], ["-o", "a.png"]])
+def test_a_mesh_is_inspected_as_it_is(capsys, tmp_path, words):
+    file = tmp_path / "plate.obj"
+    file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert main(["inspect", str(file), *words]) == 1
+    assert "is for a preset or a folder of results, not for a mesh file" in capsys.readouterr().err
