@@ -13,7 +13,7 @@
     roof = dsfab.preset_for(mesh)                    # a mesh of yours, or a file: a sensible preset for it
     roof = dsfab.Preset(                             # or every choice your own
         surface=mesh,                                # yours, metres: trimesh, pyvista, compas, (V, F), or a path
-        supports=[dsfab.Support(dsfab.Boundary())],  # or Side, Box, Ball, Nearest, Facing, Vertices, All
+        supports=[dsfab.Support(dsfab.Boundary())],  # or Side, Box, Ball, PlanPolygon, Facing, All ...
         loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Force, Line, Pressure, Wind; newtons, pascals
         statics={"thickness": 0.05},                 # and pattern=, diffusion=, ..., each key as in TOML
     )
@@ -35,6 +35,8 @@ _HOME = {
     "Ball": "dsfab.surface",
     "Boundary": "dsfab.surface",
     "Box": "dsfab.surface",
+    "Brush": "dsfab.surface",
+    "ClosedCurves": "dsfab.surface",
     "Combination": "dsfab.surface",
     "Design": "dsfab.pipeline",
     "Diffusion": "dsfab.preset",
@@ -47,6 +49,7 @@ _HOME = {
     "LoadCase": "dsfab.surface",
     "Nearest": "dsfab.surface",
     "Pattern": "dsfab.preset",
+    "PlanPolygon": "dsfab.surface",
     "Preset": "dsfab.preset",
     "Pressure": "dsfab.surface",
     "Previewer": "dsfab.render.previewer",
@@ -107,12 +110,15 @@ if TYPE_CHECKING:
     from dsfab.surface import Ball as Ball
     from dsfab.surface import Boundary as Boundary
     from dsfab.surface import Box as Box
+    from dsfab.surface import Brush as Brush
+    from dsfab.surface import ClosedCurves as ClosedCurves
     from dsfab.surface import Combination as Combination
     from dsfab.surface import Facing as Facing
     from dsfab.surface import Force as Force
     from dsfab.surface import Line as Line
     from dsfab.surface import LoadCase as LoadCase
     from dsfab.surface import Nearest as Nearest
+    from dsfab.surface import PlanPolygon as PlanPolygon
     from dsfab.surface import Pressure as Pressure
     from dsfab.surface import SelfWeight as SelfWeight
     from dsfab.surface import Side as Side

@@ -5,6 +5,7 @@ from TOML, overridden and written back is in `dsfab.preset_file`.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -19,7 +20,7 @@ from dsfab.preset_cases import case_mistakes, combines, follow_weights
 from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
-from dsfab.surface import Combination, Load
+from dsfab.surface import Combination, Load, self_contained
 from dsfab.thickening import Extra, Side
 from dsfab.units import GRAVITY
 
@@ -228,6 +229,13 @@ class Width(Section):
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         return Widths(self.rule, member, self.q, self.min_width, self.max_width, self.min_gap)
+
+
+def _with_curves(thing: Any) -> Any:
+    """A support, load, guide ... with the curves of the drawing that its picker names in it."""
+    at = getattr(thing, "at", None)
+    held = self_contained(at)
+    return thing if held is at else replace(thing, at=held)
 
 
 Method = Literal["modes", "stripes", "auto"]
@@ -478,6 +486,17 @@ class Preset(Section):
     def with_pattern(self, **changes: Any) -> "Preset":
         """The preset with other values in [pattern]."""
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
+
+    def self_contained(self) -> "Preset":
+        """The preset with the curves of drawings that pickers name in it; raises SurfaceError for one that is gone."""
+        lists = {"surface": ("support", "load"), "pattern": ("guide",), "thickening": ("extra",)}
+        changes = dict[str, Any]()
+        for name, keys in lists.items():
+            section = getattr(self, name)
+            found = {key: tuple(_with_curves(one) for one in getattr(section, key)) for key in keys}
+            if any(new is not old for key in keys for new, old in zip(found[key], getattr(section, key), strict=True)):
+                changes[name] = section.model_copy(update=found)
+        return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
         """The first stage whose section differs, or None; name and description make no difference."""

@@ -44,10 +44,18 @@ def load_preset(
     if mesh is not None:
         _replace_surface(values, Path(mesh).absolute())
     _override_all(values, overrides or {})
-    surface = values.get("surface")
-    if isinstance(surface, dict) and isinstance(surface.get("file"), str):
-        surface["file"] = str(path.absolute().parent / surface["file"])
+    _find_files(values, path.absolute().parent)
     return preset_from(values, f"preset {path.name}")
+
+
+def _find_files(values: Any, folder: Path, key: str = "") -> None:
+    """Let the mesh of the surface and the drawings of pickers start at a folder, in place."""
+    for below, part in values.items() if isinstance(values, dict) else ():
+        for each in part if isinstance(part, list) else [part]:
+            _find_files(each, folder, below)
+    names_file = isinstance(values, dict) and (key == "surface" or values.get("pick") == "curve")
+    if names_file and isinstance(values.get("file"), str):
+        values["file"] = str(folder / values["file"])
 
 
 def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:

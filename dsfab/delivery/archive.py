@@ -44,10 +44,13 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """The preset as a folder holds it: a mesh that lies in it, or that Python held, is named without a path.
+    """The preset as a folder holds it: a mesh that lies in it, or that Python held, is named without a path; curves of
+    drawings are in the preset.
 
     folder : where the mesh is written if no file holds it.  home : the same folder, by the name that it will have.
+    Raises SurfaceError for a drawing that is not there any more.
     """
+    preset = preset.self_contained()
     given = preset.surface
     if isinstance(given, MeshSurface):
         (folder / MESH).write_bytes(b"".join(ply_chunks(given.mesh.V, given.mesh.F, "metre")))

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from dsfab.arrays import Floats, from_segments
 from dsfab.errors import PatternError, SurfaceError
 from dsfab.pattern.frames import Frames, unit
+from dsfab.surface import Picker
 from dsfab.surface.mesh import Surface
-from dsfab.surface.pickers import STRICT, Picker, Real, Vector
+from dsfab.surface.pickers import STRICT, Real, Vector
 
 SQUARE = 0.1
 """A direction within this sine of the normal, 6 degrees, says nothing about where stripes run on the surface."""

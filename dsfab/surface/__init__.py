@@ -10,7 +10,9 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.names import load_names, support_names
 from dsfab.surface.nearest import nearest
 from dsfab.surface.orientation import Up, upright
-from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Picker, Side, Vertices
+from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
+from dsfab.surface.picker import Picker
+from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Side, Vertices
 from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import MeshFacts, describe, normalized, read_surface
@@ -28,6 +30,8 @@ __all__ = [
     "Ball",
     "Boundary",
     "Box",
+    "Brush",
+    "ClosedCurves",
     "Combination",
     "Facing",
     "Force",
@@ -38,6 +42,7 @@ __all__ = [
     "MeshFacts",
     "Nearest",
     "Picker",
+    "PlanPolygon",
     "Pressure",
     "SelfWeight",
     "Side",
@@ -61,6 +66,7 @@ __all__ = [
     "read_surface",
     "refined",
     "remeshed",
+    "self_contained",
     "signed_volume",
     "signed_volumes",
     "support_names",

@@ -11,7 +11,8 @@ from dsfab.errors import SurfaceError
 from dsfab.surface.cover import one_sided_pieces, require_two_sides
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import Name
-from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
+from dsfab.surface.picker import Picker
+from dsfab.surface.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
 
 EDGE_ON = 1e-12
 """Faces whose normal has a smaller part along a direction are parallel to it."""

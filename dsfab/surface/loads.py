@@ -13,7 +13,8 @@ from dsfab.surface.climate import Snow, Wind, picked_faces, to_corners
 from dsfab.surface.cover import require_two_sides
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import Name
-from dsfab.surface.pickers import STRICT, All, CaseName, Picker, Real, Vector, unit_vector
+from dsfab.surface.picker import Picker
+from dsfab.surface.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
 from dsfab.surface.supports import Support
 
 

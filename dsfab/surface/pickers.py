@@ -5,11 +5,12 @@ Each is a table in a preset, told apart by its `pick`: `at = { pick = "side", ax
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Protocol
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, MinLen
-from pydantic import AllowInfNan, ConfigDict, Field, StringConstraints
+from pydantic import AllowInfNan, ConfigDict, StringConstraints
 
 from dsfab.arrays import Bools, Floats, first
 from dsfab.errors import SurfaceError
@@ -23,6 +24,9 @@ CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]
 
 TOUCH = 1e-6
 """Share of the surface's size by which a picker reaches further than it says: coordinates are rounded."""
+
+LONGEST = 160
+"""Characters of a value that are shown in a message: polygons go on and on."""
 
 STRICT: ConfigDict = {"extra": "forbid"}
 """pydantic: refuse keys that a table does not have."""
@@ -64,11 +68,11 @@ class Box:
         """(n,) the picked vertices; raises SurfaceError when there are none or min is beyond max."""
         low, high = _placed([self.min, self.max], surface, self.relative)
         if (low > high).any():
-            raise SurfaceError(f"{_told(self)} has min beyond max; swap them")
+            raise SurfaceError(f"{picker_words(self)} has min beyond max; swap them")
         away = np.linalg.norm(surface.V - np.clip(surface.V, low, high), axis=1)
         if self.boundary:
             away[~on_boundary(surface.edges, surface.n)] = np.inf
-        return _within(self, surface, away, 0.0)
+        return within_reach(self, surface, away, 0.0)
 
 
 @dataclass(frozen=True)
@@ -89,7 +93,7 @@ class Ball:
         """(n,) the picked vertices; raises SurfaceError when there are none."""
         center = _placed([self.center], surface, self.relative)[0]
         away = np.linalg.norm(surface.V - center, axis=1)
-        return _within(self, surface, away, self.radius * (surface.size if self.relative else 1.0))
+        return within_reach(self, surface, away, self.radius * (surface.size if self.relative else 1.0))
 
 
 @dataclass(frozen=True)
@@ -110,7 +114,7 @@ class Side:
         """(n,) the picked vertices: at least one always."""
         x = surface.V[:, "xyz".index(self.axis)]
         away = x - x.min() if self.end == "min" else x.max() - x
-        return _within(self, surface, away, self.depth * (float(np.ptp(x)) if self.relative else 1.0))
+        return within_reach(self, surface, away, self.depth * (float(np.ptp(x)) if self.relative else 1.0))
 
 
 @dataclass(frozen=True)
@@ -145,10 +149,10 @@ class Boundary:
         """(n,) the picked vertices; raises SurfaceError when the surface has no such loop."""
         loops = surface.loops
         if not loops:
-            raise SurfaceError(f"{_told(self)} picks no vertex: the surface is closed; use another picker")
+            raise SurfaceError(f"{picker_words(self)} picks no vertex: the surface is closed; use another picker")
         if self.loop != "all" and not 0 <= self.loop < len(loops):
             raise SurfaceError(
-                f"{_told(self)} picks no vertex: the surface has {len(loops)} boundary loops, so use loop = "
+                f"{picker_words(self)} picks no vertex: the surface has {len(loops)} boundary loops, so use loop = "
                 f"0 to {len(loops) - 1} or 'all'"
             )
         picked = np.zeros(surface.n, dtype=bool)
@@ -168,8 +172,8 @@ class Facing:
 
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices; raises SurfaceError when there are none."""
-        require_two_sides(surface, np.ones(surface.m, dtype=bool), _told(self))
-        d, N = unit_vector(self.direction, _told(self)), surface.vertex_normals
+        require_two_sides(surface, np.ones(surface.m, dtype=bool), picker_words(self))
+        d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
         degrees[~N.any(axis=1)] = np.inf
         picked = degrees <= self.angle + np.degrees(TOUCH)
@@ -198,9 +202,6 @@ class Vertices:
         return _some(self, surface, picked, "")
 
 
-Picker = Annotated[All | Box | Ball | Side | Nearest | Boundary | Facing | Vertices, Field(discriminator="pick")]
-
-
 def unit_vector(direction: Vector, whose: str) -> Floats:
     """(3,) the direction at length 1; raises SurfaceError for the zero vector."""
     d = np.array(direction, dtype=np.float64)
@@ -217,8 +218,9 @@ def _placed(points: Sequence[Vector], surface: Surface, relative: bool) -> Float
     return low + P * (high - low) if relative else P
 
 
-def _within(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """The vertices at most `reach` away, both in metres."""
+def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
+    """(n,) the vertices that are `away` (n,) at most `reach`, both in metres; raises SurfaceError when there are
+    none."""
     picked = away <= reach + TOUCH * surface.size
     return _some(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 
@@ -227,14 +229,21 @@ def _some(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:
     if picked.any():
         return picked
     low, high = (", ".join(f"{x:.4g}" for x in f(surface.V, axis=0)) for f in (np.min, np.max))
-    raise SurfaceError(f"{_told(picker)} picks no vertex{why} (the surface's box is ({low}) to ({high}) m)")
+    raise SurfaceError(f"{picker_words(picker)} picks no vertex{why} (the surface's box is ({low}) to ({high}) m)")
 
 
-def _told(picker: _HasPick) -> str:
-    """The picker as its table says it."""
+def picker_words(picker: _HasPick) -> str:
+    """The picker as its table says it, without what was left out; of long lists the beginning."""
+    given = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
     values = ", ".join(
-        f"{f.name} = {getattr(picker, f.name)!r}"
-        for f in fields(picker)  # type: ignore[arg-type]
-        if f.name != "pick" and getattr(picker, f.name) is not False
+        f"{name} = {_short(value)}"
+        for name, value in given
+        if name != "pick" and value is not None and value is not False
     )
     return f"pick = {picker.pick!r}" + (f" with {values}" if values else "")
+
+
+def _short(value: object) -> str:
+    """A value as Python writes it; a path as text."""
+    text = repr(str(value) if isinstance(value, Path) else value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

@@ -10,7 +10,8 @@ from dsfab.arrays import Bools, Floats
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import Name
-from dsfab.surface.pickers import STRICT, Picker, Vector
+from dsfab.surface.picker import Picker
+from dsfab.surface.pickers import STRICT, Vector
 
 Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from dsfab.errors import SolidError
-from dsfab.surface.pickers import STRICT, Picker, Real
+from dsfab.surface import Picker
+from dsfab.surface.pickers import STRICT, Real
 from dsfab.thickening.extras.base import Base
 from dsfab.thickening.extras.bodies import box, positive, united_bodies
 

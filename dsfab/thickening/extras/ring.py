@@ -7,8 +7,9 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import SolidError
+from dsfab.surface import Picker
 from dsfab.surface.mesh import Surface
-from dsfab.surface.pickers import STRICT, Picker, Real
+from dsfab.surface.pickers import STRICT, Real
 from dsfab.thickening.extras.base import Base
 from dsfab.thickening.extras.bodies import positive, united_bodies
 from dsfab.thickening.intersect import intersecting_pairs

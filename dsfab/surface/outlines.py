@@ -1,0 +1,267 @@
+"""Pickers by an outline: a polygon in plan, closed curves out of a drawing, a stroke of a brush."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Gt, MinLen
+from pydantic import ConfigDict
+
+from dsfab.arrays import Bools, Floats
+from dsfab.errors import SurfaceError
+from dsfab.surface.drawing_files import closed_curves
+from dsfab.surface.extent import Extent, pierced
+from dsfab.surface.mesh import Surface
+from dsfab.surface.nearest import nearest
+from dsfab.surface.pickers import STRICT, Real, Vector, picker_words, within_reach
+from dsfab.surface.plane_loops import bends, closed_way, depth_in, enclosed_area, self_crossing, without_repeats
+
+LEVEL = float(np.cos(np.radians(1)))
+"""A curve whose plane is within a degree of horizontal is seen from above."""
+ONE_PLANE = 1e-3
+"""Curves are in one plane if they are off it by less than this share of their size."""
+SIGHTS = 48
+"""Lines of sight at most through a curve, to see which part of a surface is nearest to it."""
+
+
+class OutlineError(SurfaceError, ValueError):
+    """An outline that is none; being a ValueError too, pydantic collects it with the key that it is at."""
+
+
+@dataclass(frozen=True)
+class PlanPolygon:
+    """What lies within a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
+
+    polygon : its corners, x and y, metres.    low, high : z, metres, between which it picks; no limit where left out.
+
+    Raises OutlineError for a polygon without area or that crosses itself, and for heights the wrong way round.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    polygon: tuple[tuple[Real, Real], ...]
+    low: Real | None = None
+    high: Real | None = None
+    pick: Literal["plan"] = "plan"
+
+    def __post_init__(self) -> None:
+        check_polygon(np.array(self.polygon, dtype=np.float64).reshape(-1, 2), "polygon")
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise OutlineError(f"low = {self.low:g} is not below high = {self.high:g}; swap them")
+
+    def extent(self, surface: Surface) -> Extent:
+        """The prism over the polygon, as high as the surface or as `low` and `high` say."""
+        P, z = without_repeats(np.array(self.polygon)), surface.V[:, 2]
+        low = -np.inf if self.low is None else self.low
+        high = np.inf if self.high is None else self.high
+
+        def depth(X: Floats) -> Floats:
+            return np.minimum(depth_in([P], X[:, :2]), np.minimum(X[:, 2] - low, high - X[:, 2]))
+
+        room = surface.size
+        floor, roof = max(low, z.min() - room), min(high, z.max() + room)
+        levels = [one for one in (self.low, self.high) if one is not None]
+        uprights = [((*p, floor), (*p, roof)) for p in P[bends(P)]]
+        around = [((*p, one), (*q, one)) for one in levels for p, q in zip(P, np.roll(P, -1, axis=0), strict=True)]
+        return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
+
+
+@dataclass(frozen=True)
+class ClosedCurves:
+    """What lies within closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
+
+    Horizontal ones are seen from above, all others along the normal of their own plane: a door is drawn in elevation.
+
+    file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current one.
+    layer  : the layer that they are on; left out, all.    unit : of the file's numbers; left out, as it says.
+    curves : their points in place of a file, metres: each curve a polygon.
+    depth  : metres that they reach to both sides of their plane. Left out, horizontal ones reach everywhere, others as
+             far as the part of the surface that is nearest to them: a door in the front leaves the back as it is.
+
+    Raises OutlineError for less or more than either a file or curves.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    file: Path | None = None
+    layer: str | None = None
+    unit: str | None = None
+    curves: tuple[tuple[Vector, ...], ...] | None = None
+    depth: Annotated[Real, Gt(0)] | None = None
+    pick: Literal["curve"] = "curve"
+
+    def __post_init__(self) -> None:
+        if (self.file is None) == (not self.curves):
+            raise OutlineError('give either file = "door.dxf" or curves = [[[x, y, z], ...], ...]')
+        if self.file is None and (self.layer or self.unit):
+            raise OutlineError("layer and unit are those of a file; curves are in metres")
+
+    def loops(self) -> tuple[Floats, ...]:
+        """The curves (k, 3), metres; raises SurfaceError as `closed_curves` does."""
+        if self.file is not None:
+            return closed_curves(self.file, self.layer, self.unit)
+        return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
+
+    def extent(self, surface: Surface) -> Extent:
+        """The prisms through the curves, square to their planes; raises SurfaceError for curves that are no outline."""
+        planes: list[_Plane] = []
+        for number, loop in enumerate(self.loops()):
+            loop = without_repeats(loop)
+            own = _Plane.of(loop, picker_words(self), number)
+            held = next((k for k, plane in enumerate(planes) if plane.holds(loop)), None)
+            if held is None:
+                planes.append(own)
+            else:
+                planes[held] = planes[held].with_loop(loop)
+        return Extent.union([plane.extent(surface, self.depth) for plane in planes])
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none, and as `extent` does."""
+        return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
+
+
+@dataclass(frozen=True)
+class Brush:
+    """The vertices within `radius` of any of the points, metres: what a brush has painted."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    points: Annotated[tuple[Vector, ...], MinLen(1)]
+    radius: Annotated[Real, Gt(0)]
+    pick: Literal["brush"] = "brush"
+
+    def extent(self, surface: Surface) -> Extent:
+        """The balls around the points."""
+        points, radius = np.array(self.points, dtype=np.float64), self.radius
+        dots = np.arange(len(points))[:, None]
+
+        def depth(P: Floats) -> Floats:
+            return radius - nearest(P, points, dots).distance
+
+        return Extent(depth, np.empty((0, 2, 3)), radius)
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
+
+
+def check_polygon(P: Floats, name: str) -> None:
+    """Raise OutlineError for a polygon (k, 2), metres, that has no area or crosses itself; it is called `name`."""
+    P = without_repeats(P)
+    if len(P) < 3:
+        raise OutlineError(f"{name} has {len(P)} different corners; give three or more")
+    if crossing := self_crossing(P):
+        i, j, (x, y) = crossing
+        raise OutlineError(
+            f"{name} crosses or touches itself: side {i} and side {j} (counted from 0) meet at ({x:.4g}, {y:.4g}); "
+            "put its corners in their order around it"
+        )
+    if not enclosed_area(P) > 0:
+        raise OutlineError(f"{name} has no area: its corners are on a line")
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """A plane with curves in it: a point (3,), its axes (3, 3), the normal last, and the curves (k, 3)."""
+
+    origin: Floats
+    axes: Floats
+    loops: tuple[Floats, ...]
+
+    @classmethod
+    def of(cls, loop: Floats, whose: str, number: int) -> "_Plane":
+        """The plane that is nearest to a curve."""
+        if len(loop) < 3:
+            raise SurfaceError(f"{whose}: curve {number} has {len(loop)} different points; give three or more")
+        origin = loop.mean(axis=0)
+        axes = np.linalg.svd(loop - origin, full_matrices=False)[2]
+        if abs(axes[2, 2]) > LEVEL:
+            axes = np.eye(3)
+        flat = cls(origin, axes, (loop,))
+        try:
+            check_polygon(flat.seen(loop), f"curve {number}, seen along its normal,")
+        except OutlineError as error:
+            raise SurfaceError(f"{whose}: {error}") from None
+        return flat
+
+    def seen(self, P: Floats) -> Floats:
+        """(k, 2) points (k, 3) in the plane's axes."""
+        return np.asarray((P - self.origin) @ self.axes[:2].T)
+
+    def off(self, P: Floats) -> Floats:
+        """(k,) how far points (k, 3) are from the plane."""
+        return np.asarray((P - self.origin) @ self.axes[2])
+
+    @cached_property
+    def level(self) -> bool:
+        return bool(abs(self.axes[2, 2]) > LEVEL)
+
+    def holds(self, loop: Floats) -> bool:
+        size = float(np.linalg.norm(np.ptp(np.concatenate([*self.loops, loop]), axis=0)))
+        return bool(np.abs(self.off(loop)).max() < ONE_PLANE * size)
+
+    def with_loop(self, loop: Floats) -> "_Plane":
+        return _Plane(self.origin, self.axes, (*self.loops, loop))
+
+    def extent(self, surface: Surface, depth: float | None) -> Extent:
+        """The prism through the curves, as deep to both sides as given, or as the nearest part of the surface."""
+        loops, normal = [self.seen(loop) for loop in self.loops], self.axes[2]
+        low, high = (-depth, depth) if depth else (-np.inf, np.inf)
+        if depth is None and not self.level:
+            low, high = self._nearest_part(surface)
+
+        def within(P: Floats) -> Floats:
+            off = self.off(P)
+            return np.minimum(depth_in(loops, self.seen(P)), np.minimum(off - low, high - off))
+
+        far = np.abs(self.off(surface.V)).max() + surface.size
+        ends = np.array([max(low, -far), min(high, far)])[:, None] * normal
+        corners = np.concatenate([loop[bends(flat)] for loop, flat in zip(self.loops, loops, strict=True)])
+        foot = corners - self.off(corners)[:, None] * normal
+        return Extent(within, foot[:, None] + ends, min(_width(flat) for flat in loops))
+
+    def _nearest_part(self, surface: Surface) -> tuple[float, float]:
+        """How far the prism reaches to one side and to the other: half the way from what lines of sight through the
+        curves meet first, seen from the plane, to what they meet behind."""
+        far, normal = np.abs(self.off(surface.V)).max() + surface.size, self.axes[2]
+        first, behind = list[float](), list[float]()
+        for p in self._sights():
+            foot = p - self.off(p[None]) * normal
+            _, t = pierced(surface, foot - far * normal, foot + far * normal)
+            if not len(t):
+                continue
+            hits = (2 * t - 1) * far
+            k = int(np.abs(hits).argmin())
+            first.append(float(hits[k]))
+            behind += [float(hit) for hit in hits if abs(hit - hits[k]) > ONE_PLANE * surface.size]
+        if not first:
+            return -np.inf, np.inf
+        least, most = min(first), max(first)
+        below, above = ([hit for hit in behind if hit < least], [hit for hit in behind if hit > most])
+        low = (max(below) + least) / 2 if below else -np.inf
+        return low, (min(above) + most) / 2 if above else np.inf
+
+    def _sights(self) -> Floats:
+        """(k, 3) points on the curves and halfway to their middles."""
+        found = list[Floats]()
+        for loop in self.loops:
+            some = loop[:: max(2 * len(self.loops) * len(loop) // SIGHTS, 1)]
+            found += [some, (some + loop.mean(axis=0)) / 2]
+        return np.concatenate(found)
+
+
+def _width(P: Floats) -> float:
+    """Half of what a polygon (k, 2) is wide where it is slender: the radius of a circle."""
+    return 2 * enclosed_area(P) / closed_way(P)
+
+
+def self_contained(at: Any) -> Any:
+    """A picker with the curves of its file in it; any other one as it is. Raises SurfaceError as `closed_curves`
+    does."""
+    if not isinstance(at, ClosedCurves) or at.file is None:
+        return at
+    curves = tuple(tuple((float(x), float(y), float(z)) for x, y, z in loop) for loop in at.loops())
+    return ClosedCurves(curves=curves, depth=at.depth)
