@@ -49,6 +49,7 @@ _HOME = {
     "LoadCase": "dsfab.surface",
     "Nearest": "dsfab.surface",
     "Pattern": "dsfab.preset",
+    "PatternRegion": "dsfab.surface",
     "PlanPolygon": "dsfab.surface",
     "Preset": "dsfab.preset",
     "Pressure": "dsfab.surface",
@@ -118,6 +119,7 @@ if TYPE_CHECKING:
     from dsfab.surface import Line as Line
     from dsfab.surface import LoadCase as LoadCase
     from dsfab.surface import Nearest as Nearest
+    from dsfab.surface import PatternRegion as PatternRegion
     from dsfab.surface import PlanPolygon as PlanPolygon
     from dsfab.surface import Pressure as Pressure
     from dsfab.surface import SelfWeight as SelfWeight

@@ -20,7 +20,7 @@ from dsfab.preset_cases import case_mistakes, combines, follow_weights
 from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
-from dsfab.surface import Combination, Load, self_contained
+from dsfab.surface import Combination, Load, PatternRegion, Vertices, region_key, self_contained
 from dsfab.thickening import Extra, Side
 from dsfab.units import GRAVITY
 
@@ -265,6 +265,9 @@ class Pattern(Section):
     point to (outside, of a closed surface); 90 lets them change places."""
     guide: tuple[Guide, ...] = ()
     """stripes: curves and regions in which they run as is said there."""
+    region: tuple[PatternRegion, ...] = ()
+    """Doors, oculi, solid bands: parts of the surface that are solid, void, or have a solid band inside of their
+    edge."""
     major: Family = Family()
     minor: Family = Family()
     width: Width = Width()
@@ -300,6 +303,16 @@ class Pattern(Section):
                     "'stripes' or leave it out"
                 )
         return self
+
+    @property
+    def voids(self) -> tuple[int, ...]:
+        """The regions that are void, counted from 0."""
+        return tuple(k for k, region in enumerate(self.region) if region.do == "void")
+
+    @property
+    def drawn_regions(self) -> int:
+        """How many regions are drawn as layers of their own, before all others: those that are not void."""
+        return len(self.region) - len(self.voids)
 
     @property
     def steered(self) -> bool:
@@ -461,6 +474,29 @@ class Preset(Section):
             raise ValueError("; ".join(wrong))
         return self
 
+    @model_validator(mode="after")
+    def _keeps_its_count(self) -> "Preset":
+        """A void takes vertices away: what counts them would mean others."""
+        lists = {
+            "surface.support": self.surface.support,
+            "surface.load": self.surface.load,
+            "pattern.guide": self.pattern.guide,
+            "pattern.region": tuple(None if one.do == "void" else one for one in self.pattern.region),
+        }
+        counted = [
+            f"{key}.{k}.at"
+            for key, listed in lists.items()
+            for k, one in enumerate(listed)
+            if isinstance(getattr(one, "at", None), Vertices)
+        ]
+        if counted and self.pattern.voids:
+            void = region_key(self.pattern.region, self.pattern.voids[0])
+            raise ValueError(
+                f"{', '.join(counted)}: pick = 'vertices' counts the vertices of the mesh as it is given, and the void "
+                f"{void} takes some of them away; use pick = 'nearest'"
+            )
+        return self
+
     @property
     def _cases(self) -> tuple[tuple[Load, ...], tuple[Combination, ...], str | None, dict[str, float]]:
         return self.surface.load, self.surface.combination, self.diffusion.follow, self.diffusion.weights
@@ -489,7 +525,7 @@ class Preset(Section):
 
     def self_contained(self) -> "Preset":
         """The preset with the curves of drawings that pickers name in it; raises SurfaceError for one that is gone."""
-        lists = {"surface": ("support", "load"), "pattern": ("guide",), "thickening": ("extra",)}
+        lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
             section = getattr(self, name)
@@ -499,5 +535,11 @@ class Preset(Section):
         return self.model_copy(update=changes) if changes else self
 
     def first_difference(self, other: "Preset") -> str | None:
-        """The first stage whose section differs, or None; name and description make no difference."""
+        """The first stage whose section differs, or None; name and description make no difference.
+
+        The surface is cut along the outlines of regions.
+        """
+        regions = self.pattern.region, other.pattern.region
+        if len(regions[0]) != len(regions[1]) or not all(a.cut_as(b) for a, b in zip(*regions, strict=True)):
+            return "surface"
         return next((stage for stage in STAGES if getattr(self, stage) != getattr(other, stage)), None)

@@ -9,7 +9,7 @@ from pydantic_core import ErrorDetails
 
 from dsfab.errors import did_you_mean
 from dsfab.pattern import Guide
-from dsfab.surface import SHAPES, Combination, Load, Picker, Support
+from dsfab.surface import SHAPES, Combination, Load, PatternRegion, Picker, Support
 from dsfab.thickening import Extra
 
 
@@ -20,7 +20,7 @@ def _by_tag(union: Any, tag: str) -> dict[str, Any]:
 
 PICKERS = _by_tag(Picker, "pick")
 KINDS = {"load": _by_tag(Load, "kind"), "extra": {extra.kind: extra for extra in get_args(Extra)}}
-LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide": Guide}
+LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide": Guide, "region": PatternRegion}
 LONGEST = 200
 """Characters of a value that are shown: lists and arrays go on and on."""
 

@@ -119,7 +119,10 @@ def leaves(values, prefix=""):
 def test_every_number_of_the_pattern_has_a_control():
     preset = load_preset(DOME_MODES, COARSE)
     listed = {control["key"] for control in controls(preset, preset.surface.build())}
-    assert {f"pattern.{key}" for key in leaves(preset.pattern.model_dump())} - {"pattern.guide"} <= listed
+    assert {f"pattern.{key}" for key in leaves(preset.pattern.model_dump())} - {
+        "pattern.guide",
+        "pattern.region",
+    } <= listed
     assert {"diffusion.r", "diffusion.gamma", "statics.thickness"} <= listed
     whole = preset.model_dump(mode="json")
     for key in listed:  # each is a key of a preset

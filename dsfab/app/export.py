@@ -208,13 +208,13 @@ def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter:
     """Write the solid or a sheet, of what was built or made now; returns what to tell about it."""
     from dsfab.delivery.files import deliverable
     from dsfab.export import write
-    from dsfab.pipeline import run
+    from dsfab.pipeline import Design, run
 
     told: list[str] = []
     how: dict[str, Any] = {}
     if ask.sheet == "uncut":
         reporter("surface", "making the surface")
-        thing: Solid | Surface = built.surface if built else given.surface.build()
+        thing: Solid | Surface = (built or Design.of(given)).surface
     else:
         design = built or run(given, reporter)
         thing, how = deliverable(design, ask.suffix)

@@ -57,9 +57,9 @@ def _distances(design: Design) -> dict[str, Floats]:
     """(n,) metres from what regions are kept around, by their names; beyond their reach too large, but finite."""
     ask, surface = design.preset.pattern, design.surface
     found = {}
-    if "keep" in design.pattern.names:
+    if ask.keep and "keep" in design.pattern.names:
         found["keep"] = distance_to_vertices(surface, design.load.held | design.load.loaded, ask.keep)
-    if "rim" in design.pattern.names:
+    if ask.rim and "rim" in design.pattern.names:
         found["rim"] = distance_to_boundary(surface, ask.rim)
     return {name: np.where(np.isfinite(away), away, surface.size) for name, away in found.items()}
 

@@ -1,10 +1,14 @@
-"""Regions that stay material whatever the stripes say: around loads and supports, and along the boundary."""
+"""Regions that stay material whatever the stripes say: around loads and supports, along the boundary, and as drawn."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
 from dsfab.pattern.curve_fields import curve_fields, straight_distances
 from dsfab.pattern.layers import Layer
+from dsfab.pattern.region_layers import region_bands, region_layers
+from dsfab.surface import PatternRegion
 from dsfab.surface.geodesic import Origins, geodesic_distances
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import connected
@@ -67,11 +71,14 @@ def _ends(surface: Surface, edges: Bools) -> Bools:
     return found
 
 
-def kept_layers(surface: Surface, marked: Bools, keep: float, rim: float) -> list[Layer]:
-    """What is material within `keep` metres of marked vertices (n,) and within `rim` metres of the boundary.
+def kept_layers(
+    surface: Surface, marked: Bools, keep: float, rim: float, drawn: Sequence[PatternRegion] = ()
+) -> list[Layer]:
+    """What is material: drawn regions, what is within `keep` metres of marked vertices (n,), and within `rim` metres of
+    the boundary.
 
     Around patches that is to a straight line over each face; such a patch is ragged itself. Around points and along
-    curves the edge of the region is even: see `curve_fields`.
+    curves the edge of the region is even: see `curve_fields`. Drawn regions end where the surface is cut for them.
     """
     patch = patches(surface, marked)
     regions = []
@@ -79,8 +86,10 @@ def kept_layers(surface: Surface, marked: Bools, keep: float, rim: float) -> lis
         regions.append(("keep", curve_origins(surface, marked & ~patch), keep))
     if rim and surface.edges.boundary.any():
         regions.append(("rim", boundary_origins(surface), rim))
-    fields = curve_fields(surface, [(origins, reach) for _, origins, reach in regions])
-    named = [(name, field, reach) for (name, _, reach), field in zip(regions, fields, strict=True)]
+    bands = region_bands(surface, drawn, rim)
+    origins = [*((one, reach) for _, one, reach in regions), *((band.outline, band.width) for band in bands)]
+    fields = curve_fields(surface, origins)
+    named = [(name, field, reach) for (name, _, reach), field in zip(regions, fields, strict=False)]
     if keep and patch.any():
         ragged = -distance_to_patches(surface, patch)
         name, even, _ = named[0] if named else ("", ragged, 0.0)
@@ -88,4 +97,9 @@ def kept_layers(surface: Surface, marked: Bools, keep: float, rim: float) -> lis
             ragged, named = np.maximum(ragged, even), named[1:]
         named.insert(0, ("keep", ragged, keep))
     every = np.full(surface.n, np.inf)
-    return [Layer(name, field, np.array([-reach]), every) for name, field, reach in named]
+    banded = [band.layer(field) for band, field in zip(bands, fields[len(regions) :], strict=True)]
+    return [
+        *region_layers(surface, drawn),
+        *banded,
+        *(Layer(name, field, np.array([-reach]), every) for name, field, reach in named),
+    ]

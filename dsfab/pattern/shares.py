@@ -32,10 +32,7 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
     """(m, p) whether any of the layers makes points of each face, in barycentric coordinates (p, 3), material."""
     kept = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
-        if isinstance(layer.field, DividedField):
-            kept |= np.searchsorted(layer.levels, layer.field.at_points(points)) % 2 == 1
-            continue
-        below = [np.searchsorted(layer.levels, x @ points.T) for x in _corner_values(surface, layer.field)]
+        below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             kept |= (below[0] > below[1]) & _drawn(layer.field)[:, None]
             if layer.closed is not None:  # to a point: whole openings are known when they are cut
@@ -43,6 +40,13 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
             continue
         kept |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
     return kept
+
+
+def _point_values(surface: Surface, field: Floats | CornerField | DividedField, points: Floats) -> list[Floats]:
+    """The one or two fields of a layer at points of the faces, (m, p) each."""
+    if isinstance(field, DividedField):
+        return [column.at_points(points) for column in field.columns]
+    return [np.asarray(x @ points.T) for x in _corner_values(surface, field)]
 
 
 def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats]:

@@ -145,8 +145,8 @@ def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Dra
     kept = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
         if name not in FAMILIES and not isinstance(x, CornerField):
-            at = x.at_vertices if isinstance(x, DividedField) else x
-            kept = np.maximum(kept, at - levels[0])
+            at = (x.at_vertices if isinstance(x, DividedField) else x) - levels[0]
+            kept = np.maximum(kept, at if at.ndim == 1 else np.minimum(at[:, 0], -at[:, 1]))
     return Drawn.of(chart, d, np.maximum(kept, -surface.size))
 
 

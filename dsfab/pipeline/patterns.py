@@ -180,15 +180,16 @@ def _reached(
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
     """What is material whatever the stripes do; of symmetric ones with the images of ragged patches, which are picked
-    to one edge.
+    to one edge. Drawn regions are where they were drawn.
     """
-    layers = kept_layers(surface, load.held | load.loaded, preset.pattern.keep, preset.pattern.rim)
+    ask = preset.pattern
+    layers = kept_layers(surface, load.held | load.loaded, ask.keep, ask.rim, ask.region)
     symmetry = even.symmetry if even else None
     if symmetry is None:
         return layers
-    return [
+    return layers[: ask.drawn_regions] + [
         layer._replace(field=symmetry.most(layer.field)) if isinstance(layer.field, np.ndarray) else layer
-        for layer in layers
+        for layer in layers[ask.drawn_regions :]
     ]
 
 

@@ -13,6 +13,7 @@ from dsfab.pipeline.buildable import objections, off_surface
 from dsfab.pipeline.flat import bending_stress, only_bends
 from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.regions import surface_with_regions
 from dsfab.preset import Preset
 from dsfab.preset_surface import MeshSurface
 from dsfab.results import CaseResult, StaticsResult
@@ -54,9 +55,11 @@ USUAL = (10.0, 5e3)
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
-    """The first stage: the surface, metres."""
+    """The first stage: the surface, metres, cut along the outlines of regions."""
     with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
         surface = preset.surface.build()
+        if preset.pattern.region:
+            surface = surface_with_regions(preset, surface, log)
         count = pieces(surface.F, surface.edges)[0]
     if count > 1:
         doubled = coincident(surface.V)

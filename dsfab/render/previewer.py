@@ -142,7 +142,7 @@ class Previewer:
     def can_display(self, preset: Preset) -> bool:
         """Whether `display` draws it: the same geometry under the same loads."""
         old, drawn = self._preset, self._show
-        same = preset.surface == old.surface and (
+        same = preset.first_difference(old) != "surface" and (
             drawn not in (*DEFORMED, "directions") or preset.statics == old.statics
         )
         return same and (drawn != "directions" or preset.diffusion == old.diffusion)
@@ -154,8 +154,11 @@ class Previewer:
         else in [pattern] sends values per vertex to the graphics side; r and gamma solve for modes again.
         Raises DsfabError for another [surface] and for what cannot be made; the old preset stays then.
         """
-        if preset.surface != self._preset.surface:
-            raise DsfabError("another [surface] has another geometry and other loads: make a new Previewer for it")
+        if preset.first_difference(self._preset) == "surface":
+            raise DsfabError(
+                "another [surface], or a region elsewhere, has another geometry and other loads: make a new Previewer "
+                "for it"
+            )
         if not self.can_display(preset):
             why = "has other directions" if self._show == "directions" else f"has another shape of {self._show}"
             raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
@@ -167,6 +170,8 @@ class Previewer:
                 colouring = coloured(made, self._show, self._palette)
                 self._face, self._bar, self._words = colouring.face, colouring.bar, colouring.words
                 self._shader.recolour(self._mesh.on_faces(self._face))
+            if made.preset.pattern.region != self._made.preset.pattern.region:
+                self._distance = None
             again = not mesh.same(self._mesh)
             self._made, self._mesh = made, mesh
             if again:
@@ -264,7 +269,7 @@ class Previewer:
             )
 
     def _distances(self, design: Design) -> tuple[Floats, Floats]:
-        """As `distances` has them; the surface stays, and so do they."""
+        """As `distances` has them; the surface stays, and so do they, while regions do."""
         if self._distance is None:
             self._distance = distances(design)
         return self._distance

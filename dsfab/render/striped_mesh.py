@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Bools, Floats
 from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.even_family import finest_half_widths
 from dsfab.pipeline.design import Design
@@ -18,10 +18,14 @@ from dsfab.preset import AUTO, FAMILIES, STAGES, Pattern, Preset
 from dsfab.render.scene import Bytes, Floats32
 from dsfab.render.shader import BY_VERTEX, FAR, NO_REACH, Settings
 from dsfab.results import EvenStripes, PatternResult
-from dsfab.surface import Surface
+from dsfab.surface import DividedField, Surface
 
 SLIDING = 1 / 8
 """The largest reach, as a share of a surface's size, that distances are exact for whatever a preset asks."""
+
+
+DRAWN = 1000 * FAR
+"""How far below 0 the distance is in drawn regions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +119,24 @@ class StripedMesh:
 
 
 def distances(made: Design) -> tuple[Floats, Floats]:
-    """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for."""
+    """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for.
+
+    Within drawn regions the first is so far below any reach, `NO_REACH` too, that they end where they are drawn.
+    """
     surface, load, ask = made.surface, made.load, made.preset.pattern
     reach = max(SLIDING * surface.size, ask.keep, ask.rim)
-    return distance_to_vertices(surface, load.held | load.loaded, reach), distance_to_boundary(surface, reach)
+    near = distance_to_vertices(surface, load.held | load.loaded, reach)
+    return np.where(drawn_regions(made), -DRAWN, near), distance_to_boundary(surface, reach)
+
+
+def drawn_regions(made: Design) -> Bools:
+    """(n,) vertices in solid regions, and in the bands of others: these are shown to the next vertex beyond them."""
+    within = np.zeros(made.surface.n, dtype=bool)
+    for field in made.pattern.fields[: made.preset.pattern.drawn_regions]:
+        x = field.at_vertices if isinstance(field, DividedField) else field
+        assert isinstance(x, np.ndarray)
+        within |= x > 0 if x.ndim == 1 else (x[:, 0] > 0) & (x[:, 1] < 0)
+    return within
 
 
 def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
@@ -133,7 +151,13 @@ def only_numbers(made: Preset, preset: Preset) -> bool:
     first = preset.first_difference(made)
     if first is None or STAGES.index(first) > STAGES.index("pattern"):
         return True
-    if first != "pattern" or old.width != new.width or new.width.solid_fraction or old.method != new.method:
+    if (
+        first != "pattern"
+        or old.region != new.region
+        or old.width != new.width
+        or new.width.solid_fraction
+        or old.method != new.method
+    ):
         return False
     if new.method != "modes":
         return new.method == "stripes" and _but_reaches(old) == _but_reaches(new)
@@ -153,7 +177,8 @@ def numbers(preset: Preset, made: PatternResult, show: str) -> Settings:
     """The numbers of a preset, with those that were solved for or chosen when its pattern was made."""
     ask = preset.pattern
     pair, width = (ask.major, ask.minor), ask.width
-    reach, shown = (ask.keep or NO_REACH, ask.rim or NO_REACH), _SHOWN.get(show, (1.0, 1.0))
+    nothing = -1.0 if ask.drawn_regions else NO_REACH  # the shader reads no distances where no reach is over that one
+    reach, shown = (ask.keep or nothing, ask.rim or NO_REACH), _SHOWN.get(show, (1.0, 1.0))
     drawn = (shown[0] * ("major" in ask.family_names), shown[1] * ("minor" in ask.family_names))
     if made.even:
         return Settings(half_width=(BY_VERTEX, BY_VERTEX), reach=reach, shown=drawn)

@@ -2,6 +2,7 @@
 
 from dsfab.surface.cases import Combination, load_cases, together
 from dsfab.surface.climate import Snow, Wind
+from dsfab.surface.divided import DividedField
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
@@ -17,6 +18,7 @@ from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import MeshFacts, describe, normalized, read_surface
 from dsfab.surface.refine import refined
+from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, with_regions
 from dsfab.surface.remesh import remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
@@ -33,6 +35,7 @@ __all__ = [
     "Brush",
     "ClosedCurves",
     "Combination",
+    "DividedField",
     "Facing",
     "Force",
     "Line",
@@ -41,9 +44,11 @@ __all__ = [
     "MendedMesh",
     "MeshFacts",
     "Nearest",
+    "PatternRegion",
     "Picker",
     "PlanPolygon",
     "Pressure",
+    "RegionedSurface",
     "SelfWeight",
     "Side",
     "Snow",
@@ -65,6 +70,7 @@ __all__ = [
     "raw_mesh",
     "read_surface",
     "refined",
+    "region_key",
     "remeshed",
     "self_contained",
     "signed_volume",
@@ -73,4 +79,5 @@ __all__ = [
     "together",
     "total_area",
     "upright",
+    "with_regions",
 ]

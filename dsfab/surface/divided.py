@@ -94,21 +94,26 @@ def _interpolation(ends: Ints, at: Floats, n: int) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class DividedField:
-    """Values x (n',) at the vertices of a divided surface, linear on its parts."""
+    """Values x (n',), or (n', 2), at the vertices of a divided surface, linear on its parts."""
 
     divided: Divided
     x: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "x", np.float64, (self.divided.surface.n,))
+        lock(self, "x", np.float64, (self.divided.surface.n, *([2] if np.ndim(self.x) == 2 else [])))
 
     @property
     def at_vertices(self) -> Floats:
-        """(n,) at the vertices of the undivided surface."""
+        """(n,) or (n, 2) at the vertices of the undivided surface."""
         return self.x[: self.divided.whole.n]
 
+    @property
+    def columns(self) -> "tuple[DividedField, ...]":
+        """The one or two fields that have one value at each vertex."""
+        return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
+
     def at_points(self, points: Floats) -> Floats:
-        """(m, p) at points of each face, in barycentric coordinates (p, 3)."""
+        """(m, p) of one value at each vertex: at points of each face, in barycentric coordinates (p, 3)."""
         whole, parts = self.divided.whole, self.divided.new()
         values, inside = self.x[whole.F] @ points.T, np.full((whole.m, len(points)), -np.inf)
         own = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part

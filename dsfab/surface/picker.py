@@ -16,6 +16,11 @@ Picker = Annotated[
 ]
 
 
+def has_outline(at: Picker) -> bool:
+    """Whether a picker means a part of space, so that what it picks ends along a line."""
+    return isinstance(at, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side)
+
+
 def extent_of(at: Picker, surface: Surface) -> Extent | None:
     """The part of space that a picker means; None for those that mean vertices or faces.
 

@@ -43,7 +43,7 @@ def _within(start: Floats, end: Floats, P: Floats) -> Bools:
 
 def without_repeats(P: Floats) -> Floats:
     """The corners (k, d) of a polygon without those at the place of the one before, the first after the last too."""
-    return P[(np.roll(P, 1, axis=0) != P).any(axis=1)]
+    return np.asarray(P[(np.roll(P, 1, axis=0) != P).any(axis=1)])
 
 
 def enclosed_area(P: Floats) -> float:

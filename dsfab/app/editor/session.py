@@ -254,4 +254,5 @@ class Session:
 
 def _same(made: Design, old: Design) -> bool:
     """Whether all that `model` tells is the same: drafts then differ in widths alone, or in which mode is drawn."""
-    return made.diffusion is old.diffusion and StripedMesh.of(made).same(StripedMesh.of(old))
+    regions = made.preset.pattern.region == old.preset.pattern.region
+    return made.diffusion is old.diffusion and regions and StripedMesh.of(made).same(StripedMesh.of(old))
