@@ -476,13 +476,9 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """A void takes vertices away: what counts them would mean others."""
-        lists = {
-            "surface.support": self.surface.support,
-            "surface.load": self.surface.load,
-            "pattern.guide": self.pattern.guide,
-            "pattern.region": tuple(None if one.do == "void" else one for one in self.pattern.region),
-        }
+        """A void takes vertices away: what counts them would mean others. Supports and loads are picked before."""
+        drawn = tuple(None if one.do == "void" else one for one in self.pattern.region)
+        lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": drawn}
         counted = [
             f"{key}.{k}.at"
             for key, listed in lists.items()

@@ -5,6 +5,8 @@ import shlex
 import tomllib
 from pathlib import Path
 
+import ezdxf
+import numpy as np
 import pytest
 import trimesh
 
@@ -115,7 +117,7 @@ def test_the_table_of_materials_is_that_of_dsfab():
 
 
 def test_the_preset_of_the_readme_builds(tmp_path):
-    text, steered = blocks("toml")
+    text, steered, drawn = blocks("toml")
     (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
     design = dsfab.run(dsfab.load_preset(tmp_path / "canopy.toml"))
     assert len(design.slicing.pieces) == 1
@@ -125,6 +127,19 @@ def test_the_preset_of_the_readme_builds(tmp_path):
     assert len(guided.preset.pattern.guide) == 2
     assert any("guides break the rest" in note.text for note in guided.notes)
     assert len(guided.slicing.pieces) == 1
+
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = 6
+    document.modelspace().add_circle((-2.0, -0.5), 0.6, dxfattribs={"layer": "slab"})
+    document.saveas(tmp_path / "canopy.dxf")
+    (tmp_path / "drawn.toml").write_text(f"{text}\n{drawn}", encoding="utf-8")
+    void, rim, slab = (preset := dsfab.load_preset(tmp_path / "drawn.toml")).pattern.region
+    holed = dsfab.run(preset)
+    assert len(holed.surface.loops) == len(design.surface.loops) + 1
+    assert design.surface.area - holed.surface.area == pytest.approx(np.pi * void.at.radius**2, rel=0.1)
+    assert holed.surface.areas[slab.faces(holed.surface)].sum() == pytest.approx(np.pi * 0.6**2, rel=0.2)
+    assert rim.width == 0.25
+    assert holed.sheet.surface.area / holed.surface.area == pytest.approx(0.45, abs=0.006)
 
 
 def test_its_table_of_elements_is_that_of_the_code():

@@ -2,9 +2,10 @@
 
 from dsfab.pipeline.design import PARTS, ROWS, Design
 from dsfab.pipeline.log import Progress
+from dsfab.pipeline.regions import acting_on
 from dsfab.preset import Preset
 
-__all__ = ["PARTS", "ROWS", "TIMED", "Design", "Progress", "draft", "revise", "run"]
+__all__ = ["PARTS", "ROWS", "TIMED", "Design", "Progress", "acting_on", "draft", "revise", "run"]
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
 """Rows of the timing table that a run fills: those of the paper's Table 2, then the stages beyond the paper."""

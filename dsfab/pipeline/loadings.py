@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from dsfab.pipeline.regions import acting_on
 from dsfab.preset import Preset
 from dsfab.statics import SpreadLoad, spread_load
 from dsfab.surface import LoadCase, Surface, load_cases, together
@@ -28,8 +29,9 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
     Raises SurfaceError for supports and loads that act on nothing.
     """
     given, weight = preset.surface, preset.statics.weight
-    loads = load_cases(surface, given.support, given.load, weight)
-    parts = {name: spread_load(surface, [ld for ld in given.load if ld.case == name], weight) for name in loads}
+    on = acting_on(preset, surface)
+    loads = load_cases(surface, on.support, on.load, weight)
+    parts = {name: spread_load(surface, [ld for ld in on.load if ld.case == name], weight) for name in loads}
     cases = [Loading(name, load, parts[name]) for name, load in loads.items()]
     sums = [(combination.name, dict(combination.factors)) for combination in given.combination]
     if len(loads) > 1:

@@ -8,6 +8,7 @@ from dsfab.pipeline.even import even_step, same_stripes
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.method import Way, method_step
 from dsfab.pipeline.patterns import pattern_step
+from dsfab.pipeline.regions import one_sided_words
 from dsfab.pipeline.stressing import stressed_step
 from dsfab.preset import Pattern, Preset
 from dsfab.results import Attempt, EvenStripes, PatternResult, StressedSurface
@@ -34,6 +35,8 @@ def pattern_stage(preset: Preset, given: StressedSurface, log: Log, before: Befo
         way = _asked_way(preset, given, log, before)
     if way.even and way.even.steered and way.even.steered.told:
         log.note("pattern", way.even.steered.told)
+    if way.even and (told := one_sided_words(given.surface, preset.pattern.region, way.even.symmetry)):
+        log.note("pattern", told)
     drawn = pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
     asked = None if way.preset is preset else way.preset.pattern
     give_back()  # what the solvers held: whoever draws needs memory of another shape

@@ -1,14 +1,25 @@
-"""The surface with its regions: cut along their outlines, without the voids, and still held and loaded."""
+"""The surface with its regions: cut along their outlines, without the voids, and held and loaded as without them."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dsfab.arrays import Bools
+from dsfab.arrays import Bools, Ints
+from dsfab.diffusion import Symmetry
 from dsfab.errors import SurfaceError
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
-from dsfab.surface import Picker, Surface, region_key, with_regions
+from dsfab.surface import All, Load, PatternRegion, Support, Surface, Vertices, region_key, with_regions
+
+OFF = 0.3
+"""A region may differ from its image by this share of its area: it is cut out of triangles."""
+
+
+_BEFORE: WeakKeyDictionary[Surface, tuple[Surface, Ints]] = WeakKeyDictionary()
+"""Of surfaces with voids: the same without them, and the number there (n,) of each vertex: not made twice."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
@@ -22,17 +33,66 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     for k in voids:
         log.note("surface", f"{region_key(regions, k)} is void: {cut.taken[k]:.3g} m2 of {surface.area:.4g} m2")
     if voids:
-        _check_picks(preset, surface, cut.surface)
+        _BEFORE[cut.surface] = cut.whole, cut.vertices
         _check_pieces(preset, surface, cut.surface)
     return cut.surface
 
 
-def _pickers(preset: Preset) -> Iterator[tuple[str, Picker]]:
-    """Where supports and loads are, with their keys."""
-    for key in ("support", "load"):
-        for k, one in enumerate(getattr(preset.surface, key)):
-            if (at := getattr(one, "at", None)) is not None:
-                yield f"surface.{key}.{k}", at
+class Acting(NamedTuple):
+    """Supports and loads, whose pickers mean the vertices of a surface."""
+
+    support: tuple[Support, ...]
+    load: tuple[Load, ...]
+
+
+def acting_on(preset: Preset, surface: Surface) -> Acting:
+    """The supports and the loads of a preset on its surface.
+
+    They are picked as if there were no voids: the edge of an oculus is no boundary that was supported, and the lowest
+    vertices stay the lowest ones. Raises SurfaceError for what picks nothing that is left.
+    """
+    given = preset.surface
+    if not preset.pattern.voids:
+        return Acting(given.support, given.load)
+    if surface not in _BEFORE:
+        cut = with_regions(given.build(), preset.pattern.region)
+        _BEFORE[surface] = cut.whole, cut.vertices
+    whole, vertices = _BEFORE[surface]
+    words = _void_words(preset)
+    support, load = (
+        tuple(_left(f"surface.{key}.{k}", one, whole, vertices, words) for k, one in enumerate(getattr(given, key)))
+        for key in ("support", "load")
+    )
+    return Acting(support, load)
+
+
+def _left(key: str, one: Any, whole: Surface, vertices: Ints, voids: str) -> Any:
+    """A support or a load at what it picks on a whole surface, of which some vertices (n,) are left."""
+    at = getattr(one, "at", None)
+    if at is None or isinstance(at, All):
+        return one
+    left = np.flatnonzero(at.vertices(whole)[vertices])
+    if not len(left):
+        raise SurfaceError(
+            f"{key}: everything that it picks has been taken away by {voids}; draw that smaller, or pick something else"
+        )
+    return replace(one, at=Vertices(tuple(left.tolist())))
+
+
+def one_sided_words(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
+    """What a person should know of drawn regions whose images are no region, a sentence; nothing where all are."""
+    if symmetry is None:
+        return ""
+    found = []
+    for k, region in enumerate(regions):
+        if region.do == "void":
+            continue  # a hole on one side leaves the surface no symmetry
+        inside = region.faces(surface)
+        off = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
+        same = int((np.array(off) <= OFF * float(surface.areas @ inside)).sum())
+        if same < symmetry.order:
+            found.append(f"{region_key(regions, k)} at {same}")
+    return f"the stripes are the same at {symmetry.order} images, {', '.join(found)} of them only" if found else ""
 
 
 def _void_words(preset: Preset) -> str:
@@ -40,25 +100,13 @@ def _void_words(preset: Preset) -> str:
     return f"the void {names[0]}" if len(names) == 1 else f"the voids {', '.join(names)}"
 
 
-def _check_picks(preset: Preset, before: Surface, after: Surface) -> None:
-    """Raise SurfaceError for what picked vertices and picks none any more."""
-    for key, at in _pickers(preset):
-        try:
-            at.vertices(after)
-        except SurfaceError:
-            at.vertices(before)  # where nothing was before either, that is what has to be said
-            raise SurfaceError(
-                f"{key}: everything that it picks has been taken away by {_void_words(preset)}; draw that smaller, or "
-                "pick something else"
-            ) from None
-
-
 def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
     """Raise SurfaceError for pieces that voids part from all supports."""
     count, label = after.pieces
-    if count == before.pieces[0] or not preset.surface.support:
+    supports = acting_on(preset, after).support
+    if count == before.pieces[0] or not supports:
         return
-    held: Bools = np.logical_or.reduce([support.at.vertices(after) for support in preset.surface.support])
+    held: Bools = np.logical_or.reduce([support.at.vertices(after) for support in supports])
     area = np.bincount(label, after.areas, count)
     loose = np.bincount(label, held[after.F].any(axis=1), count) == 0
     if loose.any():

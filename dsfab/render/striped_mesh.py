@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Floats
 from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.even_family import finest_half_widths
 from dsfab.pipeline.design import Design
@@ -126,23 +126,35 @@ def distances(made: Design) -> tuple[Floats, Floats]:
     surface, load, ask = made.surface, made.load, made.preset.pattern
     reach = max(SLIDING * surface.size, ask.keep, ask.rim)
     near = distance_to_vertices(surface, load.held | load.loaded, reach)
-    return np.where(drawn_regions(made), -DRAWN, near), distance_to_boundary(surface, reach)
+    return _with_drawn(made, near), distance_to_boundary(surface, reach)
 
 
-def drawn_regions(made: Design) -> Bools:
-    """(n,) vertices in solid regions, and in the bands of others: these are shown to the next vertex beyond them."""
-    within = np.zeros(made.surface.n, dtype=bool)
-    for field in made.pattern.fields[: made.preset.pattern.drawn_regions]:
+def _with_drawn(made: Design, near: Floats) -> Floats:
+    """Distances (n,) with those of drawn regions: -`DRAWN` in solid ones, the same for each metre from the inner edge
+    of bands, where nothing else is kept."""
+    ask = made.preset.pattern
+    for field in made.pattern.fields[: ask.drawn_regions]:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
-        within |= x > 0 if x.ndim == 1 else (x[:, 0] > 0) & (x[:, 1] < 0)
-    return within
+        if x.ndim == 1:
+            near = np.where(x > 0, -DRAWN, near)
+            continue
+        inside, off = x[:, 0] > 0, DRAWN * x[:, 1]
+        near = np.where(inside & (off < 0), np.minimum(near, off), near)
+        near = np.where(inside & (off > 0) & (near > ask.keep), off, near)
+    return near
 
 
 def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
     """(n', 6) phases, half-widths and distances (see `StripeShader`); distances (n,) each."""
-    kept = np.minimum(np.stack(distances, axis=1), FAR)  # infinity times a weight of 0 is no number
-    return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), mesh.carry(kept)], axis=1)
+    return np.concatenate(
+        [mesh.phases(design), mesh.half_widths(design.pattern), mesh.carry(finite(distances))], axis=1
+    )
+
+
+def finite(distances: tuple[Floats, Floats]) -> Floats:
+    """(n, 2) distances (n,) each, `FAR` where they are infinite: infinity times a weight of 0 is no number."""
+    return np.where(np.isfinite(distances), distances, FAR).T
 
 
 def only_numbers(made: Preset, preset: Preset) -> bool:

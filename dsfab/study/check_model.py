@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats
 from dsfab.export.calculix import CalculixModel, Element
+from dsfab.pipeline import acting_on
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.handover import sheet_load
 from dsfab.pipeline.loadings import Loading, loadings
@@ -48,7 +49,7 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
     acting = [loading for loading in loadings(preset, surface) if loading.name]
-    held = {f"SUPPORT_{k}": support.fixed(surface) for k, support in enumerate(preset.surface.support, 1)}
+    held = {f"SUPPORT_{k}": support.fixed(surface) for k, support in enumerate(acting_on(preset, surface).support, 1)}
     return _checked(preset, surface, acting, held, "uncut", progress)
 
 
@@ -60,7 +61,7 @@ def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()
     ]
-    fixed = (support.fixed(design.surface) for support in preset.surface.support)
+    fixed = (support.fixed(design.surface) for support in acting_on(preset, design.surface).support)
     held = {f"SUPPORT_{k}": sheet.between(of) for k, of in enumerate(fixed, 1)}
     return _checked(preset, sheet.surface, acting, held, "cut", progress)
 

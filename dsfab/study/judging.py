@@ -9,6 +9,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import StaticsError
 from dsfab.limits import Status
+from dsfab.pipeline import acting_on
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.statics import (
     LAYERS,
@@ -192,7 +193,7 @@ def _reactions(
     task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
     """Of each support, newtons: what several of them hold is shared equally."""
-    supports = task.preset.surface.support
+    supports = acting_on(task.preset, task.surface).support
     holds = [support.fixed(task.surface) | (support.springs(task.surface) > 0) for support in supports]
     marks = np.array([structure.sheet.between(hold) for hold in holds])
     shares = marks / np.maximum(marks.sum(axis=0), 1)

@@ -4,18 +4,20 @@ The mesh is cut along the outlines of regions before anything is solved: statics
 edges there, and a void is a hole in the surface for each of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.extent import Extent
 from dsfab.surface.mesh import Surface
-from dsfab.surface.outline_cut import Outlined, with_outline
+from dsfab.surface.outline_cut import with_outline
+from dsfab.surface.outlined import Outlined
 from dsfab.surface.picker import Picker, extent_of, has_outline
 from dsfab.surface.pickers import STRICT, Real
 from dsfab.surface.topology import corner_fans, edge_table
@@ -72,85 +74,97 @@ def region_key(regions: Sequence[PatternRegion], k: int) -> str:
 
 
 class RegionedSurface(NamedTuple):
-    """A surface that is cut along the outlines of regions, and (k,) the area that each void took from it, m2."""
+    """A surface that is cut along the outlines of regions.
+
+    surface : without the voids.             taken    : (k,) the area that each void took from it, m2.
+    whole   : the same with the voids.       vertices : (n,) the number in it of each vertex of the surface.
+    """
 
     surface: Surface
     taken: Floats
+    whole: Surface
+    vertices: Ints
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
     """The surface with edges along the outlines of regions, and without those that are void.
 
+    The vertices of the surface come first in the `whole` one, with the numbers that they had.
+
     Raises SurfaceError, which names the region, for one that is nowhere on the surface, and for voids that take all of
     it.
     """
-    nothing = np.zeros(surface.n, dtype=bool)
-    made, taken = Outlined(surface, nothing, nothing), np.zeros(len(regions))
-    extents = _extents(surface, regions)
-    for k in sorted(range(len(regions)), key=lambda k: (regions[k].do != "void", extents[k] is not None, k)):
-        try:
-            made, taken[k] = _cut(made, regions[k], extents[k])
-        except SurfaceError as error:
-            raise SurfaceError(f"{region_key(regions, k)}: {error}") from None
-    return RegionedSurface(made.surface, taken)
+    extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
+    made = Outlined(surface, nothing, nothing)
+    for k in sorted(range(len(regions)), key=lambda k: regions[k].do != "void"):
+        if extent := extents[k]:
+            with _named(regions, k):
+                made = with_outline(made.surface, extent, made.fixed)
+            made = replace(made, fixed=made.fixed | made.on)
+    ragged = [k for k, region in enumerate(regions) if region.do == "void" and extents[k] is None]
+    picked = np.zeros((len(regions), made.surface.n), dtype=bool)
+    for k in ragged:
+        with _named(regions, k):
+            picked[k] = regions[k].at.vertices(made.surface)
+    taken_away: Bools = np.logical_or.reduce(picked)
+    made = made.halved(taken_away[made.surface.edges.ends].sum(axis=1) == 1)
+    return _without_voids(made.surface, regions, extents, picked)
+
+
+def _without_voids(
+    whole: Surface, regions: Sequence[PatternRegion], extents: Sequence[Extent | None], picked: Bools
+) -> RegionedSurface:
+    """A surface that is cut along outlines, without the voids; picked (k, n) are vertices in those without outline."""
+    taken, gone = np.zeros(len(regions)), np.zeros(whole.m, dtype=bool)
+    marks = np.zeros((len(regions), whole.n), dtype=bool)
+    marks[:, : picked.shape[1]] = picked
+    for k in sorted(range(len(regions)), key=lambda k: regions[k].do != "void"):
+        extent = extents[k]
+        here = marks[k][whole.F].any(axis=1) if extent is None else extent.depth(whole.centroids) > 0
+        here &= ~gone
+        with _named(regions, k):
+            if not here.any() and (extent is not None or regions[k].do == "void"):
+                raise SurfaceError(f"it is nowhere on the surface{_how_far(whole, extent)}; move it onto the surface")
+            if regions[k].do == "void":
+                taken[k], gone = float(whole.areas[here].sum()), gone | here
+            if gone.all():
+                raise SurfaceError("it takes all that is left of the surface; draw a smaller one")
+    if not gone.any():
+        return RegionedSurface(whole, taken, whole, np.arange(whole.n))
+    used, F = _compact(whole.F[~gone])
+    return RegionedSurface(Surface(whole.V[used], F), taken, whole, used)
+
+
+@contextmanager
+def _named(regions: Sequence[PatternRegion], k: int) -> Iterator[None]:
+    """The key of a region before what is said of it."""
+    try:
+        yield
+    except SurfaceError as error:
+        raise SurfaceError(f"{region_key(regions, k)}: {error}") from None
 
 
 def _extents(surface: Surface, regions: Sequence[PatternRegion]) -> list[Extent | None]:
     """The parts of space that regions are, as the surface is before any of them is cut."""
-    found = []
+    found = list[Extent | None]()
     for k, region in enumerate(regions):
-        try:
+        with _named(regions, k):
             found.append(extent_of(region.at, surface))
-        except SurfaceError as error:
-            raise SurfaceError(f"{region_key(regions, k)}: {error}") from None
     return found
 
 
-def _cut(made: Outlined, region: PatternRegion, extent: Extent | None) -> tuple[Outlined, float]:
-    """A surface cut for one region, and the area of the void that it is, m2."""
-    if extent is None and region.do != "void":
-        return made, 0.0  # the edge of what is picked by vertices is no line
-    made, here = _ragged(made, region.at) if extent is None else _along(made, extent)
-    if not here.any():
-        raise SurfaceError(f"it is nowhere on the surface{_how_far(made, extent)}; move it onto the surface")
-    if region.do != "void":
-        return made, 0.0
-    return _without(made, here), float(made.surface.areas[here].sum())
-
-
-def _along(made: Outlined, extent: Extent) -> tuple[Outlined, Bools]:
-    """A surface cut along the outline of an extent, and (m,) its faces within."""
-    cut = with_outline(made.surface, extent, made.fixed)
-    return replace(cut, fixed=cut.fixed | cut.on), extent.depth(cut.surface.centroids) > 0
-
-
-def _ragged(made: Outlined, at: Picker) -> tuple[Outlined, Bools]:
-    """A surface cut halfway between picked vertices and others, and (m,) its faces on the side of the picked ones."""
-    picked, edges = at.vertices(made.surface), made.surface.edges.ends
-    cut = made.halved(picked[edges].sum(axis=1) == 1)
-    marks = np.zeros(cut.surface.n, dtype=bool)
-    marks[: len(picked)] = picked
-    return cut, np.asarray(marks[cut.surface.F].any(axis=1))
-
-
-def _how_far(made: Outlined, extent: Extent | None) -> str:
-    away = -float(extent.depth(made.surface.V).max()) if extent else 0.0
+def _how_far(surface: Surface, extent: Extent | None) -> str:
+    away = -float(extent.depth(surface.V).max()) if extent else 0.0
     return f", {away:.3g} m from its nearest vertex" if away > 0 else ""
 
 
-def _without(made: Outlined, faces: Bools) -> Outlined:
-    """A surface without faces (m,); where what is left touches in a point, it parts.
-
-    Raises SurfaceError where none is left.
-    """
-    if faces.all():
-        raise SurfaceError("it takes all that is left of the surface; draw a smaller one")
-    old = made.surface
-    used, F = np.unique(old.F[~faces], return_inverse=True)
+def _compact(F: Ints) -> tuple[Ints, Ints]:
+    """The vertices that faces (m, 3) use, and the faces on them; where they touch in a point, they part."""
+    used, F = np.unique(F, return_inverse=True)
     F = F.reshape(-1, 3)
     fans = corner_fans(F, edge_table(F))
-    if fans.max() >= len(used):
-        of_fan = np.empty(int(fans.max()) + 1, dtype=np.int64)
-        of_fan[fans] = F
-        used, F = used[of_fan], fans
-    return Outlined(Surface(old.V[used], F), made.on[used], made.fixed[used])
+    if fans.max() < len(used):
+        return used, F
+    of_fan = np.empty(int(fans.max()) + 1, dtype=np.int64)
+    of_fan[fans] = F
+    return used[of_fan], fans

@@ -23,7 +23,7 @@ from dsfab.pipeline.design import Design
 from dsfab.pipeline.patterns import stripe_stresses
 from dsfab.render.colouring import STEEPEST, diverging, rising, signed
 from dsfab.render.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
-from dsfab.render.striped_mesh import StripedMesh, distances
+from dsfab.render.striped_mesh import StripedMesh, distances, finite
 from dsfab.render.view import ANGLE, best_side, up_axis
 from dsfab.surface import LoadCase, Surface
 
@@ -90,7 +90,7 @@ def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "F": mesh.surface.F,
         "normals": mesh.normals,
         **_phases(draft, mesh),
-        "kept": mesh.carry(np.minimum(np.stack(distances(draft), axis=1), FAR)),
+        "kept": mesh.carry(np.minimum(finite(distances(draft)), FAR)),
         "along": mesh.carry(_along(draft)),
         **{name: mesh.carry(value) for name, value in answers.items()},
         **({"uncut": surface.V - middle} if mesh.even else {}),

@@ -34,9 +34,10 @@ def case_facts(design: "Design") -> dict[str, Any]:
 
 def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
     """Sums of loads and reactions, moments about the origin, in all and support by support."""
+    from dsfab.pipeline import acting_on
     from dsfab.statics import resultant, support_reactions
 
-    surface, supports = design.surface, design.preset.surface.support
+    surface, supports = design.surface, acting_on(design.preset, design.surface).support
     loads, reaction = resultant(surface, load.force), resultant(surface, answer.reaction, answer.torque)
     carried = zip(supports, support_reactions(surface, supports, answer), strict=True)
     return {
