@@ -170,7 +170,8 @@ class Previewer:
                 colouring = coloured(made, self._show, self._palette)
                 self._face, self._bar, self._words = colouring.face, colouring.bar, colouring.words
                 self._shader.recolour(self._mesh.on_faces(self._face))
-            if made.preset.pattern.region != self._made.preset.pattern.region:
+            now, old = made.preset.pattern, self._made.preset.pattern
+            if now.region != old.region or (now.region and now.keep != old.keep):
                 self._distance = None
             again = not mesh.same(self._mesh)
             self._made, self._mesh = made, mesh

@@ -24,8 +24,12 @@ SLIDING = 1 / 8
 """The largest reach, as a share of a surface's size, that distances are exact for whatever a preset asks."""
 
 
-DRAWN = 1000 * FAR
-"""How far below 0 the distance is in drawn regions."""
+DRAWN = 1e33
+"""What distances from drawn regions are multiplied with: beside these any reach is 0, even `NO_REACH`."""
+DRAWN_ONLY = -1e6
+"""A reach that does so: the shader reads no distances where none is over `NO_REACH`."""
+OUTLINE = 1e-3
+"""Vertices on the outline of a solid region are this share of an edge outside of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,28 +125,30 @@ class StripedMesh:
 def distances(made: Design) -> tuple[Floats, Floats]:
     """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for.
 
-    Within drawn regions the first is so far below any reach, `NO_REACH` too, that they end where they are drawn.
+    Where regions are drawn the first is how far a vertex is outside of them and of what is kept, times `DRAWN`.
     """
     surface, load, ask = made.surface, made.load, made.preset.pattern
     reach = max(SLIDING * surface.size, ask.keep, ask.rim)
     near = distance_to_vertices(surface, load.held | load.loaded, reach)
-    return _with_drawn(made, near), distance_to_boundary(surface, reach)
+    if ask.drawn_regions:
+        near = DRAWN * _outside(made, near)
+    return near, distance_to_boundary(surface, reach)
 
 
-def _with_drawn(made: Design, near: Floats) -> Floats:
-    """Distances (n,) with those of drawn regions: -`DRAWN` in solid ones, the same for each metre from the inner edge
-    of bands, where nothing else is kept."""
-    ask = made.preset.pattern
+def _outside(made: Design, near: Floats) -> Floats:
+    """(n,) metres, roughly, that vertices are outside of what is kept around loads and supports, at distances `near`
+    (n,) from these, and of drawn regions: 0 along the inner edges of bands and the outlines of what is solid."""
+    surface, ask = made.surface, made.preset.pattern
+    off = np.where(np.isfinite(near) & (ask.keep > 0), near - ask.keep, surface.size)
     for field in made.pattern.fields[: ask.drawn_regions]:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            near = np.where(x > 0, -DRAWN, near)
-            continue
-        inside, off = x[:, 0] > 0, DRAWN * x[:, 1]
-        near = np.where(inside & (off < 0), np.minimum(near, off), near)
-        near = np.where(inside & (off > 0) & (near > ask.keep), off, near)
-    return near
+            region = np.where(x > 0, -surface.mean_edge, OUTLINE * surface.mean_edge)
+            off = np.where(x >= 0, np.minimum(off, region), off)
+        else:
+            off = np.where(x[:, 0] >= 0, np.minimum(off, x[:, 1]), off)
+    return off
 
 
 def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
@@ -152,9 +158,9 @@ def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) 
     )
 
 
-def finite(distances: tuple[Floats, Floats]) -> Floats:
-    """(n, 2) distances (n,) each, `FAR` where they are infinite: infinity times a weight of 0 is no number."""
-    return np.where(np.isfinite(distances), distances, FAR).T
+def finite(distances: tuple[Floats, Floats], far: float = FAR) -> Floats:
+    """(n, 2) distances (n,) each, `far` where they are infinite: infinity times a weight of 0 is no number."""
+    return np.where(np.isfinite(distances), distances, far).T
 
 
 def only_numbers(made: Preset, preset: Preset) -> bool:
@@ -170,6 +176,8 @@ def only_numbers(made: Preset, preset: Preset) -> bool:
         or new.width.solid_fraction
         or old.method != new.method
     ):
+        return False
+    if new.drawn_regions and new.keep != old.keep:
         return False
     if new.method != "modes":
         return new.method == "stripes" and _but_reaches(old) == _but_reaches(new)
@@ -189,7 +197,7 @@ def numbers(preset: Preset, made: PatternResult, show: str) -> Settings:
     """The numbers of a preset, with those that were solved for or chosen when its pattern was made."""
     ask = preset.pattern
     pair, width = (ask.major, ask.minor), ask.width
-    nothing = -1.0 if ask.drawn_regions else NO_REACH  # the shader reads no distances where no reach is over that one
+    nothing = DRAWN_ONLY if ask.drawn_regions else NO_REACH
     reach, shown = (ask.keep or nothing, ask.rim or NO_REACH), _SHOWN.get(show, (1.0, 1.0))
     drawn = (shown[0] * ("major" in ask.family_names), shown[1] * ("minor" in ask.family_names))
     if made.even:

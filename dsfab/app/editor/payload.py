@@ -90,7 +90,7 @@ def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "F": mesh.surface.F,
         "normals": mesh.normals,
         **_phases(draft, mesh),
-        "kept": mesh.carry(np.minimum(finite(distances(draft)), FAR)),
+        "kept": mesh.carry(finite(distances(draft), FAR)),
         "along": mesh.carry(_along(draft)),
         **{name: mesh.carry(value) for name, value in answers.items()},
         **({"uncut": surface.V - middle} if mesh.even else {}),

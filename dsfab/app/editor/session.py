@@ -254,5 +254,7 @@ class Session:
 
 def _same(made: Design, old: Design) -> bool:
     """Whether all that `model` tells is the same: drafts then differ in widths alone, or in which mode is drawn."""
-    regions = made.preset.pattern.region == old.preset.pattern.region
-    return made.diffusion is old.diffusion and regions and StripedMesh.of(made).same(StripedMesh.of(old))
+    now, before = made.preset.pattern, old.preset.pattern
+    if now.region != before.region or (now.region and now.keep != before.keep):
+        return False
+    return made.diffusion is old.diffusion and StripedMesh.of(made).same(StripedMesh.of(old))
