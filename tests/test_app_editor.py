@@ -608,7 +608,7 @@ def test_the_page_has_no_width_rules_of_its_own(dome):
         "closing": list(CLOSING),
         "following": list(FOLLOWING),
     }
-    script = static_files()["pattern.js"].decode()
+    script = "".join(static_files()[name].decode() for name in ("pattern.js", "widths.js"))
     numbers = {"0.25", "1.25", *(str(x) for x in (*CLOSING, *FOLLOWING))}
     assert not numbers & set(re.findall(r"[\d.]+", script))
     assert all(f"rule.{name}" in script for name in facts["widthRules"])

@@ -23,6 +23,7 @@ import { Work } from './work.js';
 
 const by = (id) => document.getElementById(id);
 const WAIT = 120; // milliseconds without a change, after which the server is asked
+const REST = 700; // while a slider is held whose change is drawn already: its solving would take the time of drawing
 const UNSEEN = /^(name|description|export\..*)$/; // keys that change files alone
 
 recall();
@@ -118,10 +119,10 @@ class Editor {
     if (final) this.remember();
     if (keys?.every((key) => UNSEEN.test(key))) return;
     this.stale = true;
-    const live = keys && keys.every((key) => key.startsWith('pattern.'));
-    if (!(live && this.stripes())) outdated(true);
+    const live = keys?.every((key) => key.startsWith('pattern.')) && this.stripes();
+    if (!live) outdated(true);
     clearTimeout(this.waiting);
-    this.waiting = setTimeout(() => this.solve(), WAIT);
+    this.waiting = setTimeout(() => this.solve(), live && !final ? REST : WAIT);
   }
 
   refresh(keys = null) {

@@ -6,9 +6,9 @@
  */
 
 import { same } from './state.js';
+import { halfWidths, solved } from './widths.js';
 
 const POINTS = 20000;
-const STEPS = 40;
 
 /** What the shader needs for a preset's [pattern]: { mode, frequency, phase, plain, half, reach, share }.
  *
@@ -62,87 +62,24 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   if (same(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
   const n = arrays.V.length / 3;
   const rule = { ...facts.widthRules, ...width, member: width.member || Math.sqrt(facts.area) / 100, drawn };
-  if (arrays.shares && width.rule !== 'plain') rule.medians = mediansOf(rule, plain, frequency, arrays, n);
-  const halves = (factor) =>
-    vary ? halfWidths(rule, plain, frequency, arrays, n, factor) : plain.map((d) => Math.min(factor * d, rule.solid));
-  const start = width.rule === 'graded' ? facts.factor : 1;
-  const factor = width.solid_fraction ? solved((f) => sampler.share(halves(f)), width.solid_fraction, start) : start;
+  const varying = vary && halfWidths(rule, plain, frequency, arrays, n);
+  const halves = (factor, into) => (vary ? varying(factor, into) : plain.map((d) => Math.min(factor * d, rule.solid)));
+  const factor = scale(width, facts, halves, sampler, vary && new Float32Array(2 * n));
   const half = halves(factor);
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
+}
+
+/** What widths are multiplied with: solved for where a share is wanted, from where the slider was before. */
+function scale(width, facts, halves, sampler, scratch) {
+  if (!width.solid_fraction) return width.rule === 'graded' ? facts.factor : 1;
+  sampler.factor = solved((f) => sampler.share(halves(f, scratch)), width.solid_fraction, sampler.factor || facts.factor, 1 / POINTS);
+  return sampler.factor;
 }
 
 /** The server's own widths. */
 function exact(told, plain, vary, model, sampler) {
   const half = vary ? model.arrays.half : plain.map((d) => Math.min(model.facts.factor * d, model.facts.widthRules.solid));
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
-}
-
-/** Half-widths of more than most stay at that, and then close the opening between these limits: evenly spaced members
- * that would leave a slit are thinner, or one. */
-function crowded(d, most, [from, to], solid) {
-  const closed = Math.min(Math.max((d / most - from) / (to - from), 0), 1);
-  return Math.min(d, most) + closed * (solid - Math.min(d, most));
-}
-
-/** The function from a factor to the median half-widths of both families. Without bounds it is a multiple of them, and
- * sorted is once. */
-function mediansOf(rule, plain, frequency, arrays, n) {
-  const at = (factor) => {
-    const values = new Float32Array(2 * n);
-    for (let i = 0; i < 2 * n; i += 1) values[i] = asked(rule, plain, frequency, arrays, i, factor);
-    return medians(values);
-  };
-  if (rule.min_width || rule.max_width) return at;
-  const one = at(1);
-  return (factor) => one.map((d) => factor * d);
-}
-
-/** A half-width, periods, before members crowd: that of number i of both families in turns. */
-function asked(rule, plain, frequency, arrays, i, factor) {
-  const slope = arrays.slope[i] * frequency[i % 2];
-  let d;
-  if (rule.rule === 'constant') d = slope * factor * (rule.member / 2);
-  else d = factor * plain[i % 2] * (rule.rule === 'graded' || rule.rule === 'stressed' ? arrays.along[i] ** rule.q : 1);
-  if (rule.max_width) d = Math.min(d, slope * (rule.max_width / 2));
-  return Math.max(d, slope * (rule.min_width / 2));
-}
-
-/** The median of both columns of an array (n, 2). */
-function medians(values) {
-  return [0, 1].map((k) => {
-    const sorted = values.filter((_, i) => i % 2 === k).sort();
-    return (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2;
-  });
-}
-
-/** (n, 2) half-widths in periods; 0 of a family that is not drawn. */
-function halfWidths(rule, plain, frequency, arrays, n, factor) {
-  const half = new Float32Array(2 * n);
-  const { shares } = arrays; // of evenly spaced stripes: periods differ from one side of a line to the other
-  const limits = rule.rule === 'constant' ? rule.closing : rule.following;
-  const most = rule.medians && rule.medians(factor).map((usual) => Math.max(rule.open, rule.closer * Math.min(usual, rule.solid)));
-  for (let i = 0; i < 2 * n; i += 1) {
-    if (!rule.drawn[i % 2]) continue;
-    const slope = arrays.slope[i] * frequency[i % 2];
-    let d = asked(rule, plain, frequency, arrays, i, factor);
-    if (most) d = crowded(d, most[i % 2], limits, rule.solid);
-    const solid = d + slope * (rule.min_gap / 2) > rule.solid;
-    half[i] = solid ? rule.solid : d * (shares ? shares[i] : 1);
-  }
-  return half;
-}
-
-/** The factor at which a share that never falls is the wanted one, or the nearest to it. */
-function solved(share, wanted, start) {
-  let low = 0;
-  let high = start;
-  for (let k = 0; k < 30 && share(high) < wanted; k += 1) [low, high] = [high, 2 * high];
-  for (let k = 0; k < STEPS && high - low > 1e-4 * high; k += 1) {
-    const middle = (low + high) / 2;
-    if (share(middle) < wanted) low = middle;
-    else high = middle;
-  }
-  return (low + high) / 2;
 }
 
 /** Points spread evenly over a surface, at which material is counted. */
