@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 import dsfab
 from dsfab.app.editor.payload import model
 from dsfab.errors import DsfabError, PatternError, PresetError, SurfaceError
-from dsfab.pattern.region_layers import outline_edges
+from dsfab.pattern.region_layers import outline_edges, region_bands
 from dsfab.pipeline import draft
 from dsfab.pipeline.regions import one_sided_words
 from dsfab.render.striped_mesh import distances
@@ -24,6 +24,7 @@ from dsfab.surface import (
     PlanPolygon,
     Side,
     Surface,
+    refined,
     with_regions,
 )
 from dsfab.surface.outline_cut import with_outline
@@ -170,16 +171,11 @@ def test_creases_stay_where_they_are():
     roof = Surface(
         [[0, 0, 0], [4, 0, 0], [4, 2, 2], [0, 2, 2], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 4, 5]]
     )
-    fine = dsfab.Surface.from_mesh(*_finer(roof))
-    found = outlined(fine, Ball((2.03, 2.02, 2.0), 0.9))
-    assert np.abs(found.V[:, 2] - (2 - np.abs(found.V[:, 1] - 2))).max() < 1e-9
-
-
-def _finer(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    from dsfab.surface import refined
-
-    fine = refined(surface, 0.5)
-    return fine.V, fine.F
+    fine = refined(roof, 0.5)
+    for shift in np.linspace(0, 0.5, 11):
+        found = outlined(fine, Ball((2.03 + shift, 2.02 + shift / 3, 2.0), 0.9))
+        assert np.abs(found.V[:, 2] - (2 - np.abs(found.V[:, 1] - 2))).max() < 1e-9
+        assert found.area == pytest.approx(fine.area, rel=1e-12)
 
 
 def test_a_door_leaves_the_back_wall_alone():
@@ -393,6 +389,15 @@ def test_a_band_goes_round_on_the_inside_of_its_outline():
     assert ring.surface.area == pytest.approx(np.pi * (1.5**2 - 1.1**2), rel=0.01)
 
 
+def test_a_band_on_faces_as_they_are_is_that_on_parts_of_them():
+    made = with_regions(PLATE, [PatternRegion(PlanPolygon(SQUARE), "rim", 0.5)]).surface
+    (band,) = region_bands(made, [PatternRegion(PlanPolygon(SQUARE), "rim", 0.5)], 0.0)
+    layer = band.layer(-np.abs(depth_in([np.array(SQUARE)], made.V[:, :2])))
+    sheet = cut(made, [layer.field], [layer.levels], 0.0).kept()
+    assert sheet.surface.area == pytest.approx(2.2**2 - 1.2**2, rel=0.05)
+    assert np.abs(depth_in([np.array(SQUARE)], sheet.surface.V[sheet.surface.loops[0]][:, :2])).max() < 1e-9
+
+
 def test_a_band_is_measured_along_the_surface():
     """Around the pole of a sphere: between two polar angles."""
     ball = sphere(5, 2.0)
@@ -411,16 +416,12 @@ def test_regions_that_overlap_are_united():
 
 def test_what_has_no_width_of_its_own_takes_the_rims():
     region = PatternRegion(PlanPolygon(SQUARE), "rim")
-    from dsfab.pattern.region_layers import region_bands
-
     made = with_regions(PLATE, [region]).surface
     assert region_bands(made, [region], 0.2)[0].width == 0.2
     assert region_bands(made, [region], 0.0)[0].width == pytest.approx(2.2 / 8)
 
 
 def test_a_band_without_an_edge_on_the_surface_says_so():
-    from dsfab.pattern.region_layers import region_bands
-
     with pytest.raises(PatternError, match=r"pattern\.region\.0 has no edge on the surface"):
         region_bands(PLATE, [PatternRegion(Ball((4, 3, 0), 100.0), "rim")], 0.2)
 

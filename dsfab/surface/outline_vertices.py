@@ -8,7 +8,6 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, lengths
 from dsfab.surface.extent import Extent, pierced
 from dsfab.surface.mesh import Surface
-from dsfab.surface.neighbours import on_boundary
 from dsfab.surface.outlined import EVEN, NEAR, Outlined, edge_crossings
 
 SMOOTH = 0.2
@@ -63,8 +62,7 @@ def snapped(made: Outlined, extent: Extent) -> tuple[Outlined, int]:
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
     share = np.concatenate([crossed.share, 1 - crossed.share])
     way, place = share * np.tile(size, 2), np.tile(crossed.place, (2, 1))
-    rim = on_boundary(s.edges, s.n)
-    may = (share < NEAR) & (~rim[vertex] | np.tile(s.edges.boundary[crossed.edge], 2))
+    may = share < NEAR
     may[may] = _free(made, vertex[may], place[may], EVEN * extent.width)
     vertex, way, place = vertex[may], way[may], place[may]
     order = np.lexsort((way, vertex))
