@@ -12,6 +12,12 @@ from dsfab.surface.outlined import EVEN, NEAR, Outlined, edge_crossings
 
 SMOOTH = 0.2
 """Vertices move only where faces around them lean from the step by less than this sine: creases stay."""
+TOUCHING = 0.05
+"""Vertices that may not move are on the line if that is nearer along an edge than this share of it."""
+HELD = 1e-6
+"""A corner of the line has its vertex if one on it is nearer than this share of the surface's size."""
+TRIES = 64
+"""Places at most where a crease meets a surface."""
 SMALLEST = 0.3
 """No face becomes smaller than this share of itself, or turns, because its corners move onto the line."""
 
@@ -20,11 +26,11 @@ def with_corners(made: Outlined, extent: Extent) -> Outlined:
     """With a vertex at each corner of the line: where a crease of the extent meets the surface."""
     close = EVEN * extent.width
     for a, b in extent.creases:
-        while True:
+        for _ in range(TRIES):
             faces, t = pierced(made.surface, a, b)
             places = a + t[:, None] * (b - a)
             held = made.surface.V[made.on]
-            new = [k for k, p in enumerate(places) if not (lengths(held - p) <= close).any()]
+            new = [k for k, p in enumerate(places) if not (lengths(held - p) <= HELD * made.surface.size).any()]
             if not new:
                 break
             made = _with_vertex(made, int(faces[new[0]]), places[new[0]], close)
@@ -124,10 +130,10 @@ def _spoilt(s: Surface, V: Floats) -> Bools:
 
 
 def touched(made: Outlined, extent: Extent) -> Outlined:
-    """With vertices that are close to the line, and could not move, on it as they are, where that is even enough."""
+    """With vertices that are very close to the line, and could not move, on it as they are."""
     s, crossed = made.surface, edge_crossings(made, extent)
-    ends = s.edges.ends[crossed.edge]
-    near = np.concatenate([ends[crossed.share < NEAR, 0], ends[crossed.share > 1 - NEAR, 1]])
+    ends, share = s.edges.ends[crossed.edge], crossed.share
+    near = np.concatenate([ends[share < TOUCHING, 0], ends[share > 1 - TOUCHING, 1]])
     on = made.on.copy()
     on[near] |= np.abs(extent.depth(s.V[near])) <= EVEN * extent.width
     return replace(made, on=on)
