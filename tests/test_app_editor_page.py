@@ -30,9 +30,9 @@ def server():
 
 
 @contextmanager
-def page_of(server, folder, more=()):
-    with opened(folder, SIZE, more) as tab:
-        tab.call("Emulation.setDeviceMetricsOverride", width=SIZE[0], height=SIZE[1], deviceScaleFactor=1, mobile=False)
+def page_of(server, folder, more=(), size=SIZE):
+    with opened(folder, size, more) as tab:
+        tab.call("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
         yield tab
 
 

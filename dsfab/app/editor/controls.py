@@ -68,8 +68,8 @@ def _width(reach: float) -> list[Control]:
         Control(group, key + "member", "width", "length", "m", high=reach, step=fine, hint="Of members, if constant."),
         Control(group, key + "q", "grading", high=4, step=0.05, hint="Share of material grows with stress to this."),
         Control(group, key + "steps", "steps", "whole", low=1, high=50, step=1, live=False, hint=_STEPS),
-        Control(group, key + "min_width", "no thinner than", "length", "m", high=reach, step=fine, hint=_NONE),
-        Control(group, key + "max_width", "no wider than", "length", "m", high=reach, step=fine, hint=_NONE),
+        Control(group, key + "min_width", "min. width", "length", "m", high=reach, step=fine, hint=_NONE),
+        Control(group, key + "max_width", "max. width", "length", "m", high=reach, step=fine, hint=_NONE),
         Control(group, key + "min_gap", "fill gaps under", "length", "m", high=reach, step=fine, hint=_NONE),
     ]
 

@@ -222,6 +222,7 @@ class Editor {
   opened(start) {
     this.start = start;
     this.state.open(start.preset, start.changes);
+    unknown();
     this.state.view = { ...this.state.view, eye: undefined, section: undefined };
     by('section-axis').value = '';
     by('built').replaceChildren();
