@@ -40,6 +40,8 @@ class Opened:
         preset = overridden(self.preset, changes)
         if _file(preset) != _file(self.preset):
             raise PresetError("surface.file cannot be changed from the page; drop the mesh on it, or dsfab edit MESH")
+        if strange := _drawings(preset) - _drawings(self.preset):
+            raise PresetError(f"{_names(strange)}: the page names no drawing; name it in a preset's file")
         return preset
 
     def toml(self, changes: Mapping[str, Any]) -> str:
@@ -83,7 +85,10 @@ class Opened:
                 )
             surface["file"], mesh = str(here), self.mesh
         values.setdefault("name", "preset")
-        return Opened(preset_from(values), (), mesh, self.decided if mesh else ())
+        preset = preset_from(values)
+        if strange := _drawings(preset) - _drawings(self.preset):
+            raise PresetError(f"the preset is for the drawing {_names(strange)}: open it with dsfab edit FILE.toml")
+        return Opened(preset, (), mesh, self.decided if mesh else ())
 
 
 def with_file(preset: Preset, file: Path) -> Preset:
@@ -157,6 +162,17 @@ def _inline(value: Any) -> str:
     import json
 
     return json.dumps(value)
+
+
+def _drawings(preset: Preset) -> set[Path]:
+    """Files of curves that pickers of the preset name."""
+    listed = (*preset.surface.support, *preset.surface.load, *preset.pattern.guide, *preset.pattern.region)
+    pickers = (getattr(thing, "at", None) for thing in (*listed, *preset.thickening.extra))
+    return {file for at in pickers if (file := getattr(at, "file", None)) is not None}
+
+
+def _names(files: set[Path]) -> str:
+    return ", ".join(sorted(path.name for path in files))
 
 
 def _file(preset: Preset) -> Path | None:

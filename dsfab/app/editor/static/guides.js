@@ -2,12 +2,13 @@
 
 import { where } from './acting.js';
 import { make } from './controls.js';
+import { doing, Painting } from './painting.js';
 import { regions, rows } from './regions.js';
 
 export class Guides {
-  /** place: where the list goes; its details are hidden where there is none. */
-  constructor(place, state) {
-    Object.assign(this, { place, state });
+  /** place: where the list goes; painting: how regions are added. */
+  constructor(place, state, viewer, picking) {
+    Object.assign(this, { place, state, painting: new Painting(state, viewer, picking) });
   }
 
   refresh() {
@@ -15,8 +16,9 @@ export class Guides {
     const lists = { guide: pattern.guide ?? [], region: pattern.region ?? [] };
     const items = Object.entries(lists).flatMap(([list, things]) => things.map((thing, index) => this.item(list, thing, index)));
     const focused = document.activeElement?.id;
-    this.place.replaceChildren(...items);
-    this.place.parentElement.hidden = !items.length;
+    const form = this.painting.form();
+    this.place.replaceChildren(...items, ...form);
+    this.place.parentElement.hidden = !(items.length || form.length);
     if (focused) document.getElementById(focused)?.focus();
   }
 
@@ -24,7 +26,7 @@ export class Guides {
     const box = make('div', { className: 'acting' });
     const head = make('div', { className: 'head' });
     const words = make('span');
-    const does = list === 'guide' ? `guides ${thing.family} stripes` : thing.do;
+    const does = list === 'guide' ? `guides ${thing.family} stripes` : doing(thing.do);
     words.append(make('strong', { textContent: does }), ` ${thing.curve ? `along ${thing.curve.length} points` : where(thing.at)}`);
     const remove = make('button', { textContent: '×', title: 'Remove' });
     remove.setAttribute('aria-label', `Remove ${list} ${index + 1}`);

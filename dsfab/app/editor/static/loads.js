@@ -77,11 +77,11 @@ export class Loads {
     for (const [way, name] of Object.entries(WAYS)) {
       const button = make('button', { textContent: name, title: SAY[way] });
       button.dataset.way = way;
-      button.setAttribute('aria-pressed', String(this.picking.kind === way));
-      button.addEventListener('click', () => this.begin(this.picking.kind === way ? '' : way));
+      button.setAttribute('aria-pressed', String(this.way === way));
+      button.addEventListener('click', () => this.begin(this.way === way ? '' : way));
       box.append(button);
     }
-    const say = this.picked ? this.form() : [make('p', { textContent: this.picking.kind ? SAY[this.picking.kind] : 'Add a support or a load: choose how to point at the surface.' })];
+    const say = this.picked ? this.form() : [make('p', { textContent: this.way ? SAY[this.way] : 'Add a support or a load: choose how to point at the surface.' })];
     box.prepend(make('p', { textContent: this.picked ? `${this.picked.places.length / 3} vertices picked` : '' }));
     box.append(...say);
     return box;
@@ -91,8 +91,11 @@ export class Loads {
     this.picked = null;
     this.picking.begin(way);
     this.picking.mark([]);
-    document.getElementById('picture').classList.toggle('picking', Boolean(way));
-    this.refresh();
+  }
+
+  /** How the person points at a load or a support now, or ''. */
+  get way() {
+    return this.picking.done === this.picking.usual ? this.picking.kind : '';
   }
 
   /** Something was picked: ask what acts there. */

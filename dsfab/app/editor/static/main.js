@@ -43,7 +43,7 @@ class Editor {
     } catch (error) {
       this.without(error);
     }
-    this.guides = new Guides(by('guide-list'), this.state);
+    this.guides = new Guides(by('guide-list'), this.state, this.viewer, this.picking);
     decisions(start.decided);
     this.views = new Views(this);
     this.files = new Files(start, {
@@ -83,6 +83,7 @@ class Editor {
   }
 
   wire() {
+    if (this.picking) this.picking.begun = () => [this.loads, this.guides].forEach((list) => list.refresh());
     for (const id of ['loads', 'guides']) by(id).addEventListener('toggle', () => this.handles?.refresh());
     by('undo').addEventListener('click', () => this.state.undo());
     by('redo').addEventListener('click', () => this.state.redo());
@@ -176,6 +177,7 @@ class Editor {
 
   surface() {
     const first = this.viewer?.model(this.model);
+    this.guides.refresh(); // the form knows the size now
     this.handles?.refresh();
     this.sampler = new Sampler(this.model.facts, this.model.arrays);
     this.controls.build(this.model.facts.controls);

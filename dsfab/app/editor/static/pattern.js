@@ -5,10 +5,11 @@
  * rule stressed solves on the cut sheet: here it shows the widths that it begins with, those of graded.
  */
 
-import { same } from './state.js';
+import { alike } from './state.js';
 import { halfWidths, solved } from './widths.js';
 
 const POINTS = 20000;
+const BESIDE = 1e-9; // metres: distances from regions are so large that any reach is nothing beside them, but the shader asks for one
 
 /** What the shader needs for a preset's [pattern]: { mode, frequency, phase, plain, half, reach, share }.
  *
@@ -18,16 +19,18 @@ const POINTS = 20000;
  */
 export function drawn(pattern, model, sampler) {
   const { facts } = model;
-  if (pattern.method !== facts.method && !same(pattern, facts.pattern)) return null; // another one, or still to be chosen
+  if (!alike(pattern.region, facts.pattern.region)) return null; // the surface is cut along them
+  if (pattern.method !== facts.method && !alike(pattern, facts.pattern)) return null; // another one, or still to be chosen
   const told = facts.method === 'stripes' ? even(pattern, facts) : waves(pattern, facts);
   if (!told) return null;
-  const reach = [pattern.keep || -1e30, pattern.rim || -1e30];
+  const regions = pattern.region?.some((region) => region.do !== 'void');
+  const reach = [pattern.keep || (regions ? BESIDE : -1e30), pattern.rim || -1e30];
   return wide(pattern, { ...told, reach }, model, sampler);
 }
 
 /** Where evenly spaced stripes run: on the phases that the server has found, if these are the ones that are wanted. */
 function even(pattern, { pattern: made }) {
-  if (!same(placed(pattern), placed(made))) return null;
+  if (!alike(placed(pattern), placed(made))) return null;
   return { mode: [1, 1], frequency: [1, 1], phase: [0, 0] };
 }
 
@@ -59,7 +62,7 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   if (rules && mode.some((number, k) => number !== facts.mode[k])) return null;
   const vary = rules || Boolean(arrays.shares);
   sampler.look(mode, frequency, phase, reach);
-  if (same(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
+  if (alike(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
   const n = arrays.V.length / 3;
   const rule = { ...facts.widthRules, ...width, member: width.member || Math.sqrt(facts.area) / 100, drawn };
   const varying = vary && halfWidths(rule, plain, frequency, arrays, n);

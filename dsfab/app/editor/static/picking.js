@@ -1,4 +1,4 @@
-/** Where on the surface a person points: a spot, a region, an edge or a lasso, as a picker that a preset can hold. */
+/** Where on the surface a person points: a spot, a region, an edge, a lasso or a brush, as a picker that a preset can hold. */
 
 import * as THREE from 'three';
 
@@ -8,7 +8,7 @@ const LASSO = 5; // pixels between its corners
 export class Picking {
   /** viewer; path: the SVG path of the lasso; done(picker, places): what was picked, and where (k, 3) in the view. */
   constructor(viewer, path, done) {
-    Object.assign(this, { viewer, path, done, kind: '', ray: new THREE.Raycaster() });
+    Object.assign(this, { viewer, path, done, usual: done, kind: '', begun: null, ray: new THREE.Raycaster() });
     const canvas = viewer.canvas;
     canvas.addEventListener('pointerdown', (event) => this.down(event), { capture: true });
     canvas.addEventListener('pointermove', (event) => this.move(event));
@@ -16,11 +16,13 @@ export class Picking {
     canvas.addEventListener('pointercancel', () => this.end());
   }
 
-  /** kind: spot, region, edge, lasso; or '' for none. radius: of a region, metres. */
-  begin(kind, radius = 0) {
-    Object.assign(this, { kind, radius });
-    this.viewer.eye.free = !['lasso', 'region'].includes(kind);
+  /** kind: spot, region, edge, lasso, brush; or '' for none. radius: of a brush, metres. done: who is told instead of the usual one. */
+  begin(kind, radius = 0, done = this.usual) {
+    Object.assign(this, { kind, radius, done });
+    document.getElementById('picture').classList.toggle('picking', Boolean(kind));
+    this.viewer.eye.free = !['lasso', 'region', 'brush'].includes(kind);
     this.end();
+    this.begun?.();
   }
 
   end() {
@@ -32,11 +34,16 @@ export class Picking {
     if (!this.kind || event.button !== 0) return;
     this.track = [[event.offsetX, event.offsetY]];
     if (this.kind === 'region') this.middle = this.hit(event);
+    if (this.kind === 'brush') this.stroke = new Stroke(this, this.hit(event));
     if (!this.viewer.eye.enabled) this.viewer.canvas.setPointerCapture(event.pointerId);
   }
 
   move(event) {
     if (!this.track) return;
+    if (this.kind === 'brush') {
+      this.stroke.to(this.hit(event));
+      return;
+    }
     const [x, y] = this.track.at(-1);
     if (Math.hypot(event.offsetX - x, event.offsetY - y) < LASSO) return;
     this.track.push([event.offsetX, event.offsetY]);
@@ -52,6 +59,11 @@ export class Picking {
     const track = this.track;
     this.end();
     if (!this.kind || !track) return;
+    if (this.kind === 'brush') {
+      const { points } = this.stroke;
+      if (points.length) this.done({ pick: 'brush', points: points.map((point) => this.world(point)), radius: this.radius });
+      return;
+    }
     const moved = track.length > 2;
     if (this.kind === 'lasso') {
       if (moved) this.give(this.inside(track), (list) => ({ pick: 'vertices', indices: list }));
@@ -90,7 +102,14 @@ export class Picking {
   give(list, picker) {
     if (!list.length) return;
     this.mark(list);
-    this.done(picker(list), this.places(list), list);
+    this.done(this.lasting(picker(list), list), this.places(list), list);
+  }
+
+  /** Where regions cut the mesh, vertices and edges are counted otherwise than in the preset, which means those before: their places then. */
+  lasting(picker, list) {
+    const counted = ['vertices', 'boundary'].includes(picker.pick);
+    if (!counted || !this.viewer.data.facts.pattern?.region?.length) return picker;
+    return { pick: 'nearest', points: list.map((i) => this.world(this.vertex(i))) };
   }
 
   /** Show vertices as picked; none to take the marks away. */
@@ -166,6 +185,23 @@ export class Picking {
       if (encloses(track, ((p.x + 1) / 2) * w, ((1 - p.y) / 2) * h)) list.push(i);
     }
     return list;
+  }
+}
+
+/** Places of a brush, a third of its radius apart, and the vertices that it has painted. */
+class Stroke {
+  constructor(picking, at) {
+    Object.assign(this, { picking, points: [], painted: new Set() });
+    this.to(at);
+  }
+
+  to(at) {
+    const { picking } = this;
+    const last = this.points.at(-1);
+    if (!at || last?.distanceTo(at) < picking.radius / 3) return;
+    this.points.push(at);
+    for (const i of picking.within(at, picking.radius)) this.painted.add(i);
+    picking.mark([...this.painted]);
   }
 }
 

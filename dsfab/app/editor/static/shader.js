@@ -130,9 +130,11 @@ void main() {
   vec2 s = stripes();
   float inside = max(s.x, s.y);
 #ifdef KEEP
-  float keep = max(vKeep.x, vKeep.y);
 #ifdef SOFT
-  keep /= max(fwidth(keep), 1e-9);
+  vec2 keeps = vKeep / max(fwidth(vKeep), vec2(1e-9));  // each by its own: they may differ by thirty powers of ten
+  float keep = max(keeps.x, keeps.y);
+#else
+  float keep = max(vKeep.x, vKeep.y);
 #endif
   inside = max(inside, keep);
 #endif

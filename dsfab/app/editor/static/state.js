@@ -125,6 +125,14 @@ export function fromHash(hash) {
 const at = (values, key) => key.split('.').reduce((where, part) => where?.[part], values);
 export const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
+/** Whether two values mean the same in a preset: whatever the order of their keys, and whether what is left out is written. */
+export const alike = (a, b) => JSON.stringify(a, sorted) === JSON.stringify(b, sorted);
+
+function sorted(_, value) {
+  if (value === null || typeof value !== 'object' || Array.isArray(value)) return value;
+  return Object.fromEntries(Object.entries(value).filter(([, part]) => part !== null && part !== '').sort(([a], [b]) => (a < b ? -1 : 1)));
+}
+
 /** The keys at which two sets of changes differ. */
 const differing = (a, b) => Object.keys({ ...a, ...b }).filter((key) => !same(a[key], b[key]));
 
