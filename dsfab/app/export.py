@@ -11,7 +11,7 @@ from dsfab.app.options import UNCHANGED, Quiet, Source, built_folder
 from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
-from dsfab.pipeline.log import Progress
+from dsfab.pipeline import Progress
 from dsfab.wording import length, size
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def write_file(given: "Preset", built: "Design | None", ask: ExportRequest, prog
 
 def offered_formats() -> list[dict[str, str]]:
     """What can be exported, by the groups of `dsfab export --help`: the suffix, and why it is `missing` or ''."""
-    from dsfab.export.formats import FORMATS
+    from dsfab.export import FORMATS
 
     offered = []
     for suffix, form in FORMATS.items():
@@ -127,14 +127,14 @@ def _built(name: str, given: "Preset") -> "Design | None":
 
 def _words() -> dict[str, str]:
     """Suffixes by the words of --to."""
-    from dsfab.export.formats import FORMATS
+    from dsfab.export import FORMATS
 
     return {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
 
 
 def format_suffix(word: str) -> str:
     """The suffix that a word of --to means. Raises ExportError where there is none, or its library is missing."""
-    from dsfab.export.formats import FORMATS
+    from dsfab.export import FORMATS
 
     known = _words()
     suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
