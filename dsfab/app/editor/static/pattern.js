@@ -19,7 +19,8 @@ const BESIDE = 1e-9; // metres: distances from regions are so large that any rea
  */
 export function drawn(pattern, model, sampler) {
   const { facts } = model;
-  if (!alike(pattern.region, facts.pattern.region)) return null; // the surface is cut along them
+  const cut = facts.pattern?.region;
+  if (cut && !alike(pattern.region, cut)) return null; // the surface is cut along them
   if (pattern.method !== facts.method && !alike(pattern, facts.pattern)) return null; // another one, or still to be chosen
   const told = facts.method === 'stripes' ? even(pattern, facts) : waves(pattern, facts);
   if (!told) return null;
