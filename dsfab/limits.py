@@ -42,7 +42,7 @@ FEW_VERTICES = 3
 SOME_REACTION = 0.05
 """A support that carries a smaller share of the reactions only keeps the sheet from drifting."""
 
-FAR_FROM_SURFACE = 0.1
+FAR_FROM_SURFACE = 0.25
 """Largest accepted distance from a point to the vertex that stands for it, as a share of the surface's size."""
 
 GLANCING = 1e-3

@@ -175,7 +175,9 @@ def two_roofs() -> trimesh.Trimesh:
 
 @pytest.mark.parametrize("thing", [HYPAR, HYPAR.to_trimesh(), HYPAR.to_pyvista(), (HYPAR.V, HYPAR.F), "roof.obj"])
 def test_a_mesh_alone_is_told_what_is_missing(thing: Any) -> None:
-    with pytest.raises(PresetError, match="supports, loads and a thickness are missing; write for instance") as caught:
+    with pytest.raises(
+        PresetError, match="supports, loads and a thickness are missing; let dsfab propose them"
+    ) as caught:
         dsfab.run(thing)
     example = str(caught.value).partition("for instance ")[2]
     design = eval(example, {"dsfab": dsfab, "mesh": SHAPES["dome"](span=8.0, edge=0.4)})

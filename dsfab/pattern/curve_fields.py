@@ -9,9 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
-from dsfab.surface import Surface, nearest
+from dsfab.surface import Distances, Origins, Surface, geodesic_distances, nearest
 from dsfab.surface.divided import Divided, DividedField
-from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
 
 EVEN = 0.01
 """How far off the edge of a region may be because a distance is taken as linear on faces, as a share of its reach."""

@@ -8,8 +8,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.pattern.curve_fields import curve_fields, straight_distances
 from dsfab.pattern.layers import Layer
 from dsfab.pattern.region_layers import region_bands, region_layers
-from dsfab.surface import PatternRegion
-from dsfab.surface.geodesic import Origins, geodesic_distances
+from dsfab.surface import Origins, PatternRegion, geodesic_distances
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import connected
 

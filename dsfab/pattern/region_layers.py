@@ -8,8 +8,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import PatternError, SurfaceError
 from dsfab.pattern.layers import Layer
-from dsfab.surface import DividedField, PatternRegion, Surface, region_key
-from dsfab.surface.geodesic import Origins
+from dsfab.surface import DividedField, Origins, PatternRegion, Surface, region_key
 
 SHARE = 0.25
 """Width of a band where none is given, as a share of half the region's."""

@@ -51,11 +51,11 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
     names = [*support_names(given.support), *load_names(given.load)]
     for name, entry in zip(names, (*given.support, *given.load), strict=True):
         at = getattr(entry, "at", None)
-        for point in at.points if isinstance(at, Nearest) else ():
-            away = float(np.linalg.norm(surface.V - np.array(point), axis=1).min())
+        for point in at.places(surface) if isinstance(at, Nearest) else ():
+            away = float(np.linalg.norm(surface.V - point, axis=1).min())
             if away > FAR_FROM_SURFACE * surface.size:
                 found.append(
-                    f"{name} is at {_place(np.array(point))}, {length(away)} away from the nearest vertex of the "
+                    f"{name} is at {_place(point)}, {length(away)} away from the nearest vertex of the "
                     "surface: move the point, or check its unit (metres)"
                 )
     if found and preset.statics.check:

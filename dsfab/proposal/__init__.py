@@ -5,7 +5,7 @@ feet.py      where it stands                                      sizes.py      
 propose.py   all of it as a commented preset
 """
 
-from dsfab.proposal.propose import OWN, Proposal, preset_for, propose
+from dsfab.proposal.decisions import OWN, Proposal, preset_for, propose
 from dsfab.proposal.reading import Decision, preset_name
 
 __all__ = ["OWN", "Decision", "Proposal", "preset_for", "preset_name", "propose"]

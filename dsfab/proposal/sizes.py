@@ -24,7 +24,7 @@ FIGURE = 4.0
 """A surface whose boundary, squared, is shorter than this many times its area is a figure and spans nothing."""
 MODEL = 3.0
 """Metres; what is smaller is taken for a printed model."""
-FACETS = 0.7
+SHOWN_FACETS = 0.7
 """Edges shorter than this share of a mesh's own would show its facets: they follow the smooth surface through it."""
 SHARPEST = 15.0
 """Degrees; a mesh with smaller angles is made anew."""
@@ -71,7 +71,7 @@ def sizes(surface: Surface, material: str | None = None) -> Sizes:
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
     thick = spacing / 8 if figure else span / SLENDER["steel" if material in STEEL else "timber"]
     edge = two_digits(max(spacing / EDGES, square / np.sqrt(np.sqrt(3) / 4 * TRIANGLES)))
-    coarse = edge < FACETS * surface.mean_edge
+    coarse = edge < SHOWN_FACETS * surface.mean_edge
     return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material, coarse)
 
 

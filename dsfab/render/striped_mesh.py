@@ -24,7 +24,7 @@ SLIDING = 1 / 8
 """The largest reach, as a share of a surface's size, that distances are exact for whatever a preset asks."""
 
 
-DRAWN = 1e33
+ALWAYS_DRAWN = 1e33
 """What distances from drawn regions are multiplied with: beside these any reach is 0, even `NO_REACH`."""
 DRAWN_ONLY = -1e6
 """A reach that does so: the shader reads no distances where none is over `NO_REACH`."""
@@ -125,13 +125,13 @@ class StripedMesh:
 def distances(made: Design) -> tuple[Floats, Floats]:
     """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for.
 
-    Where regions are drawn the first is how far a vertex is outside of them and of what is kept, times `DRAWN`.
+    Where regions are drawn the first is how far a vertex is outside of them and of what is kept, times `ALWAYS_DRAWN`.
     """
     surface, load, ask = made.surface, made.load, made.preset.pattern
     reach = max(SLIDING * surface.size, ask.keep, ask.rim)
     near = distance_to_vertices(surface, load.held | load.loaded, reach)
     if ask.drawn_regions:
-        near = DRAWN * _outside(made, near)
+        near = ALWAYS_DRAWN * _outside(made, near)
     return near, distance_to_boundary(surface, reach)
 
 

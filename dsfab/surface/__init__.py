@@ -5,6 +5,7 @@ from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.divided import DividedField
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
+from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.mesh import Surface
@@ -35,6 +36,7 @@ __all__ = [
     "Brush",
     "ClosedCurves",
     "Combination",
+    "Distances",
     "DividedField",
     "Facing",
     "Force",
@@ -44,6 +46,7 @@ __all__ = [
     "MendedMesh",
     "MeshFacts",
     "Nearest",
+    "Origins",
     "PatternRegion",
     "Picker",
     "PlanPolygon",
@@ -61,6 +64,7 @@ __all__ = [
     "coincident",
     "connected",
     "describe",
+    "geodesic_distances",
     "load_cases",
     "load_names",
     "mended",

@@ -18,7 +18,7 @@ Picker = Annotated[
 
 def has_outline(at: Picker) -> bool:
     """Whether a picker means a part of space, so that what it picks ends along a line."""
-    return isinstance(at, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side)
+    return isinstance(at, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(at, "boundary", False)
 
 
 def extent_of(at: Picker, surface: Surface) -> Extent | None:
@@ -29,10 +29,10 @@ def extent_of(at: Picker, surface: Surface) -> Extent | None:
     if isinstance(at, PlanPolygon | ClosedCurves | Brush):
         return at.extent(surface)
     if isinstance(at, Ball):
-        return Extent.ball(np.array(at.center), at.radius)
-    if isinstance(at, Box):
-        return Extent.box(np.array(at.min), np.array(at.max))
+        return Extent.ball(*at.metres(surface))
+    if isinstance(at, Box) and not at.boundary:
+        return Extent.box(*at.corners(surface))
     if isinstance(at, Side):
         axis = np.eye(3)["xyz".index(at.axis)] * (1 if at.end == "min" else -1)
-        return Extent.below(axis, float((surface.V @ axis).min()) + at.depth, at.depth)
+        return Extent.below(axis, float((surface.V @ axis).min()) + at.reach(surface), at.reach(surface))
     return None

@@ -64,9 +64,13 @@ class Box:
     boundary: bool = False
     pick: Literal["box"] = "box"
 
+    def corners(self, surface: Surface) -> Floats:
+        """(2, 3) the corners, metres."""
+        return _placed([self.min, self.max], surface, self.relative)
+
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices; raises SurfaceError when there are none or min is beyond max."""
-        low, high = _placed([self.min, self.max], surface, self.relative)
+        low, high = self.corners(surface)
         if (low > high).any():
             raise SurfaceError(f"{picker_words(self)} has min beyond max; swap them")
         away = np.linalg.norm(surface.V - np.clip(surface.V, low, high), axis=1)
@@ -89,11 +93,15 @@ class Ball:
     relative: bool = False
     pick: Literal["ball"] = "ball"
 
+    def metres(self, surface: Surface) -> tuple[Floats, float]:
+        """The centre (3,) and the radius, metres."""
+        scale = surface.size if self.relative else 1.0
+        return _placed([self.center], surface, self.relative)[0], self.radius * scale
+
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices; raises SurfaceError when there are none."""
-        center = _placed([self.center], surface, self.relative)[0]
-        away = np.linalg.norm(surface.V - center, axis=1)
-        return within_reach(self, surface, away, self.radius * (surface.size if self.relative else 1.0))
+        center, radius = self.metres(surface)
+        return within_reach(self, surface, np.linalg.norm(surface.V - center, axis=1), radius)
 
 
 @dataclass(frozen=True)
@@ -110,11 +118,15 @@ class Side:
     relative: bool = False
     pick: Literal["side"] = "side"
 
+    def reach(self, surface: Surface) -> float:
+        """The depth, metres."""
+        return self.depth * (float(np.ptp(surface.V[:, "xyz".index(self.axis)])) if self.relative else 1.0)
+
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices: at least one always."""
         x = surface.V[:, "xyz".index(self.axis)]
         away = x - x.min() if self.end == "min" else x.max() - x
-        return within_reach(self, surface, away, self.depth * (float(np.ptp(x)) if self.relative else 1.0))
+        return within_reach(self, surface, away, self.reach(surface))
 
 
 @dataclass(frozen=True)
@@ -129,10 +141,14 @@ class Nearest:
     relative: bool = False
     pick: Literal["nearest"] = "nearest"
 
+    def places(self, surface: Surface) -> Floats:
+        """(k, 3) the points, metres."""
+        return _placed(self.points, surface, self.relative)
+
     def vertices(self, surface: Surface) -> Bools:
         """(n,) the picked vertices, the first of those equally near; raises SurfaceError when no point is given."""
         picked = np.zeros(surface.n, dtype=bool)
-        for point in _placed(self.points, surface, self.relative):
+        for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
         return _some(self, surface, picked, "")
 

@@ -1,4 +1,4 @@
-"""`propose`: a mesh to a commented preset that `dsfab build` takes."""
+"""What is decided for a mesh: the `Proposal`, a preset that `dsfab build` takes."""
 
 import tomllib
 from collections.abc import Iterator
