@@ -24,11 +24,11 @@ SLIDING = 1 / 8
 """The largest reach, as a share of a surface's size, that distances are exact for whatever a preset asks."""
 
 
-ALWAYS_DRAWN = 1e33
+DRAWN = 1e33
 """What distances from drawn regions are multiplied with: beside these any reach is 0, even `NO_REACH`."""
 DRAWN_ONLY = -1e6
 """A reach that does so: the shader reads no distances where none is over `NO_REACH`."""
-OUTLINE = 1e-3
+REGION_LINE = 1e-3
 """Vertices on the outline of a solid region are this share of an edge outside of it."""
 
 
@@ -125,13 +125,13 @@ class StripedMesh:
 def distances(made: Design) -> tuple[Floats, Floats]:
     """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for.
 
-    Where regions are drawn the first is how far a vertex is outside of them and of what is kept, times `ALWAYS_DRAWN`.
+    Where regions are drawn the first is how far a vertex is outside of them and of what is kept, times `DRAWN`.
     """
     surface, load, ask = made.surface, made.load, made.preset.pattern
     reach = max(SLIDING * surface.size, ask.keep, ask.rim)
     near = distance_to_vertices(surface, load.held | load.loaded, reach)
     if ask.drawn_regions:
-        near = ALWAYS_DRAWN * _outside(made, near)
+        near = DRAWN * _outside(made, near)
     return near, distance_to_boundary(surface, reach)
 
 
@@ -144,7 +144,7 @@ def _outside(made: Design, near: Floats) -> Floats:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            region = np.where(x > 0, -surface.mean_edge, OUTLINE * surface.mean_edge)
+            region = np.where(x > 0, -surface.mean_edge, REGION_LINE * surface.mean_edge)
             off = np.where(x >= 0, np.minimum(off, region), off)
         else:
             off = np.where(x[:, 0] >= 0, np.minimum(off, x[:, 1]), off)
