@@ -21,8 +21,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from dsfab.surface import SHAPES, Surface, read_surface, remeshed
-from dsfab.surface.creases import feature_edges
 from dsfab.surface.nearest import nearest
+from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.canopy import canopy
 from tests.meshes import FOLDER
@@ -129,9 +129,9 @@ def angles(surface: Surface) -> np.ndarray:
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("mci,mci->mc", u, v)))
 
 
-def own_angle(surface: Surface) -> float:
-    """The least angle within the surface between features that meet, degrees: sums of the faces' angles between."""
-    marks, edges = feature_edges(surface), surface.edges
+def own_angle(surface: Surface, marks: np.ndarray) -> float:
+    """The least angle within the surface between marked edges that meet, degrees: sums of the faces' angles between."""
+    edges = surface.edges
     on, corner = marks[edges.of].ravel(), angles(surface).ravel()
     h0, h1 = edges.pairs.T
     twin = np.full(3 * surface.m, -1)
@@ -153,7 +153,7 @@ def row(name: str, old: Surface, edge: float, **how: object) -> dict[str, object
     begun = time.perf_counter()
     new = remeshed(old, edge, **how)
     seconds = time.perf_counter() - begun
-    crease, border, all_edges = sharp(old, 30), old.edges.boundary, new.edges.ends
+    crease, border, all_edges = sharp(old, 30) & design_features(old, edge), old.edges.boundary, new.edges.ends
     least = angles(new).min(axis=1)
     same = (
         euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
@@ -168,7 +168,7 @@ def row(name: str, old: Surface, edge: float, **how: object) -> dict[str, object
         "to": new.m,
         "s": seconds,
         "angle": least.min(),
-        "own": own_angle(old),
+        "own": own_angle(old, design_features(old, edge)),
         "below 20": int((least < 20).sum()),
         "mean": least.mean(),
         "edge": new.mean_edge / edge,

@@ -7,7 +7,8 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, Ints, lengths
 from dsfab.surface.neighbours import adjacency
-from dsfab.surface.remesh.curves import TOLERANCE, FeatureCurves
+from dsfab.surface.remesh.curves import FeatureCurves
+from dsfab.surface.remesh.features import TOLERANCE
 from dsfab.surface.remesh.net import FIXED, FREE, ON_CURVE, Net, area_vectors, edges_of, independent, spans
 from dsfab.surface.remesh.split import LONGEST
 from dsfab.surface.topology import EdgeTable

@@ -5,14 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, from_segments
-from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
-
-CORNER = 30.0
-"""Degrees by which a curve turns at a vertex from which that is a corner."""
-
-TOLERANCE = 1 / 50
-"""Of the edge: how far the new boundaries and creases may be from those of the input."""
+from dsfab.surface.remesh.features import CORNER, TOLERANCE, design_features, smooth_passes
 
 KINK = 1.5
 """Times the tolerance: a vertex of a curve that a chord of an edge past it would miss by more is a corner too."""
@@ -65,7 +59,7 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     A vertex where other than two of their edges meet, where a curve turns sharply, or which is the outermost of the
     surface in x, y or z is fixed.
     """
-    ends = surface.edges.ends[feature_edges(surface)]
+    ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)
     corners[extremes] = True
@@ -85,17 +79,9 @@ def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
     """(n,) vertices of the feature edges (e, 2) that no curve passes smoothly."""
     degree = np.bincount(ends.ravel(), minlength=len(V))
     corners: Bools = (degree > 0) & (degree != 2)
-    total = np.zeros(len(V), dtype=np.int64)
-    np.add.at(total, ends[:, 0], ends[:, 1])
-    np.add.at(total, ends[:, 1], ends[:, 0])
-    one = np.zeros(len(V), dtype=np.int64)
-    one[ends[:, 0]], one[ends[:, 1]] = ends[:, 1], ends[:, 0]
-    inner = np.flatnonzero(degree == 2)
-    p, q = V[inner] - V[one[inner]], V[total[inner] - one[inner]] - V[inner]
-    a, b = np.linalg.norm(p, axis=1), np.linalg.norm(q, axis=1)
-    turn = np.arctan2(np.linalg.norm(np.cross(p, q), axis=1), np.einsum("ei,ei->e", p, q))
-    missed = np.minimum(np.minimum(a, b), edge / 2) * np.sin(turn / 2)
-    corners[inner] = (turn > np.radians(CORNER)) | (missed > KINK * TOLERANCE * edge)
+    passes = smooth_passes(V, ends)
+    missed = np.minimum(passes.arm, edge / 2) * np.sin(passes.turn / 2)
+    corners[passes.vertex] = (passes.turn > np.radians(CORNER)) | (missed > KINK * TOLERANCE * edge)
     return corners
 
 

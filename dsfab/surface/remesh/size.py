@@ -9,7 +9,8 @@ from dsfab.arrays import Floats, Ints, lengths
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import adjacency
-from dsfab.surface.remesh.curves import TOLERANCE, FeatureCurves
+from dsfab.surface.remesh.curves import FeatureCurves
+from dsfab.surface.remesh.features import TOLERANCE
 from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of, spans
 from dsfab.surface.topology import EdgeTable
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints, lengths
 from dsfab.surface.mesh import Surface
-from dsfab.surface.remesh.curves import TOLERANCE, FeatureCurves
+from dsfab.surface.remesh.curves import FeatureCurves
+from dsfab.surface.remesh.features import TOLERANCE
 from dsfab.surface.remesh.net import FIXED, FREE, Net, area_vectors
 
 TURN = 0.5

@@ -6,7 +6,8 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, lengths
 from dsfab.surface.refine import halved
-from dsfab.surface.remesh.curves import TOLERANCE, FeatureCurves
+from dsfab.surface.remesh.curves import FeatureCurves
+from dsfab.surface.remesh.features import TOLERANCE
 from dsfab.surface.remesh.net import FREE, ON_CURVE, Net, area_vectors, edges_of, spans
 from dsfab.surface.topology import EdgeTable
 
