@@ -13,10 +13,10 @@ MEMBERS_AROUND = 18
 """Members along the side of a square of the area of a closed surface."""
 CELLS = 1200
 """Openings between members at most, about: more are no pattern any more, and take long."""
-EDGES = 3.5
-"""Edges of the mesh from one member to the next."""
-TRIANGLES = 40_000
-"""Of the mesh, at most, about."""
+COARSEST, FINEST = 2.5, 3.5
+"""Edges of the mesh from one member to the next: fewer draw no clean stripes, more only take longer."""
+TRIANGLES = 6500
+"""Of the mesh, about, between these: its solid then has some 30 000 faces, which CAD programs still open."""
 SLENDER = {"steel": 200, "timber": 100}
 """Span over thickness, by what a sheet is made of."""
 STEEL = ("S235", "S355", "aluminium 6082")
@@ -70,7 +70,8 @@ def sizes(surface: Surface, material: str | None = None) -> Sizes:
     spacing = two_digits(max(square / MEMBERS_AROUND if figure else span / MEMBERS, square / np.sqrt(CELLS)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
     thick = spacing / 8 if figure else span / SLENDER["steel" if material in STEEL else "timber"]
-    edge = two_digits(max(spacing / EDGES, square / np.sqrt(np.sqrt(3) / 4 * TRIANGLES)))
+    even = square / np.sqrt(np.sqrt(3) / 4 * TRIANGLES)
+    edge = two_digits(np.clip(even, spacing / FINEST, spacing / COARSEST))
     coarse = edge < SHOWN_FACETS * surface.mean_edge
     return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material, coarse)
 

@@ -64,7 +64,7 @@ export function magnitude(thing) {
 export function where(at) {
   if (!at) return '';
   if (at.pick === 'nearest') return at.points.length === 1 ? 'at a point' : `at ${at.points.length} points`;
-  if (at.pick === 'ball') return `within ${told(at.radius, 'm')} of a place`;
+  if (at.pick === 'ball') return `within ${at.relative ? `${told(100 * at.radius, '%')} of its size` : told(at.radius, 'm')} of a place`;
   if (at.pick === 'brush') return `painted with ${at.points.length} ${at.points.length === 1 ? 'dot' : 'dots'}`;
   if (at.pick === 'box') return 'in a box';
   if (at.pick === 'side') return `at the ${at.end === 'min' ? 'lowest' : 'highest'} ${at.axis}`;

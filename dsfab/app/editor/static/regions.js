@@ -40,13 +40,14 @@ export function rows({ key, name, at }, state) {
       });
       return field;
     });
-    row.append(make('span', { textContent: word }), ...fields, make('span', { className: 'unit', textContent: 'm' }));
+    row.append(make('span', { textContent: word }), ...fields, make('span', { className: 'unit', textContent: at.relative ? '' : 'm', title: at.relative ? 'shares of the box of the surface' : '' }));
     return row;
   });
 }
 
 /** Handles of a region: { id, name, place [x, y, z], moved(place): what is to be set when it is dragged there }. */
 export function handles({ key, name, at }) {
+  if (at?.relative) return []; // shares of the surface's box: numbers only
   const one = (part, word, place, moved) => ({ id: `${key}.${part}`, name: `${name}: ${word}`, place, moved });
   if (at?.pick === 'box') {
     const middle = at.min.map((x, i) => (x + at.max[i]) / 2);
