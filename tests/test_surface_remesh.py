@@ -1,16 +1,27 @@
 """Remeshing: even triangles on the same surface; boundaries, creases, corners, plan and topology stay."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import dsfab
 from dsfab.errors import DsfabError, SurfaceError
-from dsfab.surface import Surface, refined, remeshed
+from dsfab.surface import Surface, read_surface, refined, remeshed
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.nearest import nearest
+from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.canopy import canopy
+from tests.meshes import mesh_file
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
+
+ROOT = Path(__file__).resolve().parent.parent
 
 
 def smallest_angle(surface: Surface) -> float:
@@ -39,7 +50,7 @@ def check_kept(old: Surface, new: Surface, edge: float, tolerance: float = 0.02)
     """Boundaries both ways, creases, vertices on the surface, extent, topology and sides."""
     assert farthest(samples(old, old.edges.boundary), new, new.edges.boundary) <= tolerance * edge
     assert farthest(samples(new, new.edges.boundary), old, old.edges.boundary) <= tolerance * edge
-    inner = feature_edges(old) & ~old.edges.boundary
+    inner = design_features(old, edge) & ~old.edges.boundary
     every = np.ones(len(new.edges.ends), dtype=bool)
     assert farthest(samples(old, inner), new, every) <= tolerance * edge
     assert nearest(new.V, old.V, old.F).distance.max() <= 1e-9 * old.size
@@ -131,6 +142,100 @@ def test_the_same_surface_gives_the_same_mesh(smooth):
     one, two = (remeshed(canopy(0.5), 0.4, 0.1, smooth) for _ in range(2))
     assert np.array_equal(one.V, two.V)
     assert np.array_equal(one.F, two.F)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(power=st.integers(-12, 12), angle=st.floats(0, 6.3), edge=st.floats(0.35, 1.2))
+def test_size_and_turn_make_no_difference(power, angle, edge):
+    """A mesh that is twice as large, to the bit; one that is turned about its height, in what is measured."""
+    roof, scale = canopy(0.8), 2.0**power
+    new = remeshed(roof, edge)
+    scaled = remeshed(Surface(scale * roof.V, roof.F), scale * edge)
+    assert np.array_equal(scaled.V, scale * new.V)
+    assert np.array_equal(scaled.F, new.F)
+    c, s = np.cos(angle), np.sin(angle)
+    turned = Surface(roof.V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), roof.F)
+    check_kept(turned, remeshed(turned, edge), edge)
+
+
+def test_another_process_makes_the_same_bytes():
+    code = (
+        "import hashlib; from tests.canopy import canopy; from dsfab.surface import remeshed; "
+        "s = remeshed(canopy(0.8), 0.5, 0.2, True); print(hashlib.sha256(s.V.tobytes() + s.F.tobytes()).hexdigest())"
+    )
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    ]
+    assert runs[0] == runs[1]
+
+
+def strips(count: int) -> Surface:
+    """A vault of needles from end to end, as CAD programs give it."""
+    flat = grid(count, 1, 8.0, 10.0)
+    x, y, _ = flat.V.T
+    return Surface(np.c_[x, y, 2.5 * np.sin(np.pi * x / 8)], flat.F)
+
+
+def fan(count: int) -> Surface:
+    """A flat cone of needles about its tip."""
+    t = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    i = np.arange(count)
+    V = np.r_[[[0, 0, 1.0]], np.c_[5 * np.cos(t), 5 * np.sin(t), 0 * t]]
+    return Surface(V, np.c_[0 * i, i + 1, (i + 1) % count + 1])
+
+
+@pytest.mark.parametrize("needles", [strips(60), strips(500), fan(300)])
+def test_needles_become_even_triangles(needles):
+    edge = needles.size / 40
+    new = remeshed(needles, edge)
+    assert smallest_angle(new) > 20
+    assert new.m < 1.3 * needles.area / (np.sqrt(3) / 4 * edge**2)
+    check_kept(needles, new, edge)
+
+
+def test_noise_makes_no_creases_and_coarsens():
+    """A plate of 7 200 triangles with noise of a fifth of its edges: 3 555 edges are sharp by chance."""
+    rough = jittered(grid(60, 60, 1.0, 1.0), 0.0)
+    lift = 0.2 * rough.mean_edge * np.random.default_rng(0).normal(size=rough.n)
+    rough = Surface(np.c_[rough.V[:, :2], lift], rough.F)
+    inner = ~rough.edges.boundary
+    edge = 5 * rough.mean_edge
+    assert (feature_edges(rough) & inner).sum() > 3000
+    assert (design_features(rough, edge) & inner).sum() < 10  # at the boundary, which is as rough
+    assert remeshed(rough, edge).m < rough.m / 5
+    assert (design_features(folded(), 0.5) & ~folded().edges.boundary).sum() == 8
+
+
+ROOFS = [
+    "Botanic",
+    "BubbleShell",
+    "barrel_vault",
+    "canopy_quad",
+    "halftunnel",
+    "hypar",
+    "roof_with_opening",
+    "shell_tube",
+]
+MESHES = [*ROOFS, "bob", "monkey_saddle_control", "torus"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [80, 160])
+@pytest.mark.parametrize("name", MESHES)
+def test_real_meshes_are_kept(name, share):
+    old = read_surface(mesh_file(f"{name}.obj"))
+    edge = old.size / share
+    new = remeshed(old, edge)
+    check_kept(old, new, edge)
+    assert smallest_angle(new) > 20
 
 
 # --- smooth refining

@@ -22,7 +22,7 @@ DULL = 0.6 * CREASE
 FRAGMENT = 2.0
 """Times the edge: shorter creases that are dull are slivers or noise. A longer one is a small step of the design."""
 
-AROUND = 48
+AROUND = 128
 """How many faces within the length of an edge, at most, make the mean normals."""
 
 

@@ -34,13 +34,15 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
     """The net with its wanted lengths: `base` (n,) or one for all, metres, no longer than the chords (p,) of its curves
     allow, and graded."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
-    least = LEAST * float(size.max())
+    edge = float(size.max())
+    least = LEAST * edge
     if len(net.node):
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     edges = edges_of(net)
     for vertex, width in _narrow(net, edges):
-        np.minimum.at(size, vertex, np.maximum(NARROW * width, least))
+        wide = width > TOLERANCE * edge  # less is a sliver
+        np.minimum.at(size, vertex[wide], np.maximum(NARROW * width[wide], least))
     return replace(net, size=graded_sizes(net.V, edges.ends, size))
 
 
