@@ -214,17 +214,8 @@ def test_noise_makes_no_creases_and_coarsens():
     assert (design_features(folded(), 0.5) & ~folded().edges.boundary).sum() == 8
 
 
-ROOFS = [
-    "Botanic",
-    "BubbleShell",
-    "barrel_vault",
-    "canopy_quad",
-    "halftunnel",
-    "hypar",
-    "roof_with_opening",
-    "shell_tube",
-]
-MESHES = [*ROOFS, "bob", "monkey_saddle_control", "torus"]
+MESHES = ["Botanic", "BubbleShell", "barrel_vault", "bob", "canopy_quad", "halftunnel", "hypar"]
+MESHES += ["monkey_saddle_control", "roof_with_opening", "shell_tube", "torus"]
 
 
 @pytest.mark.slow
