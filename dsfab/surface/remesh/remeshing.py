@@ -38,8 +38,9 @@ def remeshed(surface: Surface, edge: float, finest: float = 0.0, smooth: bool = 
              they lie on its facets.
 
     Boundaries, and creases of more than 30 degrees, are kept to a fiftieth of `edge`, their corners exactly, and so are
-    the extent in x, y and z, the number of pieces and holes, and the sides that the faces have. Edges are shorter than
-    asked where that takes it, and where curves lie closer together. The same surface gives the same mesh.
+    the extent in x, y and z, the number of pieces and holes, and the sides that the faces have; not creases of slivers
+    and noise, see `design_features`. Edges are shorter than asked where that takes it, and where
+    curves lie closer together. The same surface gives the same mesh.
 
     Raises SurfaceError for lengths that are none, edges that are longer than the surface or would take over `LARGEST`
     triangles, and a surface with repeated faces or edges of more than two.
