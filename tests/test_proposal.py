@@ -279,3 +279,16 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
     assert built.surface.unit == "mm"
     assert built.statics.material == "S235"
     assert (tmp_path / "out" / "hall.stl").is_file()
+
+
+@pytest.mark.slow
+def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, capsys):
+    """A STEP that is too large is told; asked for, it is refused."""
+    monkeypatch.chdir(tmp_path)
+    obj(tmp_path / "cap.obj", dome(edge=1.2))
+    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out"]
+    assert main(["build", "cap.obj", *few]) == 0
+    assert "left out: the STEP file" in capsys.readouterr().err
+    assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]
+    assert main(["build", "cap.obj", *few, "--format", "step"]) == 1
+    assert "step_faces = 100" in capsys.readouterr().err

@@ -17,8 +17,8 @@ from dsfab.proposal import propose
 from dsfab.statics import USES
 from dsfab.study.verdict.rules import QUICK
 from dsfab.study.verification import TESTS
+from dsfab.surface.shapes import barrel_vault
 from tests.own_meshes import canopy_mm
-from tests.zoo import ZOO
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -47,8 +47,8 @@ SETUP = [line for block in blocks("sh") for line in block.splitlines() if ".venv
 @pytest.fixture
 def desk(tmp_path, monkeypatch):
     """A folder with a roof of one's own in it, in millimetres."""
-    dome = ZOO["dome"]()
-    trimesh.Trimesh(dome.V * 8000, dome.F, process=False).export(tmp_path / "my_roof.obj")
+    hall = barrel_vault(edge=1.2)
+    trimesh.Trimesh(hall.V * 1000, hall.F, process=False).export(tmp_path / "my_roof.obj")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -105,7 +105,9 @@ def build(
         reporter.stop()
     if not quiet:
         _summary(design, folder, saved.measured)
-    if saved.refused:
+    if saved.refused and proposal and files.format_ is None:
+        reporter.say(f"export      left out: {saved.refused}")  # nobody asked for that format
+    elif saved.refused:
         raise ExportError(saved.refused)
     return 0
 

@@ -21,7 +21,7 @@ from dsfab.wording import table
 from tests.own_meshes import OWN
 
 ACROSS, WIDE, ASPECT = 5, 640, 4 / 3
-HEAD = ("s", "pieces", "dead ends", "slits", "gap/thickness")
+HEAD = ("s", "pieces", "dead ends", "slits", "gap/thickness", "STEP")
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class Attempt:
             ("dead ends", str(sum(len(family["loose_ends_at_m"]) for family in families))),
             ("slits", str(sum(family["slits"] for family in families))),
             ("gap/thickness", f"{gap:.2f}"),
+            ("STEP", "yes" if any(name.endswith(".step") for name in self.facts["files"]) else "no"),
         )
 
     @property
