@@ -168,7 +168,7 @@ def drop_roof(tab):
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
     tab.run("document.getElementById('ask-unit').value = 'cm'; document.querySelector('#ask button.main').click()")
-    until(tab, "dsfab.start.title === 'my_roof' && dsfab.model.facts.triangles === 162 && " + READY)
+    until(tab, "dsfab.start.title === 'my_roof' && dsfab.model.facts.opening === dsfab.start.opening && " + READY)
 
 
 @seen_in_a_page
@@ -224,7 +224,7 @@ def test_what_is_opened_fills_the_picture_whatever_its_size(tab):
     assert tab.run(share) == pytest.approx(0.25, abs=0.15)
     assert np.abs(np.array(tab.run("dsfab.viewer.eye.numbers"))[3:6]).max() < 0.3
     tab.run("dsfab.files.open({preset: 'dome'})")
-    until(tab, "dsfab.start.title === 'dome' && dsfab.model.facts.triangles !== 162 && " + READY)
+    until(tab, "dsfab.start.title === 'dome' && dsfab.model.facts.opening === dsfab.start.opening && " + READY)
     assert tab.run(share) == pytest.approx(whole, rel=0.3)
 
 

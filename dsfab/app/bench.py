@@ -126,8 +126,11 @@ def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str
         return [()]
     surface = source.read(name).surface
     edge = getattr(surface, "edge", None)
-    if edge is None:
-        raise DsfabError(f"--scaling changes surface.edge, which {name} does not have; choose a preset with a shape")
+    if not edge:
+        raise DsfabError(
+            f"--scaling changes surface.edge, which {name} does not have; choose a preset with a shape, or give a mesh "
+            "one (--set surface.edge=0.3)"
+        )
     now = surface.build().n
     return [(f"surface.edge={edge * (now / n) ** 0.5:.6g}",) for n in wanted]
 
