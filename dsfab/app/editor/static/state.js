@@ -128,9 +128,11 @@ export const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 /** Whether two values mean the same in a preset: whatever the order of their keys, and whether what is left out is written. */
 export const alike = (a, b) => JSON.stringify(a, sorted) === JSON.stringify(b, sorted);
 
+const UNSAID = new Set(['relative', 'boundary']); // of a picker: false where the page says nothing
+
 function sorted(_, value) {
   if (value === null || typeof value !== 'object' || Array.isArray(value)) return value;
-  return Object.fromEntries(Object.entries(value).filter(([, part]) => part !== null && part !== '').sort(([a], [b]) => (a < b ? -1 : 1)));
+  return Object.fromEntries(Object.entries(value).filter(([key, part]) => part !== null && part !== '' && !(UNSAID.has(key) && part === false)).sort(([a], [b]) => (a < b ? -1 : 1)));
 }
 
 /** The keys at which two sets of changes differ. */
