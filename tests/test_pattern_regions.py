@@ -11,9 +11,12 @@ from dsfab.app.editor.payload import model
 from dsfab.errors import DsfabError, PatternError, PresetError, SurfaceError
 from dsfab.pattern.region_layers import outline_edges, region_bands
 from dsfab.pipeline import draft
+from dsfab.pipeline.buildable import objections
 from dsfab.pipeline.regions import one_sided_words
 from dsfab.render.striped_mesh import distances
+from dsfab.report.design.acting import acting_facts
 from dsfab.slicing import cut
+from dsfab.study.fabrication import fabrication
 from dsfab.surface import (
     Ball,
     Boundary,
@@ -326,6 +329,30 @@ def test_what_is_told_of_supports_is_of_those_that_are_left():
     told = balance(design, design.load, design.statics.equilibrium)
     assert told["supports"][0]["reaction_N"] == pytest.approx(told["reaction_N"], abs=1.0)
     assert -told["load_N"][2] == pytest.approx(told["reaction_N"][2], rel=1e-6)
+
+
+def test_tables_and_pieces_know_what_was_held_before_the_void():
+    """The edge of an oculus is in no table and touches no piece as if it were held."""
+    load = [{"kind": "self_weight"}]
+    design = dsfab.run(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP], "surface.load": load}))
+    (ring,) = acting_facts(design)["supports"]
+    assert ring["vertices"] == design.load.held.sum()
+    assert ring["along_m"] == pytest.approx(2 * np.pi * 6, rel=0.01)
+    assert list(ring["share"].values()) == pytest.approx([1.0])
+    (piece,) = fabrication(design).pieces
+    assert piece.supports == (1,)
+
+
+def test_objections_are_to_the_vertices_that_were_numbered_before_the_void():
+    mesh = dsfab.load_preset(DOME_MODES, DOME).surface.build()
+    ring = np.flatnonzero(np.abs(mesh.V[:, 2]) < 1e-9)
+    feet = [{"at": {"pick": "vertices", "indices": [int(ring[k])]}} for k in (0, len(ring) // 3, 2 * len(ring) // 3)]
+    given = {**DOME, "pattern.region": [TOP], "surface.load": [{"kind": "self_weight"}], "surface.support": feet}
+    preset = dsfab.load_preset(DOME_MODES, given)
+    made = draft(preset)
+    said = [one.text for one in objections(preset, made.surface, made.statics.cases) if "holds only" in one.text]
+    assert len(said) == 3
+    assert all(", 0) m, and carries" in text for text in said)
 
 
 # ------------------------------------------------------------------------------------------------------- statics

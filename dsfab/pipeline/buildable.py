@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import StaticsError, SurfaceError
 from dsfab.limits import AT_ONE_VERTEX, FAR_FROM_SURFACE, FEW_VERTICES, GLANCING, LARGEST_MOVE, SOME_REACTION
+from dsfab.pipeline.regions import Acting, acting_on, whole_surface
 from dsfab.preset import Preset
 from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import SupportEntry, load_entries, support_entries
@@ -26,14 +27,15 @@ class Objection(NamedTuple):
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
     """What is to be said against a sheet that was solved, the gravest first."""
+    on, weight = acting_on(preset, surface), preset.statics.weight
     yield from _moving(surface, cases)
-    if point := _on_one_vertex(surface, preset, cases):
+    if point := _on_one_vertex(surface, on, cases):
         yield point
     else:
         answers = {name: case.equilibrium for name, case in cases.items()}
-        yield from _on_few_vertices(support_entries(surface, preset.surface.support, answers))
-    yield from _past_faces(preset, surface)
-    yield from _on_supports(preset, surface, cases)
+        yield from _on_few_vertices(support_entries(surface, on.support, answers))
+    yield from _past_faces(on, surface, weight)
+    yield from _on_supports(on, surface, weight, cases)
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
@@ -47,7 +49,7 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
 
     Raises SurfaceError with the first, unless `statics.check` is false.
     """
-    given, found = preset.surface, []
+    given, found, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(given.support), *load_names(given.load)]
     for name, entry in zip(names, (*given.support, *given.load), strict=True):
         at = getattr(entry, "at", None)
@@ -76,7 +78,7 @@ def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objec
         )
 
 
-def _on_one_vertex(surface: Surface, preset: Preset, cases: Mapping[str, CaseResult]) -> Objection | None:
+def _on_one_vertex(surface: Surface, on: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
     """Under every case nearly all of the reaction is on the same vertex."""
     sizes = [np.linalg.norm(case.equilibrium.reaction, axis=1) for case in cases.values() if case.factors is None]
     shares = [size / size.sum() for size in sizes if size.any()]
@@ -84,8 +86,7 @@ def _on_one_vertex(surface: Surface, preset: Preset, cases: Mapping[str, CaseRes
     at = int(least.argmax())
     if least[at] <= AT_ONE_VERTEX:
         return None
-    given = preset.surface.support
-    names = zip(support_names(given), given, strict=True)
+    names = zip(support_names(on.support), on.support, strict=True)
     holding = " and ".join(name for name, support in names if support.at.vertices(surface)[at])
     return Objection(
         f"{least[at]:.0%} of the reaction is on one vertex, at {_place(surface.V[at])} ({holding}): let the support "
@@ -106,10 +107,10 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
             )
 
 
-def _past_faces(preset: Preset, surface: Surface) -> Iterator[Objection]:
+def _past_faces(on: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
     """Snow and wind that run along the faces they are on: a wall that is not quite upright, say."""
-    climate = [load for load in preset.surface.load if isinstance(load, Snow | Wind)]
-    for load, entry in zip(climate, load_entries(surface, climate, preset.statics.weight), strict=True):
+    climate = [load for load in on.load if isinstance(load, Snow | Wind)]
+    for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < GLANCING * load.pressure * entry.area:
             yield Objection(
                 f"{entry.name} runs along its faces, and puts {force(entry.total)} on {entry.area:.3g} "
@@ -117,12 +118,11 @@ def _past_faces(preset: Preset, surface: Surface) -> Iterator[Objection]:
             )
 
 
-def _on_supports(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
+def _on_supports(on: Acting, surface: Surface, weight: float, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
     """Loads that the supports take at once."""
     free = ~next(iter(cases.values())).load.fixed
-    loads = preset.surface.load
-    for name, load in zip(load_names(loads), loads, strict=True):
-        if not load.on(surface, preset.statics.weight)[free].any():
+    for name, load in zip(load_names(on.load), on.load, strict=True):
+        if not load.on(surface, weight)[free].any():
             yield Objection(
                 f"{name} acts in held directions of held vertices only: the supports take it, and the sheet carries "
                 "nothing of it; move it or the supports",

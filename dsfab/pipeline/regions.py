@@ -54,16 +54,25 @@ def acting_on(preset: Preset, surface: Surface) -> Acting:
     given = preset.surface
     if not preset.pattern.voids:
         return Acting(given.support, given.load)
-    if surface not in _BEFORE:
-        cut = with_regions(given.build(), preset.pattern.region)
-        _BEFORE[surface] = cut.whole, cut.vertices
-    whole, vertices = _BEFORE[surface]
+    whole, vertices = _before_voids(preset, surface)
     words = _void_words(preset)
     support, load = (
         tuple(_left(f"surface.{key}.{k}", one, whole, vertices, words) for k, one in enumerate(getattr(given, key)))
         for key in ("support", "load")
     )
     return Acting(support, load)
+
+
+def whole_surface(preset: Preset, surface: Surface) -> Surface:
+    """The surface of a preset as it was before its voids were taken away."""
+    return _before_voids(preset, surface)[0] if preset.pattern.voids else surface
+
+
+def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
+    if surface not in _BEFORE:
+        cut = with_regions(preset.surface.build(), preset.pattern.region)
+        _BEFORE[surface] = cut.whole, cut.vertices
+    return _BEFORE[surface]
 
 
 def _left(key: str, one: Any, whole: Surface, vertices: Ints, voids: str) -> Any:

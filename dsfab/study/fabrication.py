@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.limits import Status
 from dsfab.pipeline.design import Design
+from dsfab.pipeline.regions import acting_on
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
 from dsfab.surface import load_names, support_names
@@ -96,7 +97,7 @@ def _checked(name: str, limit: float, found: Feature | None) -> Check:
 
 def _touches(design: Design) -> tuple[Touches, ...]:
     """The pieces of the sheet, largest first by number of triangles, and what each touches."""
-    sheet, given = design.sheet, design.preset.surface
+    sheet, on = design.sheet, acting_on(design.preset, design.surface)
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
 
@@ -108,8 +109,8 @@ def _touches(design: Design) -> tuple[Touches, ...]:
                     found[k].append(number)
         return found
 
-    supports, loads = touched(given.support), touched(given.load)
-    called = support_names(given.support), load_names(given.load)
+    supports, loads = touched(on.support), touched(on.load)
+    called = support_names(on.support), load_names(on.load)
 
     def piece(k: int) -> Touches:
         names = [names[number - 1] for names, at in zip(called, (supports[k], loads[k]), strict=True) for number in at]

@@ -21,9 +21,11 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
     solved : whether reactions are told, which takes the statics; without them it is known what is held and loaded.
     Raises DsfabError for supports and loads that pick nothing, and of the statics.
     """
+    from dsfab.pipeline import acting_on
     from dsfab.statics import load_entries, support_entries
 
-    given, surface = design.preset.surface, design.surface
+    surface = design.surface
+    on = acting_on(design.preset, surface)
     answers = {name: case.equilibrium for name, case in design.statics.cases.items()} if solved else {}
     return {
         "supports": [
@@ -37,7 +39,7 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
                 "reaction_N": {case: part.tolist() for case, part in entry.reaction.items()},
                 "share": dict(entry.share),
             }
-            for entry in support_entries(surface, given.support, answers)
+            for entry in support_entries(surface, on.support, answers)
         ],
         "loads": [
             {
@@ -50,7 +52,7 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
                 "along_m": entry.length,
                 "vertices": entry.vertices,
             }
-            for entry in load_entries(surface, given.load, design.preset.statics.weight)
+            for entry in load_entries(surface, on.load, design.preset.statics.weight)
         ],
     }
 
