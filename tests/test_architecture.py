@@ -89,7 +89,7 @@ ALLOWED: dict[str, set[str]] = {
 """Each part of dsfab, and the parts it may import besides itself."""
 
 HOME = {
-    "manifold3d": {"thickening"},
+    "manifold3d": {"slicing", "thickening"},  # slicing offsets flat outlines of openings with it
     "build123d": {"delivery", "export"},
     "OCP": {"export"},
     "lib3mf": {"export", "surface"},

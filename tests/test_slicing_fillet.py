@@ -11,6 +11,7 @@ import dsfab
 from dsfab.errors import PatternError
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.arcs import CHORD
+from dsfab.slicing.features import features
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
@@ -77,6 +78,75 @@ def test_a_radius_without_room_becomes_smaller():
     assert (found < 0.2).all()  # half of an opening's side
     assert 0.95 < opening / (9 * np.pi * 0.1**2) < 1.01  # nearly discs
     check_added(plate, sheet, done)
+
+
+def wedge(plate: Surface, half_angle: float, tip: float, length: float = 0.6, centre: float = 0.5) -> Sheet:
+    """A unit plate with a wedge along y = `centre` as its opening, `tip` metres wide where it is narrowest."""
+    x, y = plate.V[:, :2].T
+    wide = np.abs(y - centre) - tip / 2 - (x - 0.2) * np.tan(half_angle)
+    return cut(plate, [x, -x, wide], [[0.2 + length], [-0.2], [0.0]], snap=0)
+
+
+@pytest.mark.parametrize("degrees", [6.5, 12.0, 25.0])
+@pytest.mark.parametrize("tip", [0.01, 0.03, 0.06])
+def test_a_blunt_tip_is_rounded_by_one_disc_beyond_its_corners(degrees, tip):
+    """Its corners share a wall that has no room for two arcs; the disc stops where the wedge is as wide as it is."""
+    half, radius, plate = np.radians(degrees), 0.05, grid(40, 40, 1.0, 1.0)
+    sheet = wedge(plate, half, tip)
+    done, found = rounded_corners(sheet, radius)
+    assert found == pytest.approx(np.full(3, radius))
+    turn = np.pi - 2 * half  # of the arc; chords of it are within the disc
+    chords = np.ceil(turn / CHORD)
+    beyond = radius**2 / np.tan(half) - tip**2 / (4 * np.tan(half))
+    at_the_tip = beyond - radius**2 * chords * np.sin(turn / chords) / 2
+    wide = np.pi / 2 + half
+    chords = np.ceil(wide / CHORD)
+    at_the_base = 2 * radius**2 * (np.tan(wide / 2) - chords * np.sin(wide / chords) / 2)
+    assert material_area(done) - material_area(sheet) == pytest.approx(at_the_tip + at_the_base, rel=0.02)
+    check_added(plate, sheet, done)
+
+
+def test_a_pointed_tip_without_a_corner_of_its_own_is_rounded():
+    """A tip that is drawn as many walls of small turns is one as well: its radius is under half of the one asked."""
+    plate = grid(60, 60, 1.0, 1.0)
+    x, y = plate.V[:, :2].T
+    ellipse = cut(plate, [((x - 0.5) / 0.35) ** 2 + ((y - 0.5) / 0.12) ** 2], [[1.0]], snap=0)  # tips of 0.041 m
+    done, found = rounded_corners(ellipse, 0.1)
+    assert found == pytest.approx([0.1, 0.1])
+    rim = done.kept().surface
+    inner = rim.V[rim.edges.ends[rim.edges.boundary & ~plate_edge(rim)]]
+    assert np.abs(inner[..., 0] - 0.5).max() < 0.35 - 0.01
+    check_added(plate, ellipse, done)
+
+
+def test_a_round_slot_is_left_as_it_is_by_a_smaller_radius():
+    plate = grid(150, 150, 1.0, 1.0)
+    x, y = plate.V[:, :2].T
+    sheet = cut(plate, [np.hypot(np.clip(np.abs(x - 0.5) - 0.2, 0, None), y - 0.5)], [[0.04]], snap=0)
+    done, found = rounded_corners(sheet, 0.03)
+    assert not len(found)
+    assert done is sheet
+
+
+def plate_edge(surface: Surface) -> np.ndarray:
+    """The edges on the edge of a unit plate."""
+    ends = surface.V[surface.edges.ends][..., :2]
+    return (np.abs(ends - 0.5) > 0.5 - 1e-9).any(axis=2).all(axis=1)
+
+
+def test_narrowest_place_of_a_rounded_wedge_is_as_wide_as_the_disc():
+    sheet = wedge(grid(40, 40, 1.0, 1.0), np.radians(9), 0.012)
+    done, _ = rounded_corners(sheet, 0.05)
+    gap = features(done, done.material, [""] * 4).gap
+    assert gap.size > 2 * 0.05 * np.cos(CHORD / 2)
+
+
+@settings(max_examples=25, deadline=None)
+@given(angle=st.floats(2, 40), tip=st.floats(1e-3, 0.15), radius=st.floats(5e-3, 0.2), seed=st.integers(0, 1000))
+def test_laws_on_random_wedges(angle, tip, radius, seed):
+    plate = jittered(grid(23, 23, 1.0, 1.0), seed=seed)
+    sheet = resolve_pinches(wedge(plate, np.radians(angle), tip, 0.4), 1e-3).sheet
+    check_added(plate, sheet, rounded_corners(sheet, radius)[0])
 
 
 def test_nothing_to_round():

@@ -26,6 +26,8 @@ MODEL = 3.0
 """Metres; what is smaller is taken for a printed model."""
 SHOWN_FACETS = 0.7
 """Edges shorter than this share of a mesh's own would show its facets: they follow the smooth surface through it."""
+ROUND = 0.55
+"""Radius over thickness: a little over a half, for an arc is drawn by chords."""
 SHARPEST = 15.0
 """Degrees; a mesh with smaller angles is made anew."""
 
@@ -58,8 +60,8 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings."""
-        return two_digits(0.06 * self.spacing)
+        """Radius of the corners of openings: their tips are then wider than the sheet is thick."""
+        return two_digits(max(0.06 * self.spacing, ROUND * self.thickness))
 
 
 def sizes(surface: Surface, material: str | None = None) -> Sizes:

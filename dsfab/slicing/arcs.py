@@ -66,19 +66,18 @@ class Arcs:
         return normal * there[:, :, None], np.where(there, distance, 1.0)
 
 
-def touching_arcs(a: Floats, b: Floats, radius: Floats) -> Arcs:
+def touching_arcs(a: Floats, b: Floats, radius: Floats, first: Floats | None = None) -> Arcs:
     """Arcs of given radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which lead away from their corners.
+
+    first : (k, 2) middles to begin with; where the walls beside the corners would have them when left out.
 
     The void is on the right of a and on the left of b. Newton's method on both distances: the circle of the tangents
     at the nearest points is the next guess.
     """
-    u, v = _direction(a), _direction(b)
-    left, right = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
-    centre, good = _crossing(a[:, 0], left, b[:, 0], right, radius)
-    good &= (np.einsum("ki,ki->k", left, v) > 0) & (np.einsum("ki,ki->k", right, u) > 0)
+    centre, good = _beside_corners(a, b, radius) if first is None else (first, np.ones(len(first), dtype=bool))
     for _ in range(STEPS):
         one, two = _nearest(a, centre)[0], _nearest(b, centre)[0]
-        centre, regular = _crossing(one, _unit(centre - one), two, _unit(centre - two), radius)
+        centre, regular = crossing(one, _unit(centre - one), two, _unit(centre - two), radius)
         good &= regular
     (one, way_a), (two, way_b) = _nearest(a, centre), _nearest(b, centre)
     for foot in (one, two):
@@ -88,7 +87,16 @@ def touching_arcs(a: Floats, b: Floats, radius: Floats) -> Arcs:
     return arcs
 
 
-def _crossing(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
+def _beside_corners(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
+    """(k, 2) middles of circles that touch the first walls, and which of them lie in the void."""
+    u, v = _direction(a), _direction(b)
+    left, right = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
+    centre, good = crossing(a[:, 0], left, b[:, 0], right, radius)
+    good &= (np.einsum("ki,ki->k", left, v) > 0) & (np.einsum("ki,ki->k", right, u) > 0)
+    return centre, good
+
+
+def crossing(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
     """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n; and which exist."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     good = np.abs(det) > PARALLEL

@@ -7,16 +7,14 @@ wall a      corner
 """
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import PatternError
-from dsfab.slicing.cells import Cells
 from dsfab.slicing.clean import Snapping, clean_split
-from dsfab.slicing.cut import filled_polygons
 from dsfab.slicing.fillet_chords import SNAP, Fillets, fitting_fillets
 from dsfab.slicing.opening_corners import Corners
 from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.slicing.recut import Recut
 from dsfab.slicing.sheet import Sheet
 
 GOLDEN = (5**0.5 - 1) / 2
@@ -28,7 +26,8 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
 
     sheet  : material and void, without pinches.
     radius : metres; smaller where the walls beside a corner leave no room for it. The arc is one in the plane that
-             touches the surface at the corner, to a 20th of its radius; corners that turn by under 20 degrees stay.
+             touches the surface at the corner, to a 20th of its radius; corners that turn by under 20 degrees stay. At
+             a blunt tip, where a disc of that radius stops before several corners, one arc rounds them all.
 
     Material is added only, never taken away; it takes the family of the member before the corner.
     Raises PatternError for a radius that is no length.
@@ -36,7 +35,7 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     corners = Corners.of(sheet)
-    if not len(corners.first):
+    if not len(corners.walls.start):
         return sheet, np.empty(0)
     fillets = fitting_fillets(corners, radius)
     if not fillets.count:
@@ -47,19 +46,12 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
 def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
     """Only the cells that are cut and their neighbours are divided as polygons; the others are as they were."""
     sheet, surface = corners.sheet, corners.sheet.surface
-    near = np.zeros(surface.m, dtype=bool)
-    near[fillets.pair[:, 1]] = True
-    one, two = surface.edges.pairs.T // 3
-    some = near[one] | near[two]
-    near[one[some]] = near[two[some]] = True
-    which = np.flatnonzero(near)
-    vertices, F = np.unique(surface.F[which], return_inverse=True)
-    cells, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
-    mesh = PolygonMesh.plain(F, cells, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which])
-    corner = np.searchsorted(vertices, corners.walls.start[corners.first[fillets.at]])
-    family = sheet.family[corners.walls.outside[corners.first[fillets.at]] // 3]
+    some = Recut.of(sheet, fillets.pair[:, 1])
+    which, mesh = some.cells, some.mesh
+    corner = np.searchsorted(some.vertices, corners.walls.start[fillets.wall])
+    family = sheet.family[corners.walls.outside[fillets.wall] // 3]
     arc, cell = fillets.pair[:, 0], np.searchsorted(which, fillets.pair[:, 1])
-    colour, root = _colours(arc, cells.corner.reshape(-1, 3)[cell]), np.arange(len(which))
+    colour, root = _colours(arc, mesh.cells.corner.reshape(-1, 3)[cell]), np.arange(len(which))
     for group in range(int(colour.max()) + 1):
         mine = np.full(len(which), -1)
         pairs = colour[arc] == group
@@ -67,7 +59,7 @@ def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
         mesh, source, filled_in = _filled_corners(mesh, mine[root], fillets, corner, surface.size)
         root = root[source]
         mesh.family[filled_in] = family[mine[root[filled_in]]]
-    return _together(sheet, which, vertices, mesh, root)
+    return some.together(mesh, root)
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
@@ -124,23 +116,3 @@ def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, fillets: Fillets, chor
     x = np.zeros(len(mesh.X))
     x[vertex] = np.where(np.abs(height) < SNAP * fillets.radius[mine], 0.0, height)
     return x
-
-
-def _together(sheet: Sheet, which: Ints, vertices: Ints, mesh: PolygonMesh, root: Ints) -> Sheet:
-    """All cells, those `which` replaced by polygons of their own, in the order of the cells that they were.
-
-    vertices : those of the sheet that the polygons began with.    root : (c,) the place in `which` of each polygon.
-    """
-    surface, new = sheet.surface, len(mesh.X) - len(vertices)
-    number = np.concatenate([vertices, surface.n + np.arange(new)])
-    others = np.setdiff1d(np.arange(surface.m), which)
-    start = np.concatenate([3 * np.arange(len(others)), 3 * len(others) + mesh.cells.start])
-    cells = Cells(start, np.concatenate([surface.F[others].ravel(), number[mesh.cells.corner]]))
-    came = np.concatenate([others, which[root]])
-    order = np.argsort(came, kind="stable")
-    X = np.concatenate([surface.V, mesh.X[len(vertices) :]])
-    weights = csr_array(vstack([sheet.weights, mesh.weights[len(vertices) :]], format="csr"))
-    cells, parent = cells.some(order), sheet.parent[came[order]]
-    family = np.concatenate([sheet.family[others], mesh.family])[order]
-    done, cell = filled_polygons(cells, X, parent)
-    return Sheet(done, parent[cell], family[cell], weights)

@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.arcs import Arcs
 from dsfab.slicing.opening_corners import SMALLER, Corners
+from dsfab.slicing.rolled_corners import rolled_arcs
 from dsfab.slicing.sheet import Sheet
 
 SNAP = 2e-3
@@ -22,11 +23,11 @@ TRIES = 12
 class Fillets:
     """Chords of the arcs that are to round corners (k,): normals (k, c, 3), metres from the origin of space (k, c).
 
-    at   : (k,) the corners.    radius : (k,) metres.
+    wall : (k,) the walls that begin at the corners.    radius : (k,) metres.
     pair : (p, 2) an arc, and a void cell that lies beyond its chords in part, reached from the corner through others.
     """
 
-    at: Ints
+    wall: Ints
     radius: Floats
     normal: Floats
     distance: Floats
@@ -35,7 +36,7 @@ class Fillets:
     @property
     def count(self) -> int:
         """How many there are."""
-        return len(self.at)
+        return len(self.wall)
 
     def beyond(self, arc: Ints, X: Floats) -> Floats:
         """(p,) metres that points X (p, 3) lie beyond the chord of an arc (p,) that they are farthest beyond."""
@@ -46,23 +47,28 @@ class Fillets:
         number = np.cumsum(chosen) - 1
         pair = self.pair[chosen[self.pair[:, 0]]]
         pair = np.stack([number[pair[:, 0]], pair[:, 1]], axis=1)
-        return Fillets(self.at[chosen], self.radius[chosen], self.normal[chosen], self.distance[chosen], pair)
+        return Fillets(self.wall[chosen], self.radius[chosen], self.normal[chosen], self.distance[chosen], pair)
 
     @classmethod
     def joined(cls, parts: Sequence["Fillets"]) -> "Fillets":
         """All fillets of several, one behind the other."""
         before = np.cumsum([0, *(part.count for part in parts)])
         pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
-        columns = zip(*((part.at, part.radius, part.normal, part.distance) for part in parts), strict=True)
-        at, radius, normal, distance = (np.concatenate(column) for column in columns)
-        return cls(at, radius, normal, distance, pair)
+        columns = zip(*((part.wall, part.radius, part.normal, part.distance) for part in parts), strict=True)
+        wall, radius, normal, distance = (np.concatenate(column) for column in columns)
+        return cls(wall, radius, normal, distance, pair)
 
 
 def fitting_fillets(corners: Corners, radius: float) -> Fillets:
-    """Arcs for all corners, made smaller until they fit between the walls; without those that do not."""
-    wanted = corners.largest(radius)
-    waiting, done = np.flatnonzero(wanted >= SMALLEST * radius), list[Fillets]()
+    """Arcs for all corners: where a disc of that radius stops, beyond which may be several; then for each of the
+    others, made smaller until they fit between the walls; without those that do not."""
     beside = _beside(corners.sheet)
+    tips, arcs = rolled_arcs(corners, radius)
+    rolled, clear = _cutting(tips, np.arange(len(tips.first)), arcs, beside)
+    done = [rolled.some(clear)]
+    corners = corners.beside(tips.some(clear), arcs.some(clear))
+    wanted = corners.largest(radius)
+    waiting = np.flatnonzero(wanted >= SMALLEST * radius)
     for _ in range(TRIES):
         arcs, factor = corners.arcs(waiting, wanted[waiting])
         fits = factor == 1
@@ -94,7 +100,7 @@ def _cutting(corners: Corners, at: Ints, arcs: Arcs, beside: Ints) -> tuple[Fill
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[at])
     distance = distance + np.einsum("kci,ki->kc", normal, corners.origin[at])
     arc, cell = np.arange(len(at)), walls.inside[corners.first[at]] // 3
-    fillets = Fillets(at, arcs.radius, normal, distance, np.stack([arc, cell], axis=1))
+    fillets = Fillets(corners.first[at], arcs.radius, normal, distance, np.stack([arc, cell], axis=1))
     seen = key = arc * surface.m + cell
     clear = np.ones(len(at), dtype=bool)
     edge = np.zeros(surface.n, dtype=bool)

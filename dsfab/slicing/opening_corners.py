@@ -1,6 +1,6 @@
 """Corners of openings, and how large a radius the walls beside them leave room for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.arcs import Arcs, touching_arcs
 from dsfab.slicing.sheet import Sheet
+from dsfab.slicing.stretches import Stretches
 from dsfab.slicing.walls import SHARPEST, Walls
 
 ROOM = 0.98
@@ -30,12 +31,14 @@ class Corners:
     """Corners (k,) along the walls of a sheet, in the order of the walls.
 
     first : (k,) the wall that begins at a corner.    turn : (k,) radians, to the left.
+    place : (k,) metres along the chain. Where an arc already ends on a wall is a corner that does not turn.
     """
 
     sheet: Sheet
     walls: Walls
     first: Ints
     turn: Floats
+    place: Floats
 
     @classmethod
     def of(cls, sheet: Sheet) -> "Corners":
@@ -43,7 +46,27 @@ class Corners:
         walls = Walls.of(sheet)
         turn = walls.turns(sheet)
         at = np.flatnonzero(turn > SHARPEST)
-        return cls(sheet, walls, at, turn[at])
+        return cls(sheet, walls, at, turn[at], walls.place[at])
+
+    def some(self, chosen: Bools | Ints) -> "Corners":
+        """Those that are marked (k,), or of these numbers."""
+        return replace(self, first=self.first[chosen], turn=self.turn[chosen], place=self.place[chosen])
+
+    def stretches(self, arcs: Arcs) -> Stretches:
+        """The walls between the feet of arcs at these corners (k,)."""
+        chain = self.walls.chain[self.first]
+        return Stretches.of(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
+
+    def beside(self, tips: "Corners", arcs: Arcs) -> "Corners":
+        """Those that do not lie between the feet of disjoint arcs (p,) at `tips`; and these feet, which do not turn."""
+        walls, chain = self.walls, self.walls.chain[tips.first]
+        free = ~tips.stretches(arcs).cover(walls.chain[self.first], self.place)
+        feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
+        first = walls.at(np.tile(chain, 2), feet)
+        first, place = np.concatenate([self.first[free], first]), np.concatenate([self.place[free], feet])
+        turn = np.concatenate([self.turn[free], np.zeros(len(feet))])
+        order = np.lexsort((place, walls.chain[first]))
+        return Corners(self.sheet, walls, first[order], turn[order], place[order])
 
     @cached_property
     def next(self) -> Ints:
@@ -51,7 +74,7 @@ class Corners:
         chain = self.walls.chain[self.first]
         follow = np.arange(1, len(chain) + 1)
         new = np.flatnonzero(np.diff(chain, prepend=-1))
-        ends = np.append(new[1:], len(chain)) - 1
+        ends = np.append(new[1:], len(chain))[: len(new)] - 1
         follow[ends] = np.where(self.walls.closed[chain[ends]], new, -1)
         return follow
 
@@ -68,7 +91,7 @@ class Corners:
         """(k,) metres of wall before and behind each corner, up to the next one or the end of the chain."""
         walls, follow, before = self.walls, self.next, self.previous
         chain = walls.chain[self.first]
-        total, here = walls.total[chain], walls.place[self.first]
+        total, here = walls.total[chain], self.place
         there = here[follow]
         behind = np.where(follow >= 0, np.where(there > here, there - here, there - here + total), total - here)
         return np.where(before >= 0, behind[before], here), behind
@@ -85,7 +108,7 @@ class Corners:
 
         def share(other: Ints) -> Floats:
             beyond: Floats = np.where(other >= 0, t[other], 0.0)
-            return np.asarray(t / (t + beyond))
+            return np.asarray(t / np.maximum(t + beyond, TINY))
 
         return ROOM * ahead * share(self.previous), ROOM * behind * share(self.next)
 
@@ -112,17 +135,18 @@ class Corners:
         """Arcs of radii (p,) metres at corners (p,), in their `frames` around the corners; and by which factor they
         must become smaller to have room between their neighbours: 1 for those that fit, `SMALLER` where none touches.
         """
-        arcs = touching_arcs(self._line(at, radius, back=True), self._line(at, radius, back=False), radius)
+        ahead, behind = (np.minimum(way[at], 2 * radius * self.tangents[at] + radius) for way in self.ways)
+        arcs = touching_arcs(self.line(at, ahead, back=True), self.line(at, behind, back=False), radius)
         one, two = self.rooms
         least = np.minimum(one[at] / np.maximum(arcs.way_a, TINY), two[at] / np.maximum(arcs.way_b, TINY))
         factor = np.where(least >= FITS, 1.0, np.maximum(FITS * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
-    def _line(self, at: Ints, radius: Floats, back: bool) -> Floats:
-        """(p, q, 2) the walls before or behind, away from the corner; at their end they stay where they are."""
+    def line(self, at: Ints, way: Floats, back: bool) -> Floats:
+        """(p, q, 2) the walls before or behind corners (p,), away from these and about as far as ways (p,), metres, in
+        their `frames`; at their end they stay where they are."""
         walls, V, count = self.walls, self.sheet.surface.V, WINDOW
         begin, vertex = self.first[at], walls.start if back else walls.end
-        way = np.minimum(self.ways[0 if back else 1][at], 2 * radius * self.tangents[at] + radius)
         while True:
             steps = np.arange(count)
             wall, there = walls.ahead(begin[:, None], -1 - steps if back else steps)
@@ -150,4 +174,5 @@ class Corners:
     def largest(self, radius: float) -> Floats:
         """(k,) radii, metres: the one asked for, or less where walls are too short for it."""
         one, two = self.rooms
-        return np.asarray(np.minimum(radius, np.minimum(one, two) / self.tangents))
+        room, t = np.minimum(one, two), self.tangents
+        return np.asarray(np.minimum(radius, np.divide(room, t, out=np.zeros_like(t), where=t > 0)))

@@ -60,6 +60,12 @@ class Walls:
         there = self.closed[chain] | ((at >= 0) & (at < size))
         return begin + at % size, there
 
+    def at(self, chain: Ints, place: Floats) -> Ints:
+        """(k,) the walls at places (k,), metres along chains (k,)."""
+        before = np.cumsum(self.total) - self.total
+        found = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
+        return np.clip(found, self.begin[chain], self.begin[chain + 1] - 1)
+
     def turns(self, sheet: Sheet) -> Floats:
         """(w,) by how much the outline turns to the left where a wall starts, radians: pi less the angle of the void.
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.limits import Status
+from dsfab.pipeline import acting_on
 from dsfab.pipeline.design import Design
-from dsfab.pipeline.regions import acting_on
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
 from dsfab.surface import load_names, support_names

@@ -1,0 +1,108 @@
+"""Where a disc that rolls inside an opening stops: one arc there rounds off all that lies beyond it.
+
+a ------.                    The corners of a blunt tip share a wall so short that neither has room for an arc of
+void  .-'''-. corner         its own. A disc touches the walls before and behind both. The middles of all discs of a
+     (   o   ) |             radius for which an opening has room are that opening offset inward, and this has a
+      '-...-'  corner        corner where a disc stops.
+b ------'
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.slicing.arcs import Arcs, crossing, touching_arcs
+from dsfab.slicing.flat_openings import TINY, FlatOpenings
+from dsfab.slicing.opening_corners import Corners
+from dsfab.slicing.walls import SHARPEST
+
+BEYOND = 0.6
+"""Walls are looked at this share of the radius beyond where a disc touches them in the flat."""
+
+
+class Stops(NamedTuple):
+    """Where discs stop in the flat.
+
+    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from there to the walls that they touch.
+    a, b   : (p,) these walls, by their places in `FlatOpenings.wall`, and the share of each that lies before the foot.
+    """
+
+    middle: Floats
+    before: Floats
+    behind: Floats
+    a: Ints
+    b: Ints
+    share_a: Floats
+    share_b: Floats
+
+
+def rolled_arcs(corners: Corners, radius: float) -> tuple[Corners, Arcs]:
+    """Where discs of a radius, metres, stop in the openings: the vertices (p,) that lie farthest beyond, as corners,
+    and the arcs (p,) in their frames, none of which reaches over another. Those that stop at one wall, or touch none
+    when seen in space, are not listed.
+    """
+    flat = FlatOpenings.of(corners.sheet, corners.walls)
+    stop = _stops(flat, radius)
+    walls, V = corners.walls, corners.sheet.surface.V
+    tip = _farthest(flat, stop)
+    wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
+    total, here, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
+    way_a = (here - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
+    way_b = (walls.place[wall_b] + stop.share_b * walls.length[wall_b] - here) % total
+    tips = Corners(corners.sheet, walls, wall, np.zeros(len(wall)), here)
+
+    def seen(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
+        """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
+        foot = V[walls.start[w]] + share[:, None] * (V[walls.end[w]] - V[walls.start[w]]) - tips.origin
+        inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
+        p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
+        return p, n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), TINY)
+
+    one, two = seen(wall_a, stop.share_a, stop.before), seen(wall_b, stop.share_b, stop.behind)
+    first, exists = crossing(*one, *two, size)
+    every, more = np.arange(len(wall)), BEYOND * radius
+    lines = tips.line(every, way_a + more, back=True), tips.line(every, way_b + more, back=False)
+    arcs = touching_arcs(*lines, size, first)
+    good = np.flatnonzero(arcs.touching & exists)
+    good = good[tips.some(good).stretches(arcs.some(good)).disjoint(len(good))]
+    return tips.some(good), arcs.some(good)
+
+
+def _stops(flat: FlatOpenings, radius: float) -> Stops:
+    """Those that stop between two walls of a chain."""
+    loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons()]
+    middle, before, behind = _left_turns([loop for loop in loops if len(loop) > 2])
+    (a, share_a), (b, share_b) = flat.touched(middle + radius * before), flat.touched(middle + radius * behind)
+    some = (flat.chain[a] == flat.chain[b]) & (a != b) if len(middle) else np.zeros(0, dtype=bool)
+    return Stops(*(x[some] for x in (middle, before, behind, a, b, share_a, share_b)))
+
+
+def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
+    """Where loops turn to the left by more than `SHARPEST`, and unit vectors to the right before and behind there."""
+    empty = np.empty((0, 2))
+    points, rights = [empty], ([empty], [empty])
+    for loop in loops:
+        ahead = np.roll(loop, -1, axis=0) - loop
+        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), TINY)
+        back = np.roll(ahead, 1, axis=0)
+        turn = np.arctan2(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0], (back * ahead).sum(axis=1))
+        at = turn > SHARPEST
+        points.append(loop[at])
+        for right, along in zip(rights, (back, ahead), strict=True):
+            right.append(np.stack([along[at, 1], -along[at, 0]], axis=1))
+    return np.concatenate(points), np.concatenate(rights[0]), np.concatenate(rights[1])
+
+
+def _farthest(flat: FlatOpenings, stop: Stops) -> Ints:
+    """(p,) of the walls behind a up to b, the one that starts farthest from the middle of the disc."""
+    size = np.bincount(flat.chain)
+    begin = np.cumsum(size) - size
+    first, most = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
+    count = (stop.b - stop.a) % most
+    row = np.repeat(np.arange(len(count)), count)
+    step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 1
+    wall = first[row] + (stop.a[row] - first[row] + step) % most[row]
+    far = np.linalg.norm(flat.start[wall] - stop.middle[row], axis=1)
+    order = np.lexsort((-far, row))
+    return np.asarray(wall[order][np.unique(row[order], return_index=True)[1]])
