@@ -128,6 +128,19 @@ def test_a_round_slot_is_left_as_it_is_by_a_smaller_radius():
     assert done is sheet
 
 
+@pytest.mark.parametrize("half", [0.01, 0.03, 0.045])
+def test_behind_a_neck_an_opening_goes_on(half):
+    """Two squares and a passage between them that is too narrow for the disc: each square keeps its own corners."""
+    plate = grid(40, 40, 1.0, 1.0)
+    x, y = np.abs(plate.V[:, :2].T - 0.5)
+    squares = np.maximum(np.abs(x - 0.25) - 0.15, y - 0.15)
+    sheet = cut(plate, [np.minimum(squares, np.maximum(x - 0.2, y - half))], [[0.0]], snap=0)
+    done, found = rounded_corners(sheet, 0.05)
+    assert found == pytest.approx(np.full(8, 0.05))
+    assert material_area(done) - material_area(sheet) == pytest.approx(8 * 0.05**2 * 0.25, rel=0.01)
+    check_added(plate, sheet, done)
+
+
 def plate_edge(surface: Surface) -> np.ndarray:
     """The edges on the edge of a unit plate."""
     ends = surface.V[surface.edges.ends][..., :2]

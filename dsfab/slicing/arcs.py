@@ -34,6 +34,12 @@ class Arcs:
     way_b: Floats
     touching: Bools
 
+    @classmethod
+    def none(cls) -> "Arcs":
+        """No arc at all."""
+        x, flat = np.empty(0), np.empty((0, 2))
+        return cls(flat, x, flat, flat, x, x, np.zeros(0, dtype=bool))
+
     @property
     def begin(self) -> Floats:
         """(k,) the angle at which they begin, radians."""

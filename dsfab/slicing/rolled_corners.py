@@ -11,12 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.arcs import Arcs, crossing, touching_arcs
 from dsfab.slicing.flat_openings import TINY, FlatOpenings
 from dsfab.slicing.opening_corners import Corners
 from dsfab.slicing.walls import SHARPEST
+from dsfab.surface import nearest
 
+BESIDE = 0.1
+"""Nearer to a foot than this share of the radius, walls are about as near to the middle as the foot."""
+NEARLY = 3e-3
+"""A wall is touched by a disc where its distance from the nearest middle exceeds the radius by less than this share."""
 BEYOND = 0.6
 """Walls are looked at this share of the radius beyond where a disc touches them in the flat."""
 
@@ -36,6 +41,10 @@ class Stops(NamedTuple):
     share_a: Floats
     share_b: Floats
 
+    def some(self, chosen: Bools) -> "Stops":
+        """Those that are marked (p,)."""
+        return Stops(*(x[chosen] for x in self))
+
 
 def rolled_arcs(corners: Corners, radius: float) -> tuple[Corners, Arcs]:
     """Where discs of a radius, metres, stop in the openings: the vertices (p,) that lie farthest beyond, as corners,
@@ -43,9 +52,12 @@ def rolled_arcs(corners: Corners, radius: float) -> tuple[Corners, Arcs]:
     when seen in space, are not listed.
     """
     flat = FlatOpenings.of(corners.sheet, corners.walls)
-    stop = _stops(flat, radius)
+    loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
+    if not loops:
+        return corners.some(np.zeros(0, dtype=np.int64)), Arcs.none()
+    stop = _stops(flat, loops, radius)
     walls, V = corners.walls, corners.sheet.surface.V
-    tip = _farthest(flat, stop)
+    stop, tip = _tips(flat, stop, loops, radius)
     wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
     total, here, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
     way_a = (here - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
@@ -69,13 +81,12 @@ def rolled_arcs(corners: Corners, radius: float) -> tuple[Corners, Arcs]:
     return tips.some(good), arcs.some(good)
 
 
-def _stops(flat: FlatOpenings, radius: float) -> Stops:
-    """Those that stop between two walls of a chain."""
-    loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons()]
-    middle, before, behind = _left_turns([loop for loop in loops if len(loop) > 2])
+def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> Stops:
+    """Those that stop between two walls of a chain; the middles of discs lie within loops."""
+    middle, before, behind = _left_turns(loops)
     (a, share_a), (b, share_b) = flat.touched(middle + radius * before), flat.touched(middle + radius * behind)
-    some = (flat.chain[a] == flat.chain[b]) & (a != b) if len(middle) else np.zeros(0, dtype=bool)
-    return Stops(*(x[some] for x in (middle, before, behind, a, b, share_a, share_b)))
+    some = (flat.chain[a] == flat.chain[b]) & (a != b)
+    return Stops(middle, before, behind, a, b, share_a, share_b).some(some)
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
@@ -94,8 +105,11 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
     return np.concatenate(points), np.concatenate(rights[0]), np.concatenate(rights[1])
 
 
-def _farthest(flat: FlatOpenings, stop: Stops) -> Ints:
-    """(p,) of the walls behind a up to b, the one that starts farthest from the middle of the disc."""
+def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -> tuple[Stops, Ints]:
+    """Those beyond which no other disc has room, and for each the wall (p,) that starts farthest from its middle.
+
+    Behind a neck an opening may widen again: that is no tip.
+    """
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     first, most = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -103,6 +117,22 @@ def _farthest(flat: FlatOpenings, stop: Stops) -> Ints:
     row = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 1
     wall = first[row] + (stop.a[row] - first[row] + step) % most[row]
-    far = np.linalg.norm(flat.start[wall] - stop.middle[row], axis=1)
-    order = np.lexsort((-far, row))
-    return np.asarray(wall[order][np.unique(row[order], return_index=True)[1]])
+    start = flat.start[wall]
+    touched = _distance(flat.start, loops)[wall] < (1 + NEARLY) * radius
+    for to_wall in (stop.before, stop.behind):
+        foot = (stop.middle + radius * to_wall)[row]
+        touched &= np.linalg.norm(start - foot, axis=1) > BESIDE * radius
+    free = np.bincount(row, touched, len(count)) == 0
+    order = np.lexsort((-np.linalg.norm(start - stop.middle[row], axis=1), row))
+    farthest = wall[order][np.unique(row[order], return_index=True)[1]]
+    return stop.some(free), farthest[free]
+
+
+def _distance(points: Floats, loops: list[Floats]) -> Floats:
+    """(k,) of points (k, 2) from the nearest of closed loops."""
+    size = np.array([len(loop) for loop in loops])
+    begin = np.cumsum(size) - size
+    after = np.arange(1, int(size.sum()) + 1)
+    after[begin + size - 1] = begin
+    flat = (np.pad(x, ((0, 0), (0, 1))) for x in (points, np.concatenate(loops)))
+    return nearest(*flat, np.stack([np.arange(len(after)), after], axis=1)).distance
