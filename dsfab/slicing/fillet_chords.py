@@ -9,7 +9,6 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.arcs import Arcs
 from dsfab.slicing.opening_corners import SMALLER, Corners
 from dsfab.slicing.rolled_corners import rolled_arcs
-from dsfab.slicing.sheet import Sheet
 
 SNAP = 2e-3
 """Vertices nearer to a chord than this share of the radius are on it: no slivers."""
@@ -62,9 +61,8 @@ class Fillets:
 def fitting_fillets(corners: Corners, radius: float) -> Fillets:
     """Arcs for all corners: where a disc of that radius stops, beyond which may be several; then for each of the
     others, made smaller until they fit between the walls; without those that do not."""
-    beside = _beside(corners.sheet)
     tips, arcs = rolled_arcs(corners, radius)
-    rolled, clear = _cutting(tips, np.arange(len(tips.first)), arcs, beside)
+    rolled, clear = _cutting(tips, np.arange(len(tips.first)), arcs)
     done = [rolled.some(clear)]
     corners = corners.beside(tips.some(clear), arcs.some(clear))
     wanted = corners.largest(radius)
@@ -72,7 +70,7 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
     for _ in range(TRIES):
         arcs, factor = corners.arcs(waiting, wanted[waiting])
         fits = factor == 1
-        fillets, clear = _cutting(corners, waiting[fits], arcs.some(fits), beside)
+        fillets, clear = _cutting(corners, waiting[fits], arcs.some(fits))
         done.append(fillets.some(clear))
         factor[np.flatnonzero(fits)[~clear]] = SMALLER
         wanted[waiting] *= factor
@@ -83,19 +81,9 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
     return Fillets.joined(done)
 
 
-def _beside(sheet: Sheet) -> Ints:
-    """(m', 3) the void cell across each half-edge of void cells, -1 elsewhere."""
-    one, two = sheet.surface.edges.pairs.T
-    void = ~sheet.material
-    inner = void[one // 3] & void[two // 3]
-    cell = np.full(3 * sheet.surface.m, -1)
-    cell[one[inner]], cell[two[inner]] = two[inner] // 3, one[inner] // 3
-    return cell.reshape(-1, 3)
-
-
-def _cutting(corners: Corners, at: Ints, arcs: Arcs, beside: Ints) -> tuple[Fillets, Bools]:
+def _cutting(corners: Corners, at: Ints, arcs: Arcs) -> tuple[Fillets, Bools]:
     """Chords in space for arcs at corners `at`, and which arcs are clear: beyond them is no other wall, and no end."""
-    surface, walls = corners.sheet.surface, corners.walls
+    surface, walls, beside = corners.sheet.surface, corners.walls, corners.sheet.void_beside
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[at])
     distance = distance + np.einsum("kci,ki->kc", normal, corners.origin[at])

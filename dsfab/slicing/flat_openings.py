@@ -10,7 +10,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.slicing.parts import part_of
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.walls import Walls
-from dsfab.surface import nearest
+from dsfab.surface import NearestPlaces, nearest
 from dsfab.surface.topology import pieces
 
 if TYPE_CHECKING:
@@ -79,12 +79,22 @@ class FlatOpenings:
 
     def touched(self, points: Floats) -> tuple[Ints, Floats]:
         """(p,) the nearest wall to points (p, 2), by its place in `wall`; and which share of it lies before."""
-        ends = np.stack([np.arange(len(self.wall)), self.after], axis=1)
-        P, V = (np.pad(x, ((0, 0), (0, 1))) for x in (points, self.start))
-        found = nearest(P, V, ends)
-        one, two = self.start[ends[found.simplex]].transpose(1, 0, 2)
+        found = self._nearest(points)
+        one, two = self.start[found.simplex], self.start[self.after[found.simplex]]
         size = np.maximum(np.linalg.norm(two - one, axis=1), TINY)
         return found.simplex, np.clip(np.linalg.norm(found.place[:, :2] - one, axis=1) / size, 0, 1)
+
+    def distance(self, points: Floats) -> Floats:
+        """(p,) metres from points (p, 2) to the nearest wall."""
+        return self._nearest(points).distance
+
+    def _nearest(self, points: Floats) -> NearestPlaces:
+        return nearest_in_plane(points, self.start, np.stack([np.arange(len(self.wall)), self.after], axis=1))
+
+
+def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
+    """The places nearest to points (k, 2) on edges (m, 2) or vertices (m, 1) of V (n, 2)."""
+    return nearest(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
 def offset(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":

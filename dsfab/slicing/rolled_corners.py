@@ -13,10 +13,9 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.arcs import Arcs, crossing, touching_arcs
-from dsfab.slicing.flat_openings import TINY, FlatOpenings
+from dsfab.slicing.flat_openings import TINY, FlatOpenings, nearest_in_plane
 from dsfab.slicing.opening_corners import Corners
 from dsfab.slicing.walls import SHARPEST
-from dsfab.surface import nearest
 
 BESIDE = 0.1
 """Nearer to a foot than this share of the radius, walls are about as near to the middle as the foot."""
@@ -43,7 +42,15 @@ class Stops(NamedTuple):
 
     def some(self, chosen: Bools) -> "Stops":
         """Those that are marked (p,)."""
-        return Stops(*(x[chosen] for x in self))
+        return Stops(
+            self.middle[chosen],
+            self.before[chosen],
+            self.behind[chosen],
+            self.a[chosen],
+            self.b[chosen],
+            self.share_a[chosen],
+            self.share_b[chosen],
+        )
 
 
 def rolled_arcs(corners: Corners, radius: float) -> tuple[Corners, Arcs]:
@@ -134,5 +141,5 @@ def _distance(points: Floats, loops: list[Floats]) -> Floats:
     begin = np.cumsum(size) - size
     after = np.arange(1, int(size.sum()) + 1)
     after[begin + size - 1] = begin
-    flat = (np.pad(x, ((0, 0), (0, 1))) for x in (points, np.concatenate(loops)))
-    return nearest(*flat, np.stack([np.arange(len(after)), after], axis=1)).distance
+    edges = np.stack([np.arange(len(after)), after], axis=1)
+    return nearest_in_plane(points, np.concatenate(loops), edges).distance

@@ -65,6 +65,15 @@ class Sheet:
         """(m',) whether a cell is material."""
         return np.asarray(self.family != VOID)
 
+    @cached_property
+    def void_beside(self) -> Ints:
+        """(m', 3) the void cell across each side of void cells, -1 elsewhere."""
+        one, two = self.surface.edges.pairs.T
+        inner = ~(self.material[one // 3] | self.material[two // 3])
+        cell = np.full(3 * self.surface.m, -1)
+        cell[one[inner]], cell[two[inner]] = two[inner] // 3, one[inner] // 3
+        return cell.reshape(-1, 3)
+
     def carry(self, x: Floats) -> Floats:
         """Values x (n, ...) on the uncut surface's vertices, interpolated linearly to this sheet's (n', ...)."""
         return np.asarray(self.weights @ x)

@@ -10,7 +10,7 @@ from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeigh
 from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import load_names, support_names
-from dsfab.surface.nearest import nearest
+from dsfab.surface.nearest import NearestPlaces, nearest
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
 from dsfab.surface.picker import Picker
@@ -46,6 +46,7 @@ __all__ = [
     "MendedMesh",
     "MeshFacts",
     "Nearest",
+    "NearestPlaces",
     "Origins",
     "PatternRegion",
     "Picker",
