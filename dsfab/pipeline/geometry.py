@@ -11,7 +11,7 @@ from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, cut, filled_openings, filled_slits, resolve_pinches
+from dsfab.slicing import Sheet, bridged_necks, cut, filled_openings, filled_slits, resolve_pinches
 from dsfab.slicing.features import kept_cells
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
@@ -22,6 +22,9 @@ from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, 
 SPECK = 0.15
 """Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
 the surface leaves of an opening that it cuts through."""
+NECK, WIDEST = 1.1, 0.2
+"""Evenly spaced openings are bridged where they are narrower than so many times the thickness, or than this share of
+the spacing if that is less. A little more than once: the corners beside a bridge are rounded by chords."""
 ROOM = 0.5
 """The user is told of the median radius of corners where it is less than this share of what was asked."""
 SPRINGS_LOST = 0.005
@@ -37,8 +40,9 @@ def slicing_step(
         cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        smallest = _smallest_opening(pattern.settled(preset), surface)
-        cells, pinches, filled, merged, rounded = finished_cells(preset, cells, ask, smallest, _merged(pattern))
+        smallest = _smallest(pattern.settled(preset), surface)
+        done = finished_cells(preset, cells, ask, smallest, _merged(pattern))
+        cells, pinches, rounded = done.cells, done.pinches, done.rounded
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
@@ -51,10 +55,14 @@ def slicing_step(
         if ask.loose == "drop" and carried is not sheet:
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
-    if filled:
-        log.note("slicing", f"{filled} openings smaller than {smallest:.3g} m were filled")
-    if merged:
-        log.note("slicing", f"{_slits(merged)} narrower than the members beside: filled, so that these are one there")
+    if done.filled:
+        log.note("slicing", f"{done.filled} openings smaller than {smallest.opening:.3g} m were filled")
+    if done.merged:
+        log.note(
+            "slicing", f"{_slits(done.merged)} narrower than the members beside: filled, so that these are one there"
+        )
+    if done.bridged:
+        log.note("slicing", f"{_bridges(done.bridged)} where openings are narrower than {smallest.neck:.3g} m")
     if radius:
         log.note("slicing", _rounded(radius, rounded))
     if better:
@@ -63,35 +71,44 @@ def slicing_step(
 
 
 class Finished(NamedTuple):
-    """All cells without point contacts, specks and slits, with round corners; how many of each there were, and the
-    radii.
+    """All cells without point contacts, specks, slits and necks, with round corners; how many of each there were, and
+    the radii.
     """
 
     cells: Sheet
     pinches: int
     filled: int
     merged: int
+    bridged: int
     rounded: Floats
 
 
-def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: float, merge: bool) -> Finished:
-    """What is made of cells as they were cut; openings smaller than `smallest` metres are filled, and slits if `merge`
-    says so."""
+class Smallest(NamedTuple):
+    """Metres: smaller openings are filled, and bridged where they are narrower than a neck may be; 0 for neither."""
+
+    opening: float
+    neck: float
+
+
+def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: bool) -> Finished:
+    """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-    cells, filled, merged = pinched.sheet, 0, 0
+    cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
     late = merge and ask.min_opening is None  # most of these are slits
-    if smallest and not late:
-        cells, filled = filled_openings(cells, smallest)
+    if smallest.opening and not late:
+        cells, filled = filled_openings(cells, smallest.opening)
     if merge:
         cells, merged = filled_slits(cells)
-    if smallest and late:
-        cells, filled = filled_openings(cells, smallest, alike=True)
+    if smallest.opening and late:
+        cells, filled = filled_openings(cells, smallest.opening, alike=True)
+    if smallest.neck and merge:
+        cells, bridged = bridged_necks(cells, smallest.neck)
     radius = preset.pattern.fillet
     cells, rounded = rounded_corners(cells, radius) if radius else (cells, np.empty(0))
     if merge and len(rounded):
         cells, more = filled_slits(cells)  # round corners take their share of an opening
         merged += more
-    return Finished(cells, pinched.count, filled, merged, rounded)
+    return Finished(cells, pinched.count, filled, merged, bridged, rounded)
 
 
 def _merged(pattern: PatternResult) -> bool:
@@ -101,6 +118,10 @@ def _merged(pattern: PatternResult) -> bool:
 
 def _slits(count: int) -> str:
     return f"{count} opening{'s were' if count > 1 else ' was'}"
+
+
+def _bridges(count: int) -> str:
+    return f"{count} bridges were built" if count > 1 else "a bridge was built"
 
 
 def added_share(preset: Preset, surface: Surface, pattern: PatternResult) -> float:
@@ -113,7 +134,7 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult) -> flo
     if not cells.material.any():
         return 0.0
     plain = preset.model_copy(update={"slicing": ask})
-    smallest = _smallest_opening(pattern.settled(plain), surface)
+    smallest = _smallest(pattern.settled(plain), surface)
     done = finished_cells(preset, cells, ask, smallest, _merged(pattern)).cells
     before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
     return (after - before) / surface.area
@@ -131,13 +152,16 @@ def _rounded(radius: float, found: Floats) -> str:
     return f"{told} with {radius:.3g} m, or less for want of room"
 
 
-def _smallest_opening(preset: Preset, surface: Surface) -> float:
-    """Metres; smaller ones are filled."""
+def _smallest(preset: Preset, surface: Surface) -> Smallest:
+    """Of openings and necks; evenly spaced ones have no neck that is narrower than the sheet is thick."""
     ask, given = preset.pattern, preset.slicing.min_opening
     if given is not None or ask.method != "stripes":
-        return given or 0.0
-    speck = SPECK * min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
-    return min(speck, preset.statics.thickness) if ask.tidied else speck  # slits between tidied ones are filled anyway
+        return Smallest(given or 0.0, given or 0.0)
+    spacing = min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    thickness = preset.statics.thickness
+    # slits between tidied ones are filled anyway
+    opening = min(SPECK * spacing, thickness) if ask.tidied else SPECK * spacing
+    return Smallest(opening, min(NECK * thickness, WIDEST * spacing))
 
 
 def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:

@@ -56,6 +56,13 @@ class Arcs:
         """Those that are marked (k,), or of these numbers."""
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
+    def rays(self) -> tuple[Floats, Floats]:
+        """Unit normals (k, 2, 2) of the lines from the middle through both feet, away from the arc, and their distance
+        (k, 2) from the origin: what an arc rounds off lies on the inner side of both."""
+        a, b = (_unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
+        normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
+        return normal, np.einsum("kci,ki->kc", normal, self.centre)
+
     def chords(self) -> tuple[Floats, Floats]:
         """Outward unit normals (k, c, 2) of equal chords of each arc, and their distance (k, c) from the origin.
 

@@ -92,15 +92,21 @@ def _filled_corners(
     """
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
-    for chord in range(fillets.normal.shape[1]):
+    planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
+    planes += [(fillets.normal[:, k], fillets.distance[:, k], False) for k in range(fillets.normal.shape[1])]
+    for normal, distance, outside in planes:
         active = (arc >= 0) & ~beyond
-        active[active] = fillets.normal[arc[active], chord].any(axis=1)
+        active[active] = normal[arc[active]].any(axis=1)
         if not active.any():
-            break
-        x = _heights(mesh, arc, active, fillets, chord)
+            continue
+        x = _heights(mesh, arc, active, normal, distance, SNAP * fillets.radius)
         split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, size))
         mesh, came = mesh.after(split), split.source
-        source, arc, beyond = source[came], arc[came], beyond[came] | (split.strip == 1)
+        source, arc, beyond = source[came], arc[came], beyond[came]
+        if outside:
+            arc = np.where(split.strip == 1, -1, arc)
+        else:
+            beyond |= split.strip == 1
     part = mesh.parts(beyond)
     at = beyond[mesh.cells.owner] & (mesh.cells.corner == corner[arc[mesh.cells.owner]])
     wanted = np.zeros(len(beyond), dtype=bool)
@@ -108,11 +114,12 @@ def _filled_corners(
     return mesh, source, beyond & wanted[part]
 
 
-def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, fillets: Fillets, chord: int) -> Floats:
-    """(n',) metres by which vertices of the active polygons lie beyond a chord of the polygon's arc (c,)."""
+def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
+    """(n',) metres by which vertices of the active polygons lie beyond a plane (k, 3), (k,) of the polygon's arc (c,);
+    none where it is less than `snap` (k,)."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, mine = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
-    height = np.einsum("ki,ki->k", fillets.normal[mine, chord], mesh.X[vertex]) - fillets.distance[mine, chord]
+    height = np.einsum("ki,ki->k", normal[mine], mesh.X[vertex]) - distance[mine]
     x = np.zeros(len(mesh.X))
-    x[vertex] = np.where(np.abs(height) < SNAP * fillets.radius[mine], 0.0, height)
+    x[vertex] = np.where(np.abs(height) < snap[mine], 0.0, height)
     return x

@@ -15,8 +15,8 @@ ON_WALL = 4e-4
 """Outlines are on a wall where they are nearer to it than this share of the radius."""
 SMALL = 1e-3
 """Parts of less area than this share of the radius squared are rounding."""
-WIDE = 0.6
-"""An arc whose ends are nearer to one another than this share of the radius does not part a neck from a room."""
+WIDE = 0.02
+"""Arcs whose ends are nearer to one another than this share of the radius are rounding."""
 
 
 @dataclass(frozen=True, eq=False)

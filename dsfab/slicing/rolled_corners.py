@@ -7,6 +7,7 @@ void  .-'''-. corner         its own. A disc touches the walls before and behind
 b ------'
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,8 @@ BESIDE = 0.1
 """Nearer to a foot than this share of the radius, walls are about as near to the middle as the foot."""
 NEARLY = 3e-3
 """A wall is touched by a disc where its distance from the nearest middle exceeds the radius by less than this share."""
+AWAY = 1.2
+"""Radii from the middle at least to a vertex that is surely beyond; the nearest one is in the plane of the disc."""
 BEYOND = 0.6
 """Walls are looked at this share of the radius beyond where a disc touches them in the flat."""
 
@@ -53,37 +56,44 @@ class Stops(NamedTuple):
         )
 
 
-def rolled_arcs(corners: Corners, radius: float) -> tuple[Corners, Arcs]:
-    """Where discs of a radius, metres, stop in the openings: the vertices (p,) that lie farthest beyond, as corners,
-    and the arcs (p,) in their frames, none of which reaches over another. Those that stop at one wall, or touch none
-    when seen in space, are not listed.
+def rolled_arcs(corners: Corners, radius: float) -> Iterator[tuple[Corners, Arcs]]:
+    """Where discs of a radius, metres, stop in the openings: vertices (p,) beyond them, as corners, and the arcs (p,)
+    in the frames of these, none of which reaches over another. Those that stop at one wall, or touch none when seen in
+    space, are not listed.
+
+    Twice, for vertices near the discs and for those at the end of what lies beyond: on a curved surface one of them may
+    see the arc where the other does not.
     """
     flat = FlatOpenings.of(corners.sheet, corners.walls)
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
-    if not loops:
-        return corners.some(np.zeros(0, dtype=np.int64)), Arcs.none()
-    stop = _stops(flat, loops, radius)
+    if loops:
+        stop, *tips = _tips(flat, _stops(flat, loops, radius), loops, radius)
+        for tip in tips:
+            yield _seen(corners, flat, stop, tip, radius)
+
+
+def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: float) -> tuple[Corners, Arcs]:
+    """The arcs in the planes that touch the surface where walls `tip` (p,) start."""
     walls, V = corners.walls, corners.sheet.surface.V
-    stop, tip = _tips(flat, stop, loops, radius)
     wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
     total, here, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
     way_a = (here - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
     way_b = (walls.place[wall_b] + stop.share_b * walls.length[wall_b] - here) % total
     tips = Corners(corners.sheet, walls, wall, np.zeros(len(wall)), here)
 
-    def seen(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
+    def in_frame(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
         """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
         foot = V[walls.start[w]] + share[:, None] * (V[walls.end[w]] - V[walls.start[w]]) - tips.origin
         inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
         p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
         return p, n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), TINY)
 
-    one, two = seen(wall_a, stop.share_a, stop.before), seen(wall_b, stop.share_b, stop.behind)
+    one, two = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     first, exists = crossing(*one, *two, size)
     every, more = np.arange(len(wall)), BEYOND * radius
     lines = tips.line(every, way_a + more, back=True), tips.line(every, way_b + more, back=False)
     arcs = touching_arcs(*lines, size, first)
-    good = np.flatnonzero(arcs.touching & exists)
+    good = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
     good = good[tips.some(good).stretches(arcs.some(good)).disjoint(len(good))]
     return tips.some(good), arcs.some(good)
 
@@ -112,8 +122,8 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
     return np.concatenate(points), np.concatenate(rights[0]), np.concatenate(rights[1])
 
 
-def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -> tuple[Stops, Ints]:
-    """Those beyond which no other disc has room, and for each the wall (p,) that starts farthest from its middle.
+def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -> tuple[Stops, Ints, Ints]:
+    """Those beyond which no other disc has room; and for each two walls (p,) that start beyond, near it and far away.
 
     Behind a neck an opening may widen again: that is no tip.
     """
@@ -130,9 +140,13 @@ def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -
         foot = (stop.middle + radius * to_wall)[row]
         touched &= np.linalg.norm(start - foot, axis=1) > BESIDE * radius
     free = np.bincount(row, touched, len(count)) == 0
-    order = np.lexsort((-np.linalg.norm(start - stop.middle[row], axis=1), row))
-    farthest = wall[order][np.unique(row[order], return_index=True)[1]]
-    return stop.some(free), farthest[free]
+    far = np.linalg.norm(start - stop.middle[row], axis=1)
+    near = far < AWAY * radius
+    nearby, farthest = (
+        wall[order][np.unique(row[order], return_index=True)[1]]
+        for order in (np.lexsort((np.where(near, -far, far), near, row)), np.lexsort((-far, row)))
+    )
+    return stop.some(free), nearby[free], farthest[free]
 
 
 def _distance(points: Floats, loops: list[Floats]) -> Floats:

@@ -1,5 +1,6 @@
 """`Stretches`: parts of the chains of walls around openings."""
 
+from bisect import bisect
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,13 +42,24 @@ class Stretches:
         at = np.searchsorted(self.low[order], x, side="right") - 1
         return np.asarray((at >= 0) & (x <= self.high[order][np.maximum(at, 0)]))
 
+    def meet(self, other: "Stretches", count: int) -> Bools:
+        """(count,) which of the parts reach into disjoint other ones."""
+        if not len(other.low):
+            return np.zeros(count, dtype=bool)
+        order = np.argsort(other.low)
+        at = np.searchsorted(other.low[order], self.high) - 1
+        into = (at >= 0) & (other.high[order][np.maximum(at, 0)] > self.low)
+        return np.asarray(np.bincount(self.part, into, count) > 0)
+
     def disjoint(self, count: int) -> Bools:
-        """(count,) which of the parts may stay so that none reaches over another: the first of two."""
-        stay, end = np.ones(count, dtype=bool), -np.inf
-        for k in np.argsort(self.low, kind="stable").tolist():
-            part = self.part[k]
-            if self.low[k] < end:
-                stay[part] = False
-            elif stay[part]:
-                end = self.high[k]
+        """(count,) which of the parts may stay so that none reaches into another: the longer of two."""
+        length = np.bincount(self.part, self.high - self.low, count)
+        stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
+        for k in np.argsort(-length[self.part], kind="stable").tolist():
+            low, high = float(self.low[k]), float(self.high[k])
+            at = bisect(taken, (low, high))
+            if (at and taken[at - 1][1] > low) or (at < len(taken) and taken[at][0] < high):
+                stay[self.part[k]] = False
+            else:
+                taken.insert(at, (low, high))
         return stay

@@ -1,0 +1,123 @@
+"""Necks of openings: two members that nearly touch become one there, and nothing else changes."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dsfab.slicing import Sheet, bridged_necks, cut, resolve_pinches
+from dsfab.slicing.features import features
+from dsfab.slicing.fillet import rounded_corners
+from dsfab.slicing.necks import REACH
+from dsfab.slicing.openings import Openings
+from dsfab.surface import Surface
+from dsfab.surface.topology import euler_characteristic, manifold_faults
+from tests.test_slicing import check_laws, material_area
+from tests.test_slicing_fillet import openings
+from tests.zoo import grid, jittered, sphere
+
+WIDTH = 0.05
+
+
+def dumbbell(plate: Surface, half: float, far: float = 0.1, size: float = 0.15) -> Sheet:
+    """A unit plate with two square openings and a passage between them, 2 `half` wide."""
+    x, y = plate.V[:, :2].T - 0.5
+    squares = np.maximum(np.abs(np.abs(x) - far - size) - size, np.abs(y) - size)
+    return cut(plate, [np.minimum(squares, np.maximum(np.abs(x) - far - 0.05, np.abs(y) - half))], [[0.0]], snap=0)
+
+
+def check_bridged(uncut: Surface, before: Sheet, after: Sheet) -> None:
+    """Material is added only, and fits."""
+    check_laws(uncut, after)
+    assert manifold_faults(after.surface.F, after.surface.edges, after.surface.n) == ()
+    assert material_area(after) >= material_area(before)
+    assert after.weights @ uncut.V == pytest.approx(after.surface.V, abs=1e-12)
+
+
+@pytest.mark.parametrize("half", [0.004, 0.012, 0.02])
+def test_a_narrow_passage_is_bridged_once_and_rounded_from_both_sides(half):
+    plate = grid(40, 40, 1.0, 1.0)
+    sheet = dumbbell(plate, half)
+    done, count = bridged_necks(sheet, WIDTH)
+    assert count == 1
+    assert Openings.of(done).count == 2 == Openings.of(sheet).count + 1
+    gain = material_area(done) - material_area(sheet)
+    assert 1.99 * half * WIDTH < gain < 2 * (half + REACH * WIDTH) * WIDTH  # the passage widens at its ends
+    check_bridged(plate, sheet, done)
+    rounded, _ = rounded_corners(done, WIDTH / 2)
+    gap = features(rounded, rounded.material, [""] * 2).gap
+    assert gap.size > 0.95 * WIDTH
+
+
+@pytest.mark.parametrize("half", [0.026, 0.05, 0.1])
+def test_a_wide_passage_is_left_alone(half):
+    sheet = dumbbell(grid(40, 40, 1.0, 1.0), half)
+    done, count = bridged_necks(sheet, WIDTH)
+    assert count == 0
+    assert done is sheet
+
+
+def test_tips_are_no_necks_and_openings_without_room_are_filled():
+    plate = grid(40, 40, 1.0, 1.0)
+    x, y = plate.V[:, :2].T
+    wedge = cut(plate, [x, -x, np.abs(y - 0.5) - 0.2 * (x - 0.2)], [[0.8], [-0.21], [0.0]], snap=0)
+    same, count = bridged_necks(wedge, WIDTH)
+    assert count == 0
+    assert same is wedge
+    slit = cut(plate, [np.maximum(np.abs(x - 0.5) - 0.3, np.abs(y - 0.5) - 0.02)], [[0.0]], snap=0)
+    done, count = bridged_necks(slit, WIDTH)
+    assert count == 0
+    assert done.material.all()
+
+
+def test_a_pocket_behind_a_neck_is_filled_with_it():
+    """A square of 6 cm that a passage joins to a large opening: a hole of its own there would be good for nothing."""
+    plate = grid(50, 50, 1.0, 1.0)
+    x, y = plate.V[:, :2].T - 0.5
+    large = np.maximum(np.abs(x + 0.15) - 0.15, np.abs(y) - 0.15)
+    small = np.maximum(np.abs(x - 0.13) - 0.03, np.abs(y) - 0.03)
+    passage = np.maximum(np.abs(x - 0.05) - 0.08, np.abs(y) - 0.01)
+    sheet = cut(plate, [np.minimum(np.minimum(large, small), passage)], [[0.0]], snap=0)
+    done, count = bridged_necks(sheet, WIDTH)
+    assert count == 1
+    assert Openings.of(done).count == 1
+    check_bridged(plate, sheet, done)
+
+
+def test_an_island_is_tied_to_the_members_around_it():
+    plate = grid(50, 50, 1.0, 1.0)
+    x, y = plate.V[:, :2].T - 0.5
+    ring = np.maximum(np.maximum(np.abs(x), np.abs(y)) - 0.3, 0.1 - np.maximum(np.abs(x - 0.18), np.abs(y)))
+    sheet = cut(plate, [ring], [[0.0]], snap=0)  # a block that stands 2 cm off the right side of the opening
+    assert sheet.kept().surface.pieces[0] == 2
+    done, count = bridged_necks(sheet, WIDTH)
+    assert count >= 1
+    assert done.kept().surface.pieces[0] == 1
+    check_bridged(plate, sheet, done)
+
+
+@settings(max_examples=30, deadline=None)
+@given(half=st.floats(1e-3, 0.06), far=st.floats(0.02, 0.15), width=st.floats(5e-3, 0.1), seed=st.integers(0, 1000))
+def test_laws_on_random_dumbbells(half, far, width, seed):
+    plate = jittered(grid(23, 23, 1.0, 1.0), seed=seed)
+    sheet = resolve_pinches(dumbbell(plate, half, far), 1e-3).sheet
+    done, count = bridged_necks(sheet, width)
+    check_bridged(plate, sheet, done)
+    if not count and done is not sheet:  # all filled, or nothing
+        assert material_area(done) > material_area(sheet)
+
+
+@settings(max_examples=20, deadline=None)
+@given(frequency=st.floats(2, 9), level=st.floats(-0.6, 0.6), width=st.floats(0.01, 0.2), seed=st.integers(0, 100))
+def test_laws_on_a_ball_with_curved_stripes(frequency, level, width, seed):
+    ball = sphere(2)
+    turned = ball.V @ np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    one, two = np.sin(frequency * turned[:, 0]), np.sin(frequency * turned[:, 1] + 2 * turned[:, 2] ** 2)
+    sheet = resolve_pinches(cut(ball, [one, two], [[level], [level]]), 0.01).sheet
+    check_bridged(ball, sheet, bridged_necks(sheet, width)[0])
+
+
+def test_bridges_join_in_edges_never_in_points():
+    sheet = openings(grid(17, 17, 1.0, 1.0))
+    assert bridged_necks(sheet, 0.1)[0] is sheet
+    assert euler_characteristic(sheet.kept().surface.F, sheet.kept().surface.edges) == 1 - 9
