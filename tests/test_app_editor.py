@@ -30,6 +30,7 @@ from dsfab.app.editor.process import carried
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import Opened, open_preset, opened_mesh, opened_shipped
+from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
 from dsfab.limits import SLIT
@@ -41,6 +42,7 @@ from dsfab.surface import Surface
 from tests.presets import DOME_MODES
 
 COARSE = {"surface.edge": 1.2}
+COARSELY = Source(("surface.edge=1.2",))
 
 
 def served_changes(page):
@@ -56,7 +58,7 @@ def served_changes(page):
 
 
 def test_the_command_builds_exactly_what_the_page_shows():
-    now = open_preset(DOME_MODES, COARSE)
+    now = open_preset(DOME_MODES, COARSELY)
     changes = {
         "pattern.major.frequency": 9.5,
         "pattern.width.rule": "graded",
@@ -304,7 +306,7 @@ def test_a_newer_wish_ends_the_older_one():
 
 
 def test_a_change_of_stripes_solves_nothing_again():
-    with Session(open_preset(DOME_MODES, COARSE)) as session:
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
         first = wait(session.jobs, session.ask_solve({}))
         second = wait(session.jobs, session.ask_solve({"pattern.major.phase": 0.1}))
         third = wait(session.jobs, session.ask_solve({"diffusion.r": 10.0}))
@@ -316,7 +318,7 @@ def test_a_change_of_stripes_solves_nothing_again():
 
 
 def test_a_page_that_begins_gets_what_is_being_solved():
-    with Session(open_preset(DOME_MODES, COARSE)) as session:
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
         assert session.early() == b""  # nobody has asked for anything
         job = session.ask_solve({})
         assert session.ask_solve({}) == job  # by dsfab edit, and then by the page
@@ -328,7 +330,7 @@ def test_a_page_that_begins_gets_what_is_being_solved():
 
 
 def test_what_cannot_be_is_refused_in_a_sentence():
-    with Session(open_preset(DOME_MODES, COARSE)) as session:
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
             session.ask_solve({"pattern.major.threshold": 7})
         with pytest.raises(DsfabError, match="not arrive whole"):
@@ -346,7 +348,7 @@ def test_a_build_writes_what_the_command_line_writes(monkeypatch):
 
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
 
-    with Session(open_preset(DOME_MODES, COARSE)) as session:
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
         wait(session.jobs, session.ask_solve({}))
         job = wait(session.jobs, session.ask_build({"export.formats": ["stl", "3mf"]})["job"])
         assert job.state == "done", job.text
@@ -373,7 +375,7 @@ def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
     )
     monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", deep)
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-    with Session(open_preset(DOME_MODES, COARSE)) as session:
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
         folder = Path(session._folder.name)
         number = session.ask_build({"export.formats": ["step"]})["job"]
         while not (pids.exists() and pids.read_text().endswith(" ") and session.jobs.job(number).text == "long"):
@@ -412,7 +414,7 @@ def alive(pid):
 def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
     monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", program)
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-    with Session(open_preset(DOME_MODES, COARSE)) as session:
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
         job = wait(session.jobs, session.ask_build({"export.formats": ["stl"]})["job"])
         assert job.state == state
         assert said in job.text

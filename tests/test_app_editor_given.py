@@ -10,7 +10,7 @@ from dsfab.preset import Fabrication
 from dsfab.preset_file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
-from tests.test_app_editor import COARSE, served_changes, serving
+from tests.test_app_editor import COARSE, COARSELY, served_changes, serving
 from tests.test_app_editor_page import READY, page_of, solved, type_into, until
 
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
@@ -30,7 +30,7 @@ def test_every_limit_of_the_workshop_has_a_control():
 
 
 def test_the_page_is_told_what_a_material_gives():
-    with Session(open_preset(DOME_MODES, COARSE)) as session:
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
         told = session.start()["materials"]
     assert {name: {key: one[key] for key in KEYS} for name, one in told.items()} == {
         name: one.values for name, one in MATERIALS.items()
@@ -39,7 +39,7 @@ def test_the_page_is_told_what_a_material_gives():
 
 
 def test_what_is_nothing_is_told_by_a_file():
-    assert open_preset(DOME_MODES, {**COARSE, "fabrication.bed": [1, 1, 1]}).command({"fabrication.bed": None})[1]
+    assert open_preset(DOME_MODES, COARSELY.also("fabrication.bed=[1,1,1]")).command({"fabrication.bed": None})[1]
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from dsfab.export import write
 from dsfab.preset_file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
-from tests.test_app_editor import COARSE, serving, wait
+from tests.test_app_editor import COARSE, COARSELY, serving, wait
 from tests.test_app_editor_page import DROP, READY, page_of, type_into, until
 
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
@@ -71,13 +71,13 @@ def test_a_file_of_others_is_never_overwritten(outputs):
 
 
 def test_a_build_goes_into_the_folder_of_its_name_and_asks_first(outputs):
-    with Session(open_preset(DOME_MODES, COARSE), outputs=outputs) as session:
+    with Session(open_preset(DOME_MODES, COARSELY), outputs=outputs) as session:
         job = wait(session.jobs, session.ask_build({**STL, "name": "hut"}, replace=False)["job"])
         assert job.state == "done", job.text
         assert job.result["folder"] == "outputs/hut"
         assert {"hut.stl", "preset.toml", "design.json"} <= {path.name for path in (outputs.home / "hut").iterdir()}
         assert "job" in session.ask_build({**STL, "name": "hut"}, replace=False)  # its own folder
-    with Session(open_preset(DOME_MODES, COARSE), outputs=Outputs(outputs.home, "outputs")) as session:
+    with Session(open_preset(DOME_MODES, COARSELY), outputs=Outputs(outputs.home, "outputs")) as session:
         question = session.ask_build({**STL, "name": "hut"}, replace=False)
         assert question["taken"].startswith("outputs/hut holds ")
         assert question["free"] == "hut-2"

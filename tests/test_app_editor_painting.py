@@ -10,7 +10,7 @@ from dsfab.errors import PresetError
 from dsfab.preset_file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
-from tests.test_app_editor import COARSE, serving
+from tests.test_app_editor import COARSE, COARSELY, serving
 from tests.test_app_editor_page import READY, SEEN, page_of, place_of, solved, until
 
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
@@ -18,7 +18,7 @@ DRAWN = {"pick": "curve", "file": "/etc/hostname"}
 
 
 def test_the_page_names_no_drawing_here(tmp_path):
-    now = open_preset(DOME_MODES, COARSE)
+    now = open_preset(DOME_MODES, COARSELY)
     for changes in (
         {"pattern.region": [{"at": DRAWN, "do": "void"}]},
         {"surface.support": [{"at": DRAWN}]},
@@ -31,7 +31,9 @@ def test_the_page_names_no_drawing_here(tmp_path):
     assert drawn in text
     with pytest.raises(PresetError, match="dsfab edit FILE"):
         now.reopened(text)
-    named = open_preset(DOME_MODES, {**COARSE, "pattern.region": [{"at": DRAWN, "do": "void"}]})
+    named = open_preset(
+        DOME_MODES, COARSELY.also('pattern.region=[{at={pick="curve",file="/etc/hostname"},do="void"}]')
+    )
     assert named.changed({"pattern.keep": 0.5}).pattern.region[0].at.file.name == "hostname"  # the person's own
 
 

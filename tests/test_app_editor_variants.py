@@ -11,7 +11,7 @@ from dsfab.errors import DsfabError, PresetError
 from dsfab.preset_file import load_preset, overridden
 from tests.browser import browser
 from tests.presets import DOME_MODES
-from tests.test_app_editor import COARSE, serving
+from tests.test_app_editor import COARSE, COARSELY, serving
 from tests.test_app_editor_page import READY, SEEN, page_of, solved, until
 
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
@@ -20,7 +20,7 @@ WIDE = {"pattern.width.solid_fraction": 0.6}
 
 @pytest.fixture
 def opened():
-    return open_preset(DOME_MODES, COARSE)
+    return open_preset(DOME_MODES, COARSELY)
 
 
 def test_variants_are_kept_in_order_and_named(opened):

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from dsfab import Boundary, Force, Line, Nearest, Preset, Pressure, SelfWeight, Side, Snow, Support, Wind, load_preset
 from dsfab.app.cli import main
 from dsfab.app.editor.source import open_preset
+from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError, StaticsError, SurfaceError
 from dsfab.pipeline import Design, draft, run
 from dsfab.preset_file import preset_from, preset_toml
@@ -299,12 +300,12 @@ def test_units_that_are_swapped_are_refused_or_told():
 def test_the_editor_opens_a_preset_on_a_mesh_and_its_command_names_both(tmp_path):
     file = tmp_path / "plate.obj"
     file.write_text("v 0 0 0\nv 4000 0 0\nv 0 4000 0\nf 1 2 3\n")
-    opened = open_preset("roof", {"statics.thickness": 0.1}, "mm", file)
+    opened = open_preset("roof", Source(("statics.thickness=0.1",), file, "mm"))
     assert opened.preset.surface.build().area == pytest.approx(8)
     words = ("roof", "--set", "statics.thickness=0.1", "--mesh", str(file), "--unit", "mm")
     assert opened.words == words
-    with pytest.raises(PresetError, match="is a mesh already; give one of the two"):
-        open_preset(str(file), mesh=file)
+    with pytest.raises(PresetError, match="are two meshes; give one of them"):
+        open_preset(str(file), Source(mesh=file))
 
 
 @pytest.mark.parametrize("words", [["--set", "statics.thickness=0.1"], ["--mesh", "a.obj"], ["-o", "a.png"]])

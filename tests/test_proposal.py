@@ -1,6 +1,9 @@
 """A preset for a surface of one's own: axis, feet, sizes, text, and the commands that take a mesh."""
 
+import argparse
+import shlex
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +12,8 @@ from hypothesis import strategies as st
 
 import dsfab
 from dsfab.app.cli import main
+from dsfab.app.editor.source import open_preset
+from dsfab.app.options import Source
 from dsfab.errors import PresetError, SurfaceError
 from dsfab.preset_file import load_preset
 from dsfab.proposal import preset_for, propose
@@ -259,6 +264,48 @@ def test_wrong_kinds_in_python():
         preset_for(7)
     with pytest.raises(PresetError, match="is not known"):
         preset_for(dome(edge=1.5), material="cheese")
+
+
+def built_words(command):
+    """The preset that the command line makes of the editor's command."""
+    words = shlex.split(command)
+    assert words[:2] == ["dsfab", "build"]
+    flags = argparse.ArgumentParser()
+    flags.add_argument("--set", action="append", default=[])
+    flags.add_argument("--mesh", type=Path)
+    flags.add_argument("--unit")
+    flags.add_argument("--up")
+    said = flags.parse_args(words[3:])
+    return Source(tuple(said.set), said.mesh, said.unit, said.up).read(words[2])
+
+
+@pytest.mark.parametrize("target", ["hall.obj", "roof"])
+def test_the_editor_opens_a_mesh_by_the_words_of_a_build(tmp_path, target):
+    """Its unit, axis and material are as said, and "Copy command" says them again."""
+    mesh = obj(
+        tmp_path / "hall.obj", Surface(upright(barrel_vault(edge=1.6).V, "-y"), barrel_vault(edge=1.6).F), 1000.0
+    )
+    target, given = ("roof", mesh) if target == "roof" else (str(mesh), None)
+    guessed = open_preset(target, Source(mesh=given))
+    assert guessed.preset.surface.up == "y"
+    source = Source(('statics.material="S235"', "pattern.keep=0.4"), given, "mm", "z")
+    opened = open_preset(target, source)
+    assert (opened.preset.surface.up, opened.preset.surface.unit, opened.preset.pattern.keep) == ("z", "mm", 0.4)
+    assert (opened.preset.statics.material, guessed.preset.statics.material) == ("S235", "GL24h")
+    assert opened.preset.statics.thickness < 0.6 * guessed.preset.statics.thickness
+    assert "z, as you say" in [each.choice for each in opened.decided]
+    command, save = opened.command({"pattern.rim": 0.2})
+    assert not save
+    assert built_words(command) == opened.changed({"pattern.rim": 0.2})
+    assert shlex.split(command)[2:] == [*source.words(target), "--set", "pattern.rim=0.2"]
+
+
+def test_another_material_in_the_editor_leaves_the_thickness_that_is_shown(tmp_path):
+    opened = open_preset(str(obj(tmp_path / "hall.obj", barrel_vault(edge=1.6))))
+    for changes in ({"statics.material": "S235"}, {"statics.material": "S235", "statics.thickness": 0.07}):
+        built, shown = built_words(opened.command(changes)[0]), opened.changed(changes)
+        assert built.statics == shown.statics
+        assert built.surface == shown.surface
 
 
 @pytest.mark.slow

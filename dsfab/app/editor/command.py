@@ -35,7 +35,7 @@ def edit(
     from dsfab.app.editor.session import Session
     from dsfab.app.editor.source import open_preset
 
-    first = open_preset(target, source.sets(), source.unit, source.mesh)
+    first = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
     with Session(first, outputs=outputs) as session:
         try:

@@ -2,20 +2,22 @@
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from dsfab.app.editor.outputs import Outputs
+from dsfab.app.options import UNCHANGED, Source
 from dsfab.errors import PresetError
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, require_mesh, shipped_presets
-from dsfab.proposal import OWN, Decision, preset_name, propose
+from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped_presets
+from dsfab.proposal import Decision, preset_name, propose
 from dsfab.study.variations import spelled_value
-from dsfab.surface import MESH_SUFFIXES
 
 WORDY = 2000
 """A command longer than this is no use to anybody: the preset is to be saved instead."""
+MATERIAL = "statics.material"
+"""What a proposal's thickness goes by."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class Opened:
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """The command that builds it, and whether its preset has to be saved first."""
         preset = self.changed(changes)
+        if self.words and self.decided and MATERIAL in changes:  # that command decides the thickness anew by it
+            changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_spelled(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
         spelled = None not in changes.values()  # TOML has no word for nothing
@@ -108,26 +112,15 @@ def saved_preset(now: Opened, changes: Mapping[str, Any], outputs: Outputs) -> P
     return outputs.keep(preset.name, ".toml", preset_toml(preset).encode())
 
 
-def open_preset(
-    target: str, changes: Mapping[str, Any] | None = None, unit: str | None = None, mesh: Path | None = None
-) -> Opened:
-    """A shipped preset by its name, a preset file or a mesh file by its path.
+def open_preset(target: str, source: Source = UNCHANGED) -> Opened:
+    """A shipped preset by its name, a preset file or a mesh file by its path, as `dsfab build` takes it.
 
-    mesh : a file that takes the place of the preset's surface.
+    source : what the command line changes of it.
     Raises DsfabError for anything else, and for a preset that waits for a mesh where none is given.
     """
-    if Path(target).suffix.lower() in MESH_SUFFIXES and mesh is not None:
-        raise PresetError(f"--mesh {mesh}: {target} is a mesh already; give one of the two")
-    sets = [word for key, value in (changes or {}).items() for word in ("--set", f"{key}={_spelled(value)}")]
-    for flag, value in (("--mesh", mesh), ("--unit", unit)):
-        sets += [flag, str(value)] if value is not None else []
-    own = target if Path(target).suffix.lower() in MESH_SUFFIXES else mesh if target == OWN else None
-    if own is not None:
-        first = opened_mesh(Path(own).absolute(), Path(own).name, unit)
-        return replace(first, preset=overridden(first.preset, changes or {}), words=(target, *sets), mesh="")
-    preset = load_preset(target, {**(changes or {}), **({"surface.unit": unit} if unit else {})}, mesh)
-    require_mesh(preset)
-    return Opened(preset, (target, *sets))
+    proposal = source.proposal(target)
+    preset = source.read(target, proposal)
+    return Opened(preset, tuple(source.words(target)), "", proposal.decisions if proposal else ())
 
 
 def opened_shipped(name: str) -> Opened:
