@@ -20,7 +20,7 @@ from dsfab.proposal import preset_for, propose
 from dsfab.proposal.feet import feet
 from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.vertical import likely_up
-from dsfab.surface import Boundary, Snow, Surface, upright
+from dsfab.surface import Boundary, Snow, Surface, files, mend, read_surface, upright
 from dsfab.surface.shapes import barrel_vault, dome, plate, sphere, torus
 from tests.canopy import canopy
 from tests.meshes import mesh_file
@@ -192,6 +192,24 @@ def test_every_decision_says_what_changes_it(own):
         for decision in propose(path).decisions:
             assert decision.choice, decision
             assert decision.change, decision
+
+
+@pytest.mark.parametrize("unit", [None, "mm"])
+def test_a_file_is_read_and_mended_once(tmp_path, monkeypatch, unit):
+    path, read, merged = tmp_path / "cap.obj", [], []
+    cap, one, two = dome(edge=1.2), files._READERS[".obj"], mend.merged
+    torn = cap.F.copy()
+    torn[0, 0] = cap.n
+    obj(path, Surface(np.vstack([cap.V, cap.V[cap.F[0, :1]]]), torn), 1000.0)
+    monkeypatch.setitem(files._READERS, ".obj", lambda file: read.append(file) or one(file))
+    monkeypatch.setattr(mend, "merged", lambda *given: merged.append(given) or two(*given))
+    proposal = propose(path, unit)
+    assert (read, len(merged)) == ([path], 1)
+    surface = proposal.given.surface
+    assert proposal.given.keys == {"file": str(path), "unit": "mm", "mend": True}
+    assert "1 vertex welded" in {each.topic: each.choice for each in proposal.decisions}["mended"]
+    again = read_surface(path, "mm", mend=True)
+    assert (surface.V.tobytes(), surface.F.tobytes()) == (again.V.tobytes(), again.F.tobytes())
 
 
 def test_a_mesh_in_python():

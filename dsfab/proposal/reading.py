@@ -1,7 +1,7 @@
 """A mesh of the user's as a surface in metres with z up, and what was decided on the way."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from dsfab.errors import SurfaceError
 from dsfab.proposal.vertical import likely_up
-from dsfab.surface import Surface, Up, describe, mended, raw_mesh, read_surface, upright
+from dsfab.surface import Surface, Up, finite_faces, mended, raw_mesh, surface_of_file, unit_guess, upright
 from dsfab.wording import length
 
 
@@ -40,15 +40,18 @@ def mesh_in_file(path: Path, unit: str | None, up: Up | None) -> GivenMesh:
 
     Raises SurfaceError for a file that cannot be read, or is no sheet even when it is mended.
     """
-    facts = describe(path, unit)
-    unit = unit or facts.unit_guess
+    raw = raw_mesh(path)
+    finite_faces(path, raw)
+    unit = unit or unit_guess(raw)
     keys: dict[str, Any] = {"file": str(path), "unit": unit}
-    repairs, mend = _repairs(path)
-    surface = read_surface(path, unit, mend=mend)
+    better = mended(raw.V, raw.F)
+    if better.repairs:
+        raw = replace(raw, V=better.V, F=better.F)
+    surface = surface_of_file(path, raw, unit)
     decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", "surface.unit, or --unit cm")]
-    if mend:
+    if better.repairs:
         keys["mend"] = True
-        decisions.append(Decision("mended", "; ".join(repairs), "surface.mend"))
+        decisions.append(Decision("mended", "; ".join(better.repairs), "surface.mend"))
     surface, up, turned = _turned(surface, up)
     if up != "z":
         keys["up"] = up
@@ -76,13 +79,6 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
         decisions.append(Decision("mended", "; ".join(better.repairs)))
     surface, _, turned = _turned(surface, up)
     return GivenMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
-
-
-def _repairs(path: Path) -> tuple[tuple[str, ...], bool]:
-    """What mending would do to the mesh in a file, and whether that is anything."""
-    raw = raw_mesh(path)
-    repairs = mended(raw.V, raw.F).repairs
-    return repairs, bool(repairs)
 
 
 def _turned(surface: Surface, up: Up | None) -> tuple[Surface, Up, Decision]:

@@ -17,7 +17,15 @@ from dsfab.surface.picker import Picker
 from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Side, Vertices
 from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
-from dsfab.surface.reader import MeshFacts, describe, normalized, read_surface
+from dsfab.surface.reader import (
+    MeshFacts,
+    describe,
+    finite_faces,
+    normalized,
+    read_surface,
+    surface_of_file,
+    unit_guess,
+)
 from dsfab.surface.refine import refined
 from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, with_regions
 from dsfab.surface.remesh import remeshed
@@ -65,6 +73,7 @@ __all__ = [
     "coincident",
     "connected",
     "describe",
+    "finite_faces",
     "geodesic_distances",
     "load_cases",
     "load_names",
@@ -81,8 +90,10 @@ __all__ = [
     "signed_volume",
     "signed_volumes",
     "support_names",
+    "surface_of_file",
     "together",
     "total_area",
+    "unit_guess",
     "upright",
     "with_regions",
 ]

@@ -1,6 +1,6 @@
 """`read_surface`: a mesh file to a checked, oriented `Surface`; `describe`: the facts about a file, good or bad."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -48,13 +48,17 @@ def read_surface(path: str | Path, unit: str | None = None, up: Up = "z", mend: 
     and edges with more than two faces.
     """
     raw = raw_mesh(path)
-    V, F = raw.V, raw.F
     if mend:
-        whole = mended(V, F)
-        V, F = whole.V, whole.F
-    V = upright(V * (metres_per(unit) if unit else raw.metres), up)
+        whole = mended(raw.V, raw.F)
+        raw = replace(raw, V=whole.V, F=whole.F)
+    return surface_of_file(path, raw, unit, up)
+
+
+def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> Surface:
+    """The surface of what was read from a file; see `read_surface`, which reads it first."""
+    V = upright(raw.V * (metres_per(unit) if unit else raw.metres), up)
     try:
-        return orientable(V, F)
+        return orientable(V, raw.F)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
 
@@ -169,9 +173,7 @@ def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
     raw = raw_mesh(path)
     V = raw.V * (metres_per(unit) if unit else raw.metres)
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
-    F = raw.F[finite[raw.F].all(axis=1)]
-    if not len(F):
-        raise SurfaceError(f"{path}: no face has three finite corners; repair the mesh")
+    F = finite_faces(path, raw)
     edges = edge_table(F)
     low, high = V[finite].min(axis=0), V[finite].max(axis=0)
     faults = manifold_faults(F, edges, len(V))
@@ -183,7 +185,7 @@ def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
     return MeshFacts(
         path=str(path),
         unit=unit or raw.unit or "m",
-        unit_guess=_unit_guess(raw),
+        unit_guess=unit_guess(raw),
         vertices=len(V),
         faces=len(raw.F),
         polygons=raw.polygons,
@@ -206,6 +208,15 @@ def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
         smallest_angle=angle,
         mean_edge=float(np.linalg.norm(V[edges.ends[:, 0]] - V[edges.ends[:, 1]], axis=1).mean()),
     )
+
+
+def finite_faces(path: str | Path, raw: RawMesh) -> Ints:
+    """(k, 3) the faces of what was read from a file whose corners are finite; raises SurfaceError if there is none."""
+    finite: Bools = np.asarray(np.isfinite(raw.V).all(axis=1))
+    F = raw.F[finite[raw.F].all(axis=1)]
+    if not len(F):
+        raise SurfaceError(f"{path}: no face has three finite corners; repair the mesh")
+    return F
 
 
 def _triple(x: Floats) -> tuple[float, float, float]:
@@ -231,7 +242,7 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
     return areas, float(angles[sound].min()) if sound.any() else 0.0
 
 
-def _unit_guess(raw: RawMesh) -> str:
+def unit_guess(raw: RawMesh) -> str:
     """The declared unit, else metres for a box up to 250 long (a 30 is 30 m) and millimetres beyond (30000)."""
     finite = raw.V[np.isfinite(raw.V).all(axis=1)]
     return raw.unit or ("m" if np.ptp(finite, axis=0).max() <= LARGEST_IN_METRES else "mm")
