@@ -14,8 +14,10 @@ from dsfab.surface.topology import (
     edge_table,
     euler_characteristic,
     flips_to_orient,
+    half_edges,
     manifold_faults,
     misoriented_edges,
+    next_half_edge,
     pieces,
     pinches,
 )
@@ -44,6 +46,17 @@ def test_a_rectangle_has_its_measures():
     assert_allclose(s.vertex_areas, np.array([2, 1, 2, 1]) / 3)
     assert_allclose(s.centroids, [[4 / 3, 1 / 3, 0], [2 / 3, 2 / 3, 0]])
     assert_array_equal(s.faces_of(np.array([True, True, True, False])), [True, False])
+
+
+def test_half_edges_run_around_their_faces():
+    F = torus(edge=0.5).F
+    begins, ends = half_edges(F)
+    h = np.arange(3 * len(F))
+    assert_array_equal(begins[next_half_edge(h)], ends)
+    assert_array_equal(next_half_edge(h) // 3, h // 3)
+    assert_array_equal(next_half_edge(next_half_edge(h)), next_half_edge(h, 2))
+    assert_array_equal(next_half_edge(h, 3), h)
+    assert_array_equal(next_half_edge(h, 0), h)
 
 
 def test_volume_is_signed_and_does_not_depend_on_the_place():

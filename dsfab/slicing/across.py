@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface import next_half_edge
 from dsfab.surface.mesh import Surface
 
 MIDDLE = 0.5
@@ -139,7 +140,8 @@ def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats
     way = np.where(loop[one.edge] == loop[two.edge], onward % total[loop[one.edge]], np.inf)
     angle = np.arcsin(np.minimum(np.abs(slope), 1))
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
-    corner = np.stack([surface.F.ravel()[h] for h in (one.edge, _next(one.edge), two.edge, _next(two.edge))])
+    ends = one.edge, next_half_edge(one.edge), two.edge, next_half_edge(two.edge)
+    corner = np.stack([surface.F.ravel()[h] for h in ends])
     neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # the way across is nothing where they meet
     return np.asarray(neighbours | ((angle >= TAPER) & (way >= TIP[0] * wedge) & (way <= TIP[1] * wedge)))
 
@@ -157,7 +159,7 @@ def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
     first = np.searchsorted(label[chain], np.arange(loops))
     after = np.roll(chain, -1)
     after[np.append(first[1:], len(chain)) - 1] = chain[first]
-    ahead = (surface.edges.ends[edge[after]] == surface.F.ravel()[_next(h[chain])][:, None]).any(axis=1)
+    ahead = (surface.edges.ends[edge[after]] == surface.F.ravel()[next_half_edge(h[chain])][:, None]).any(axis=1)
     loop, place, forward = np.full(3 * surface.m, -1), np.zeros(3 * surface.m), np.zeros(3 * surface.m, dtype=bool)
     loop[h], forward[h[chain]] = label, ahead
     place[h[chain]] = np.cumsum(length[chain]) - length[chain] / 2 - (np.cumsum(total) - total)[label[chain]]
@@ -185,11 +187,7 @@ def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
 def _along(surface: Surface, h: Ints) -> Floats:
     """(k, 3) from the first to the last vertex of half-edges."""
     F = surface.F.ravel()
-    return np.asarray(surface.V[F[_next(h)]] - surface.V[F[h]])
-
-
-def _next(h: Ints) -> Ints:
-    return h - h % 3 + (h + 1) % 3
+    return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
 
 
 def _outward(surface: Surface) -> Floats:
@@ -217,7 +215,7 @@ def _started(surface: Surface, h: Ints, outward: Floats, at: tuple[float, ...]) 
 
 def _exits(surface: Surface, rays: _Rays, outward: Floats) -> tuple[Ints, Floats]:
     """The half-edge over which each line leaves its face, one of the two that it did not come in over; and how far."""
-    options = np.stack([_next(rays.came), _next(_next(rays.came))], axis=1)
+    options = np.stack([next_half_edge(rays.came), next_half_edge(rays.came, 2)], axis=1)
     normal = outward[options]
     corner = surface.V[surface.F.ravel()[options]]
     speed = np.einsum("kci,ki->kc", normal, rays.direction)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.sparse import bsr_array, csr_array
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface import next_half_edge
 from dsfab.surface.mesh import Surface
 
 Index = npt.NDArray[np.integer[Any]]
@@ -51,8 +52,8 @@ class VertexPairs:
         """(6, i) the pairs between the corners of each hinge, as in `CORNERS`."""
         edge = self.of_edge[surface.edges.of.ravel()]
         h0, h1 = surface.edges.pairs.T
-        next0, next1 = (h - h % 3 + (h + 1) % 3 for h in (h0, h1))
-        last0, last1 = (h - h % 3 + (h + 2) % 3 for h in (h0, h1))
+        next0, next1 = (next_half_edge(h) for h in (h0, h1))
+        last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
         from0 = surface.F.ravel()[h1] == hinge[:, 0]  # both faces run through their edge the same way
         beside = np.where(from0, last1, next1), np.where(from0, next1, last1)
         return np.stack([edge[h0], edge[last0], edge[next0], edge[beside[0]], edge[beside[1]], self.opposite])

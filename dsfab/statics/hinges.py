@@ -3,6 +3,7 @@
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.surface import next_half_edge
 from dsfab.surface.mesh import Surface
 
 
@@ -17,8 +18,8 @@ def hinges(surface: Surface) -> Ints:
     """
     h0, h1 = surface.edges.pairs.T
     corner = surface.F.ravel()
-    ends = [corner[h0], corner[h0 - h0 % 3 + (h0 + 1) % 3]]
-    opposite = [corner[h - h % 3 + (h + 2) % 3] for h in (h0, h1)]
+    ends = [corner[h0], corner[next_half_edge(h0)]]
+    opposite = [corner[next_half_edge(h, 2)] for h in (h0, h1)]
     return np.stack(ends + opposite, axis=1)
 
 

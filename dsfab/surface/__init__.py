@@ -31,7 +31,7 @@ from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, wi
 from dsfab.surface.remesh import remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
-from dsfab.surface.topology import connected
+from dsfab.surface.topology import connected, next_half_edge
 
 __all__ = [
     "FIGURES",
@@ -79,6 +79,7 @@ __all__ = [
     "load_names",
     "mended",
     "nearest",
+    "next_half_edge",
     "normalized",
     "ply_chunks",
     "raw_mesh",

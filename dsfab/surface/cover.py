@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from dsfab.arrays import Bools, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import EdgeTable, half_edges, misoriented_edges
+from dsfab.surface.topology import EdgeTable, half_edges, misoriented_edges, next_half_edge
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
@@ -25,8 +25,8 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     h0, h1 = edges.pairs.T
     a, _ = half_edges(F)
     clash = (a[h0] == a[h1]).astype(np.int64)
-    at_start, at_end = np.where(clash, h1, _following(h1)), np.where(clash, _following(h1), h1)
-    i = 2 * np.concatenate([h0, _following(h0)])
+    at_start, at_end = np.where(clash, h1, next_half_edge(h1)), np.where(clash, next_half_edge(h1), h1)
+    i = 2 * np.concatenate([h0, next_half_edge(h0)])
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = _components(i, j, 6 * len(F)).reshape(-1, 2)
@@ -80,10 +80,6 @@ def _neighbours(F: Ints, edges: EdgeTable) -> tuple[Ints, Ints, Ints]:
     h0, h1 = edges.pairs.T
     a, _ = half_edges(F)
     return h0 // 3, h1 // 3, (a[h0] == a[h1]).astype(np.int64)
-
-
-def _following(h: Ints) -> Ints:
-    return h - h % 3 + (h + 1) % 3
 
 
 def _components(i: Ints, j: Ints, n: int) -> Ints:

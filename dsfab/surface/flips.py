@@ -4,6 +4,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, cross, lengths
 from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import next_half_edge
 
 BETTER = 1.0
 """Degrees that the smallest angle of two faces has to gain."""
@@ -35,8 +36,8 @@ def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | N
     """(m, 3) faces after one round, or None where no edge is turned."""
     V, F, edges = surface.V, surface.F, surface.edges
     h = edges.pairs
-    a, b, c = (F.ravel()[h[:, 0] - h[:, 0] % 3 + (h[:, 0] + k) % 3] for k in range(3))
-    d = F.ravel()[h[:, 1] - h[:, 1] % 3 + (h[:, 1] + 2) % 3]
+    a, b, c = (F.ravel()[next_half_edge(h[:, 0], k)] for k in range(3))
+    d = F.ravel()[next_half_edge(h[:, 1], 2)]
     some = (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
     h, a, b, c, d = h[some], a[some], b[some], c[some], d[some]
     gain = np.minimum(_smallest_angle(V, d, c, a), _smallest_angle(V, c, d, b))

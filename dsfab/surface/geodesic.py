@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from dsfab.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import next_half_edge
 from dsfab.surface.windows import SLACK, Windows, cross2, dot2, share
 
 
@@ -158,7 +159,7 @@ class _Front:
         there = (face != w.face[i]) & ~self.origins.faces[face]
         i, half, face = i[there], half[there], face[there]
         self.reached[face[near[i]]] = True
-        w, ahead, back = w.at(i), _turned(half, 1), _turned(half, 2)
+        w, ahead, back = w.at(i), next_half_edge(half, 1), next_half_edge(half, 2)
         same = self.F.ravel()[half] == w.a
         c, of = self.F.ravel()[back], self.edges.of.ravel()
         along, high = self.third[half].T
@@ -206,8 +207,8 @@ class _Front:
         vertex = bends.vertex
         i, half = _ranged(self.first_corner[vertex], self.first_corner[vertex + 1], self.corners)
         of, face = self.edges.of.ravel(), half // 3
-        p, q = of[half], of[_turned(half, 2)]  # the edges at the vertex, and the vertices there
-        ahead, back = self.F.ravel()[_turned(half, 1)], self.F.ravel()[_turned(half, 2)]
+        p, q = of[half], of[next_half_edge(half, 2)]  # the edges at the vertex, and the vertices there
+        ahead, back = self.F.ravel()[next_half_edge(half, 1)], self.F.ravel()[next_half_edge(half, 2)]
         turn = self.turn[half]
         off_p, off_q = self._bearings(bends, i, p, q, turn)
         low, high = np.maximum(0, bends.bound - off_p), np.minimum(turn, turn - bends.bound + off_q)
@@ -216,7 +217,7 @@ class _Front:
         start, end = (_met(A, B, turn - angle) for angle in (low, high))
         start, end = np.where(low > 0, start, 0.0), np.where(high < turn, end, 1.0)
         offset = bends.offset[i]
-        w = Windows.of((of[_turned(half, 1)], face, ahead, back, np.zeros_like(i)), A, B, start, end, offset)
+        w = Windows.of((of[next_half_edge(half, 1)], face, ahead, back, np.zeros_like(i)), A, B, start, end, offset)
         w = w.at((high - low > SLACK) & ~self.origins.faces[face])
         self.reached[face[bends.offset[i] <= self.reach]] = True
         self._note_middles(w)
@@ -252,11 +253,6 @@ def _ranged(begins: Ints, ends: Ints, values: Ints) -> tuple[Ints, Ints]:
     count = ends - begins
     i = np.repeat(np.arange(len(count)), count)
     return i, values[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + begins[i]]
-
-
-def _turned(half: Ints, by: int) -> Ints:
-    """The half-edges that many places on, around their faces."""
-    return half - half % 3 + (half + by) % 3
 
 
 def _met(A: Floats, B: Floats, angle: Floats) -> Floats:

@@ -56,6 +56,11 @@ def half_edges(F: Ints) -> tuple[Ints, Ints]:
     return F.ravel(), np.roll(F, -1, axis=1).ravel()
 
 
+def next_half_edge(h: Ints, steps: int = 1) -> Ints:
+    """(...) the half-edges so many steps on from half-edges h (...), around their faces."""
+    return h - h % 3 + (h + steps) % 3
+
+
 def edge_table(F: Ints) -> EdgeTable:
     """The edges of faces F (m, 3), in ascending order of their vertices."""
     a, b = half_edges(F)
@@ -98,7 +103,7 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
     boundary = np.flatnonzero(edges.boundary[edges.of.ravel()])
-    start, end = fan[boundary], fan[_following(boundary)]
+    start, end = fan[boundary], fan[next_half_edge(boundary)]
     if len(misoriented_edges(F, edges)):
         turned = _turned_links(start, end)
         start, end = np.where(turned, end, start), np.where(turned, start, end)
@@ -147,11 +152,6 @@ def corner_fans(F: Ints, edges: EdgeTable) -> Ints:
     return _fans(F, edges)[1].reshape(-1, 3)
 
 
-def _following(h: Ints) -> Ints:
-    """The next half-edge of the same face."""
-    return h - h % 3 + (h + 1) % 3
-
-
 def _fans(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
     """Number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
 
@@ -160,9 +160,9 @@ def _fans(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
     h0, h1 = edges.pairs.T
     a, _ = half_edges(F)
     same_way = a[h0] == a[h1]
-    at_a = np.where(same_way, h1, _following(h1))
-    at_b = np.where(same_way, _following(h1), h1)
-    i, j = np.concatenate([h0, _following(h0)]), np.concatenate([at_a, at_b])
+    at_a = np.where(same_way, h1, next_half_edge(h1))
+    at_b = np.where(same_way, next_half_edge(h1), h1)
+    i, j = np.concatenate([h0, next_half_edge(h0)]), np.concatenate([at_a, at_b])
     links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(3 * len(F),) * 2)
     count, fan = connected_components(links, directed=False)
     return int(count), fan.astype(np.int64)

@@ -5,7 +5,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, lengths
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import connected
+from dsfab.surface.topology import connected, next_half_edge
 
 CORNERS = ((0, 1), (1, 2), (2, 0))
 """The half-edges of a face, by its corners."""
@@ -63,7 +63,7 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
     their angles there."""
     edges, F = surface.edges, surface.F
     h0, h1 = edges.pairs[~features[edges.count == 2]].T
-    i, j = np.concatenate([h0, _next(h0)]), np.concatenate([_next(h1), h1])
+    i, j = np.concatenate([h0, next_half_edge(h0)]), np.concatenate([next_half_edge(h1), h1])
     count, fan = connected(3 * surface.m, i, j)
     P = surface.V[F]
     u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
@@ -71,8 +71,3 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
     weighted = (angle[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
     total: Floats = np.stack([np.bincount(fan, x, minlength=count).astype(np.float64) for x in weighted.T], axis=1)
     return np.asarray((total / lengths(total)[:, None])[fan].reshape(-1, 3, 3))
-
-
-def _next(h: Ints) -> Ints:
-    """The next half-edge of the same face."""
-    return h - h % 3 + (h + 1) % 3

@@ -13,7 +13,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, lengths
 from dsfab.surface.remesh.net import FIXED, FREE, Net, area_vectors, edges_of, independent
-from dsfab.surface.topology import EdgeTable
+from dsfab.surface.topology import EdgeTable, next_half_edge
 
 FLAT = 0.8
 """Both new faces turn by less than the angle of this cosine, about 37 degrees, from the two old ones."""
@@ -30,7 +30,7 @@ def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
         edges = edges_of(net)
         pairs = edges.pairs[~net.along_curves(edges)[edges.count == 2]]
         corner, (h0, h1) = F.ravel(), pairs.T
-        quad = np.stack([corner[h0], corner[_next(h0)], corner[_next(_next(h0))], corner[_next(_next(h1))]], axis=1)
+        quad = corner[np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)]
         gain = _valence_gain(net, quad, edges) if by_valence else _delaunay_gain(V, quad)
         good = np.flatnonzero(gain > 0)
         good = good[_new_diagonal(quad[good], edges, net.n)]
@@ -43,11 +43,6 @@ def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
         F[h0[good] // 3] = np.stack([a, d, c], axis=1)
         F[h1[good] // 3] = np.stack([d, b, c], axis=1)
     return replace(net, F=F)
-
-
-def _next(h: Ints) -> Ints:
-    """The next half-edge of the same face."""
-    return h - h % 3 + (h + 1) % 3
 
 
 def _valence_gain(net: Net, quad: Ints, edges: EdgeTable) -> Floats:

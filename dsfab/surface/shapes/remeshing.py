@@ -12,7 +12,7 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.neighbours import adjacency, on_boundary, smoothing_pairs
 from dsfab.surface.refine import halved
-from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults
+from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, next_half_edge
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5
 """Edges beyond these multiples of the wanted length are split or collapsed: halves and unions are not worse."""
@@ -191,7 +191,7 @@ def _flipped(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Fl
         edges, n = edge_table(F), len(X)
         h0, h1 = edges.pairs.T
         corner = F.ravel()
-        quad = np.stack([corner[h0], corner[_next(h0)], corner[_next(_next(h0))], corner[_next(_next(h1))]], axis=1)
+        quad = corner[np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)]
         gain = _valence_gain(quad, edges, n) if by_valence else _delaunay_gain(V[quad])
         good = np.flatnonzero((gain > 0) & _can_flip(V, quad, edges, n))
         good = good[_winners(quad[good], edges.ends, -gain[good], n)]
@@ -201,11 +201,6 @@ def _flipped(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Fl
         F[h0[good] // 3] = np.stack([a, d, c], axis=1)
         F[h1[good] // 3] = np.stack([d, b, c], axis=1)
     return X, F
-
-
-def _next(h: Ints) -> Ints:
-    """The next half-edge of the same face."""
-    return h - h % 3 + (h + 1) % 3
 
 
 def _valence_gain(quad: Ints, edges: EdgeTable, n: int) -> Floats:
