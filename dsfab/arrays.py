@@ -40,6 +40,17 @@ def lengths(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
+def edge_lengths(V: Floats, ends: Ints) -> Floats:
+    """(e,) lengths of edges between vertices (e, 2) of V (n, 3), metres."""
+    return lengths(V[ends[:, 1]] - V[ends[:, 0]])
+
+
+def area_vectors(V: Floats, F: Ints) -> Floats:
+    """(m, 3) twice the areas of faces F (m, 3) of vertices V (n, 3) as vectors along their normals, square metres."""
+    a, b, c = V[F[:, 0]], V[F[:, 1]], V[F[:, 2]]
+    return cross(b - a, c - a)
+
+
 def from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
     """(...) distances of points (..., 3) from the segments from a to b (..., 3)."""
     along, to = b - a, points - a

@@ -3,8 +3,8 @@
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, cross, lengths
+from dsfab.surface.edge_changes import has_new_diagonal, quads
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import next_half_edge
 
 BETTER = 1.0
 """Degrees that the smallest angle of two faces has to gain."""
@@ -36,13 +36,14 @@ def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | N
     """(m, 3) faces after one round, or None where no edge is turned."""
     V, F, edges = surface.V, surface.F, surface.edges
     h = edges.pairs
-    a, b, c = (F.ravel()[next_half_edge(h[:, 0], k)] for k in range(3))
-    d = F.ravel()[next_half_edge(h[:, 1], 2)]
+    quad = quads(F, h)
+    a, b, c, d = quad.T
     some = (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
-    h, a, b, c, d = h[some], a[some], b[some], c[some], d[some]
+    h, quad = h[some], quad[some]
+    a, b, c, d = quad.T
     gain = np.minimum(_smallest_angle(V, d, c, a), _smallest_angle(V, c, d, b))
     gain -= np.minimum(_smallest_angle(V, a, b, c), _smallest_angle(V, b, a, d))
-    gain[~_fit(surface, h // 3, (a, b, c, d), close)] = -np.inf
+    gain[~_fit(surface, h // 3, quad, close)] = -np.inf
     best = np.full(surface.m, BETTER)
     np.maximum.at(best, (h // 3).ravel(), np.repeat(gain, 2))
     chosen = np.flatnonzero((gain > BETTER) & (gain[:, None] == best[h // 3]).all(axis=1))
@@ -59,17 +60,16 @@ def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | N
     return F
 
 
-def _fit(surface: Surface, faces: Ints, corners: tuple[Ints, ...], close: float) -> Bools:
-    """(k,) whether two faces (k, 2) around an edge a-b, with corners c and d besides, may have the edge c-d instead: it
-    is no edge yet, lies within `close` of them, and neither turns over."""
-    a, b, c, d = (surface.V[k] for k in corners)
-    known, key = surface.edges.ends @ (surface.n, 1), _keys(surface.n, *corners[2:])
-    at = np.minimum(np.searchsorted(known, key), len(known) - 1)
+def _fit(surface: Surface, faces: Ints, quad: Ints, close: float) -> Bools:
+    """(k,) whether two faces (k, 2) around an edge a-b, quads (k, 4), may have the edge c-d instead: it is no edge
+    yet, lies within `close` of them, and neither turns over."""
+    a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     off = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)
     normal = surface.normals[faces].sum(axis=1)
     turns = [np.einsum("ki,ki->k", cross(q - p, r - p), normal) for p, q, r in ((d, c, a), (c, d, b))]
-    return np.asarray((known[at] != key) & (off <= close) & (turns[0] > 0) & (turns[1] > 0))
+    new = has_new_diagonal(quad, surface.edges, surface.n)
+    return np.asarray(new & (off <= close) & (turns[0] > 0) & (turns[1] > 0))
 
 
 def _smallest_angle(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:

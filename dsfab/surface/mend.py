@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, lengths
 from dsfab.surface.places import merged
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
 
@@ -75,8 +75,8 @@ def _welded(mesh: MendedMesh) -> MendedMesh:
 def _with_area(V: Floats, F: Ints) -> Ints:
     """(k,) faces whose smallest height is more than nothing of their longest edge."""
     P = V[F]
-    longest = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1, initial=0)
-    twice = np.linalg.norm(np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), axis=1)
+    longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
+    twice = lengths(area_vectors(V, F))
     return np.flatnonzero(twice > FLAT * longest**2)
 
 
@@ -95,7 +95,7 @@ def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
 def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     """(k,) faces of pieces that are more than crumbs."""
     count, piece = pieces(F, edge_table(F))
-    area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
+    area = lengths(area_vectors(V, F))
     of_piece = np.bincount(piece, area, minlength=count)
     return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
 

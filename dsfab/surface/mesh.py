@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, cross, first, lengths, lock
+from dsfab.arrays import Bools, Floats, Ints, cross, edge_lengths, first, lengths, lock
 from dsfab.errors import SurfaceError
 from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
@@ -197,7 +197,7 @@ class Surface:
     @property
     def edge_lengths(self) -> Floats:
         """(e,) metres; not kept."""
-        return lengths(np.diff(self.V[self.edges.ends], axis=1)[:, 0])
+        return edge_lengths(self.V, self.edges.ends)
 
     def faces_of(self, vertices: Bools) -> Bools:
         """(m,) whether all three corners of a face are among the (n,) marked vertices."""

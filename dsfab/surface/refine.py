@@ -3,7 +3,7 @@
 import igl
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, edge_lengths
 from dsfab.errors import SurfaceError
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
@@ -33,7 +33,7 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
     V, F = surface.V, surface.F
     edges = surface.edges
     kept = edges.ends[feature_edges(surface)] if smooth else edges.ends[:0]
-    while (long := _lengths(V, edges) > target).any():
+    while (long := edge_lengths(V, edges.ends) > target).any():
         if smooth:
             _check_count(4 * len(F), target)
             V, F, kept = _loop(V, F, edges, kept)
@@ -62,11 +62,6 @@ def _check_count(count: int, target: float) -> None:
         raise SurfaceError(f"refining to edges of {target:g} m takes over {LARGEST:,} triangles; ask for longer edges")
 
 
-def _lengths(V: Floats, edges: EdgeTable) -> Floats:
-    ends = V[edges.ends]
-    return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-
-
 def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
     """Faces divided along the midpoints of the (e,) edges that are halved: their longest and none, one or both others.
 
@@ -81,7 +76,8 @@ def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats,
     number = np.cumsum(halves) + len(V) - 1
     V = np.concatenate([V, V[edges.ends[halves]].mean(axis=1)])
     on = halves[edges.of]
-    lengths = np.where(on, np.linalg.norm(np.diff(V[edges.ends], axis=1)[:, 0], axis=1)[edges.of], -1)
+    ends = V[edges.ends]  # points, or the places on a chart that stand for them
+    lengths = np.where(on, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[edges.of], -1)
     turn = (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(F, turn, axis=1).T
     p, q, r = np.take_along_axis(number[edges.of], turn, axis=1).T
@@ -99,7 +95,7 @@ def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats,
 
 def with_longest(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
     """(e,) marked edges, and the longest of each face that has one, and so on [Rivara 1984]."""
-    length = _lengths(V, edges)[edges.of]
+    length = edge_lengths(V, edges.ends)[edges.of]
     longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
     while True:
         more = halves.copy()

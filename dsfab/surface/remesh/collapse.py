@@ -3,13 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, Ints, lengths
-from dsfab.surface.neighbours import adjacency
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths
+from dsfab.surface.edge_changes import contracted, meets_link_condition
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
-from dsfab.surface.remesh.net import FIXED, FREE, ON_CURVE, Net, area_vectors, edges_of, independent, spans
+from dsfab.surface.remesh.net import FIXED, FREE, ON_CURVE, Net, edges_of, independent
 from dsfab.surface.remesh.split import LONGEST
 from dsfab.surface.topology import EdgeTable
 
@@ -39,7 +38,7 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
     """The net with its short edges collapsed in so many batches; `edge`, metres, is what the tolerance refers to."""
     for batch in range(batches):
         edges = edges_of(net)
-        cost = spans(net.V, edges.ends) / net.size[edges.ends].mean(axis=1)
+        cost = edge_lengths(net.V, edges.ends) / net.size[edges.ends].mean(axis=1)
         collapses, cost = _candidates(net, curves, edges, cost, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
         collapses = collapses.only(independent(pairs, cost, net.n, beside=edges.ends))
@@ -61,7 +60,7 @@ def _candidates(
     lower = net.kind[edges.ends].min(axis=1)
     short = (cost < SHORTEST) & (lower < FIXED) & (along | (lower == FREE))
     chosen = np.flatnonzero(short)
-    chosen = chosen[_linked(edges, chosen, net.n)]
+    chosen = chosen[meets_link_condition(edges, chosen, net.n)]
     ends = edges.ends[chosen]
     a, b = ends.T
     swap = (net.kind[a] < net.kind[b]) | ((net.kind[a] == net.kind[b]) & backwards)
@@ -70,14 +69,6 @@ def _candidates(
     both = (net.kind[kept] == FREE)[:, None]
     goal = np.where(both, (net.V[kept] + net.V[gone]) / 2, net.V[kept])
     return _Collapses(kept, gone, goal).only(fine), cost[chosen[fine]]
-
-
-def _linked(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """(c,) whether the ends of an edge share no neighbours but the corners opposite [link condition: Dey 1999]."""
-    A: csr_array = adjacency(edges, n)
-    a, b = edges.ends[chosen].T
-    common = np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel()
-    return np.asarray(common == edges.count[chosen])
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, kept: Ints, gone: Ints, edge: float) -> Bools:
@@ -92,7 +83,7 @@ def _keeps_curves(net: Net, curves: FeatureCurves, kept: Ints, gone: Ints, edge:
     before, after = net.node[k - 1], net.node[k + 1]
     deviation, _ = curves.deviation(net.at[k - 1], net.at[k + 1])
     ends = np.stack([before, after], axis=1)
-    short = spans(net.V, ends) < LONGEST * net.size[ends].mean(axis=1)
+    short = edge_lengths(net.V, ends) < LONGEST * net.size[ends].mean(axis=1)
     there = np.isin(np.sort(ends, axis=1) @ (net.n, 1), np.sort(net.link_ends, axis=1) @ (net.n, 1))
     fine[on] = (deviation <= TOLERANCE * edge) & short & ~there & ((kept == before) | (kept == after))
     return fine
@@ -145,7 +136,6 @@ def _merged(net: Net, collapses: _Collapses) -> Net:
     free = net.kind[collapses.kept] == FREE
     kept, gone = collapses.kept[free], collapses.gone[free]
     size[kept] = (size[kept] + size[gone]) / 2
-    F = onto[net.F]
-    F = F[(np.roll(F, 1, axis=1) != F).all(axis=1)]
     stays = ~np.isin(net.node, collapses.gone)
+    F = contracted(net.F, onto)
     return replace(net, V=V, F=F, size=size, node=net.node[stays], at=net.at[stays], curve=net.curve[stays])

@@ -1,19 +1,14 @@
-"""Edges turned within their two faces, towards Delaunay triangles or towards six edges at each vertex.
-
-         c                    c
-       /   \\                / | \\
-      a --- b      ->      a  |  b
-       \\   /                \\ | /
-         d                    d
-"""
+"""Edges turned within their two faces, towards Delaunay triangles or towards six edges at each vertex."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, lengths
-from dsfab.surface.remesh.net import FIXED, FREE, Net, area_vectors, edges_of, independent
-from dsfab.surface.topology import EdgeTable, next_half_edge
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, lengths
+from dsfab.surface.edge_changes import has_new_diagonal, quads, with_other_diagonals
+from dsfab.surface.neighbours import on_boundary
+from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of, independent
+from dsfab.surface.topology import EdgeTable
 
 FLAT = 0.8
 """Both new faces turn by less than the angle of this cosine, about 37 degrees, from the two old ones."""
@@ -29,19 +24,15 @@ def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
         net = replace(net, F=F)
         edges = edges_of(net)
         pairs = edges.pairs[~net.along_curves(edges)[edges.count == 2]]
-        corner, (h0, h1) = F.ravel(), pairs.T
-        quad = corner[np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)]
+        quad = quads(F, pairs)
         gain = _valence_gain(net, quad, edges) if by_valence else _delaunay_gain(V, quad)
         good = np.flatnonzero(gain > 0)
-        good = good[_new_diagonal(quad[good], edges, net.n)]
+        good = good[has_new_diagonal(quad[good], edges, net.n)]
         good = good[_sound(V, quad[good])]
         good = good[independent(quad[good], -gain[good], net.n)]
         if not len(good):
             break
-        a, b, c, d = quad[good].T
-        F = F.copy()
-        F[h0[good] // 3] = np.stack([a, d, c], axis=1)
-        F[h1[good] // 3] = np.stack([d, b, c], axis=1)
+        F = with_other_diagonals(F, pairs[good], quad[good])
     return replace(net, F=F)
 
 
@@ -49,10 +40,8 @@ def _valence_gain(net: Net, quad: Ints, edges: EdgeTable) -> Floats:
     """(q,) by how much the squared differences from the best number of edges shrink, of vertices that are free."""
     valence = np.bincount(edges.ends.ravel(), minlength=net.n)
     best = np.where(net.kind == FREE, 6, valence)
-    rim = np.zeros(net.n, dtype=bool)
-    rim[edges.ends[edges.boundary]] = True
     best[(net.kind > FREE) & (net.kind < FIXED)] = 6
-    best[rim & (net.kind < FIXED)] = 4
+    best[on_boundary(edges, net.n) & (net.kind < FIXED)] = 4
     off = (valence - best)[quad]
     change = np.where((net.kind == FIXED)[quad], 0, np.array([-1, -1, 1, 1]))
     return np.asarray((off**2 - (off + change) ** 2).sum(axis=1), dtype=np.float64)
@@ -62,13 +51,6 @@ def _delaunay_gain(V: Floats, quad: Ints) -> Floats:
     """(q,) by how much the angles opposite an edge exceed half a turn together, radians."""
     a, b, c, d = quad.T
     return np.asarray(_angle(V, c, a, b) + _angle(V, d, a, b) - np.pi - 1e-6)
-
-
-def _new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """(q,) whether the other diagonal is no edge yet."""
-    keys, wanted = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.asarray((keys[at] != wanted) & (quad[:, 2] != quad[:, 3]))
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:

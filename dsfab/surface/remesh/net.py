@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.surface.edge_changes import winners
 from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table
@@ -82,24 +83,6 @@ def edges_of(net: Net) -> EdgeTable:
     return edge_table(net.F)
 
 
-def spans(V: Floats, ends: Ints) -> Floats:
-    """(e,) lengths of edges (e, 2), metres."""
-    return np.asarray(np.linalg.norm(V[ends[:, 1]] - V[ends[:, 0]], axis=1))
-
-
-def area_vectors(V: Floats, F: Ints) -> Floats:
-    """(m, 3) twice the areas of faces F (m, 3) as vectors along their normals, square metres."""
-    u, v = V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]
-    return np.stack(
-        [
-            u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1],
-            u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2],
-            u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0],
-        ],
-        axis=1,
-    )
-
-
 LEVELS = 8
 """Costs are told apart in so many steps: of costs that rise along a strip only its end would come first."""
 
@@ -117,12 +100,5 @@ def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None)
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
     level = np.floor(LEVELS * ((cost - cost.min()) / spread)) if spread else np.zeros(len(cost))
-    rank = np.empty(len(cost), dtype=np.int64)
-    rank[np.lexsort((np.arange(len(cost)) * MIX % 2**32, level))] = np.arange(len(cost))
-    best = np.full(n, len(cost))
-    np.minimum.at(best, touched.ravel(), np.repeat(rank, touched.shape[1]))
-    if beside is not None:
-        near = best.copy()
-        np.minimum.at(near, beside.ravel(), best[beside[:, ::-1]].ravel())
-        best = near
-    return np.asarray((best[touched] >= rank[:, None]).all(axis=1))
+    order = np.lexsort((np.arange(len(cost)) * MIX % 2**32, level))
+    return winners(order, touched, n, beside)

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import eye_array
 
-from dsfab.arrays import Floats, Ints, lengths
+from dsfab.arrays import Floats, Ints, edge_lengths, lengths
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import adjacency
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
-from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of, spans
+from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of
 from dsfab.surface.topology import EdgeTable
 
 GRADE = 0.3
@@ -49,7 +49,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
     """(n,) sizes, metres, that differ along no edge (e, 2) by more than `GRADE` times its length: the largest below
     those given."""
-    length = GRADE * spans(V, ends)
+    length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:
         lower = size.copy()
@@ -68,7 +68,7 @@ def _narrow(net: Net, edges: EdgeTable) -> list[tuple[Ints, Floats]]:
     """
     held = net.kind > FREE
     along = net.along_curves(edges)
-    length = spans(net.V, edges.ends)
+    length = edge_lengths(net.V, edges.ends)
     on = along[edges.of]
     ear = (on.sum(axis=1) >= 2)[:, None] & ~on
     beside_ear = np.zeros(len(along), dtype=bool)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import igl
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, lengths
+from dsfab.arrays import Floats, Ints, area_vectors, lengths
 from dsfab.surface.mesh import Surface
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
-from dsfab.surface.remesh.net import FIXED, FREE, Net, area_vectors
+from dsfab.surface.remesh.net import FIXED, FREE, Net
 
 TURN = 0.5
 """Vertices whose move would turn a face by more than the angle of this cosine, 60 degrees, stay."""

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, lengths
+from dsfab.arrays import Bools, Floats, area_vectors, edge_lengths, lengths
 from dsfab.surface.refine import halved
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
-from dsfab.surface.remesh.net import FREE, ON_CURVE, Net, area_vectors, edges_of, spans
+from dsfab.surface.remesh.net import FREE, ON_CURVE, Net, edges_of
 from dsfab.surface.topology import EdgeTable
 
 LONGEST = 4 / 3
@@ -28,7 +28,7 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
     edge : metres, to which the tolerance is relative.
     """
     edges = edges_of(net)
-    length = spans(net.V, edges.ends)
+    length = edge_lengths(net.V, edges.ends)
     link = net.link_edges(edges)
     deviation, most = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge

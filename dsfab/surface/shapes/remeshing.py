@@ -8,11 +8,19 @@ from typing import Protocol
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths
 from dsfab.errors import SurfaceError
-from dsfab.surface.neighbours import adjacency, on_boundary, smoothing_pairs
+from dsfab.surface.edge_changes import (
+    contracted,
+    has_new_diagonal,
+    meets_link_condition,
+    quads,
+    winners,
+    with_other_diagonals,
+)
+from dsfab.surface.neighbours import on_boundary, smoothing_pairs
 from dsfab.surface.refine import halved
-from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, next_half_edge
+from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5
 """Edges beyond these multiples of the wanted length are split or collapsed: halves and unions are not worse."""
@@ -81,25 +89,21 @@ def _too_long(why: str) -> SurfaceError:
 
 def _folds(V: Floats, F: Ints) -> int:
     """How many neighbours lie almost on each other."""
-    N = _normals(V[F])[edge_table(F).pairs // 3]
+    N = _normals(V, F)[edge_table(F).pairs // 3]
     return int((np.einsum("ei,ei->e", N[:, 0], N[:, 1]) < FOLDED).sum())
 
 
-def _lengths(V: Floats, ends: Ints) -> Floats:
-    return np.asarray(np.linalg.norm(V[ends[:, 1]] - V[ends[:, 0]], axis=1))
-
-
-def _normals(P: Floats) -> Floats:
-    """(..., 3) unit normals of triangles (..., 3 corners, 3)."""
-    N = np.cross(P[..., 1, :] - P[..., 0, :], P[..., 2, :] - P[..., 0, :])
-    return np.asarray(N / np.maximum(np.linalg.norm(N, axis=-1, keepdims=True), 1e-300))
+def _normals(V: Floats, F: Ints) -> Floats:
+    """(m, 3) unit normals of faces F (m, 3)."""
+    N = area_vectors(V, F)
+    return np.asarray(N / np.maximum(lengths(N), 1e-300)[:, None])
 
 
 def _split(chart: MeshChart, X: Floats, F: Ints, longest: float) -> tuple[Floats, Ints]:
     """Every edge over `longest` halved, again and again; new vertices are put on the surface."""
     for _ in range(12):
         edges = edge_table(F)
-        long = _lengths(chart.place(X), edges.ends) > longest
+        long = edge_lengths(chart.place(X), edges.ends) > longest
         if not long.any():
             break
         old = len(X)
@@ -115,38 +119,16 @@ def _collapsed(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tuple[F
     for _ in range(BATCHES):
         edges, n, V = edge_table(F), len(X), chart.place(X)
         border = on_boundary(edges, n)
-        a, b = edges.ends.T
-        short = np.flatnonzero(_collapsible(edges, n, border) & (_lengths(V, edges.ends) < shortest))
-        chosen = short[_winners(edges.ends[short], edges.ends, _lengths(V, edges.ends[short]), n, reach=1)]
-        X, F, done = _merged(chart, X, F, V, a[chosen], b[chosen], border)
+        across = border[edges.ends].all(axis=1) & ~edges.boundary
+        length = edge_lengths(V, edges.ends)
+        short = np.flatnonzero(~across & (length < shortest))
+        short = short[meets_link_condition(edges, short, n)]
+        chosen = short[winners(np.argsort(length[short], kind="stable"), edges.ends[short], n, beside=edges.ends)]
+        a, b = edges.ends[chosen].T
+        X, F, done = _merged(chart, X, F, V, a, b, border)
         if not done:
             break
     return X, F
-
-
-def _collapsible(edges: EdgeTable, n: int, border: Bools) -> Bools:
-    """(e,) edges whose ends share no neighbours but the corners opposite [link condition: Dey et al. 1999]."""
-    a, b = edges.ends.T
-    A = adjacency(edges, n)
-    common = np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel()
-    across = border[a] & border[b] & ~edges.boundary
-    return np.asarray((common == edges.count) & ~across)
-
-
-def _winners(touched: Ints, ends: Ints, cost: Floats, n: int, reach: int = 0) -> Bools:
-    """(c,) the candidates that are cheaper than all others near them: no two of them touch the same vertices.
-
-    touched : (c, k) vertices of each candidate; reach 1 counts the vertices next to them too, along edges `ends`.
-    """
-    rank = np.empty(len(cost), dtype=np.int64)
-    rank[np.argsort(cost, kind="stable")] = np.arange(len(cost))
-    best = np.full(n, len(cost))
-    np.minimum.at(best, touched.ravel(), np.repeat(rank, touched.shape[1]))
-    for _ in range(reach):
-        near = best.copy()
-        np.minimum.at(near, ends.ravel(), best[ends[:, ::-1]].ravel())
-        best = near
-    return np.asarray((best[touched] >= rank[:, None]).all(axis=1))
 
 
 def _merged(
@@ -162,7 +144,7 @@ def _merged(
     of = pair[F]
     largest = of.max(axis=1)
     stays = (of >= 0).sum(axis=1) == 1
-    turned = stays & (np.einsum("ma,ma->m", _normals(V[F]), _normals(moved[F])) < TURN)
+    turned = stays & (np.einsum("ma,ma->m", _normals(V, F), _normals(moved, F)) < TURN)
     fine = np.ones(len(a), dtype=bool)
     fine[largest[turned]] = False
     a, b, goal = a[fine], b[fine], goal[fine]
@@ -170,36 +152,22 @@ def _merged(
     X[a] = goal
     onto = np.arange(len(X))
     onto[b] = a
-    F = onto[F]
-    F = F[(np.roll(F, 1, axis=1) != F).all(axis=1)]
-    kept, F = np.unique(F, return_inverse=True)
+    kept, F = np.unique(contracted(F, onto), return_inverse=True)
     return X[kept], F.reshape(-1, 3), bool(len(a))
 
 
 def _flipped(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Floats, Ints]:
-    """Edges turned within their two faces: towards six edges at each vertex (four on the border), or to Delaunay.
-
-             c                    c
-           /   \\                / | \\
-          a --- b      ->      a  |  b
-           \\   /                \\ | /
-             d                    d
-    """
+    """Edges turned within their two faces: towards six edges at each vertex (four on the border), or to Delaunay."""
     V = chart.place(X)
-    F = F.copy()
     for _ in range(8):
         edges, n = edge_table(F), len(X)
-        h0, h1 = edges.pairs.T
-        corner = F.ravel()
-        quad = corner[np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)]
+        quad = quads(F, edges.pairs)
         gain = _valence_gain(quad, edges, n) if by_valence else _delaunay_gain(V[quad])
-        good = np.flatnonzero((gain > 0) & _can_flip(V, quad, edges, n))
-        good = good[_winners(quad[good], edges.ends, -gain[good], n)]
+        good = np.flatnonzero((gain > 0) & has_new_diagonal(quad, edges, n) & _stays_upright(V, quad))
+        good = good[winners(np.argsort(-gain[good], kind="stable"), quad[good], n)]
         if not len(good):
             break
-        a, b, c, d = quad[good].T
-        F[h0[good] // 3] = np.stack([a, d, c], axis=1)
-        F[h1[good] // 3] = np.stack([d, b, c], axis=1)
+        F = with_other_diagonals(F, edges.pairs[good], quad[good])
     return X, F
 
 
@@ -219,18 +187,15 @@ def _delaunay_gain(P: Floats) -> Floats:
     return np.asarray(angles[0] + angles[1] - np.pi - 1e-6)
 
 
-def _can_flip(V: Floats, quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """(q,) whether the other diagonal is new and neither face turns over."""
+def _stays_upright(V: Floats, quad: Ints) -> Bools:
+    """(q,) whether neither face turns over where the edge is turned."""
     a, b, c, d = quad.T
-    keys = edges.ends[:, 0] * n + edges.ends[:, 1]
-    wanted = np.minimum(c, d) * n + np.maximum(c, d)
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    before = _normals(V[np.stack([a, b, c], axis=1)]) + _normals(V[np.stack([b, a, d], axis=1)])
-    before /= np.maximum(np.linalg.norm(before, axis=1, keepdims=True), 1e-300)
-    fine = keys[at] != wanted
+    before = _normals(V, np.stack([a, b, c], axis=1)) + _normals(V, np.stack([b, a, d], axis=1))
+    before /= np.maximum(lengths(before), 1e-300)[:, None]
+    fine = np.ones(len(quad), dtype=bool)
     for after in ((a, d, c), (d, b, c)):
-        fine &= np.einsum("qa,qa->q", before, _normals(V[np.stack(after, axis=1)])) > TURN
-    return np.asarray(fine)
+        fine &= np.einsum("qa,qa->q", before, _normals(V, np.stack(after, axis=1))) > TURN
+    return fine
 
 
 def _relaxed(chart: MeshChart, X: Floats, F: Ints) -> Floats:
@@ -240,9 +205,8 @@ def _relaxed(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     i, j = smoothing_pairs(edges, n)
     count = np.bincount(i, minlength=n)
     mean = np.stack([np.bincount(i, V[j, k], minlength=n) for k in range(3)], axis=1) / count[:, None]
-    P = V[F]
-    cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
-    N = np.stack([np.bincount(F.ravel(), np.repeat(cross[:, k], 3), minlength=n) for k in range(3)], axis=1)
+    doubled = area_vectors(V, F)
+    N = np.stack([np.bincount(F.ravel(), np.repeat(doubled[:, k], 3), minlength=n) for k in range(3)], axis=1)
     N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
     step = mean - V
     step -= N * np.einsum("na,na->n", N, step)[:, None]
