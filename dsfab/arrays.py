@@ -1,4 +1,4 @@
-"""Array types, and the one way an array enters a frozen value: copied, checked, locked."""
+"""Array types, the one way an array enters a frozen value (copied, checked, locked), and a few measures of arrays."""
 
 from typing import Any
 
@@ -43,6 +43,11 @@ def lengths(vectors: Floats) -> Floats:
 def edge_lengths(V: Floats, ends: Ints) -> Floats:
     """(e,) lengths of edges between vertices (e, 2) of V (n, 3), metres."""
     return lengths(V[ends[:, 1]] - V[ends[:, 0]])
+
+
+def closed_length(P: Floats) -> float:
+    """Length of the closed polygon with corners P (k, d), in their unit."""
+    return float(np.linalg.norm(P - np.roll(P, -1, axis=0), axis=1).sum())
 
 
 def area_vectors(V: Floats, F: Ints) -> Floats:

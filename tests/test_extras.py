@@ -8,9 +8,9 @@ import trimesh
 
 import dsfab
 from dsfab.app.cli import main
+from dsfab.arrays import closed_length
 from dsfab.errors import PresetError, SolidError
 from dsfab.surface import Surface
-from dsfab.surface.mesh import closed_length
 from dsfab.surface.pickers import All, Ball, Side
 from dsfab.thickening import Base, Feet, Holes, Ring, Solid, SplitBodies, Trim, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.bodies import ROUND

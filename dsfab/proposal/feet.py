@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, closed_length, lengths
 from dsfab.proposal.vertical import is_nearly_closed
 from dsfab.surface import Boundary, Box, Surface, connected
 
@@ -62,7 +62,7 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
         return _named(_soles(surface, height), span)
     if height < FLAT * surface.size:
         outline = surface.V[surface.loops[0]]
-        return (Foot("edge", outline, _length(outline, closed=True), loop=0),)
+        return (Foot("edge", outline, closed_length(outline), loop=0),)
     ground = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
     outer = _outer(surface)
     found: list[Foot] = []
@@ -130,7 +130,7 @@ def _stretches(P: Floats, height: float, highest: float, span: float) -> list[Fo
     if z.min() > highest:
         return []
     if np.ptp(z) < DIP * height:
-        return [Foot("", P, _length(P, closed=True), WHOLE)]
+        return [Foot("", P, closed_length(P), WHOLE)]
     found = []
     for at in _valleys(z, DIP * height):
         if z[at] <= highest:
@@ -199,9 +199,8 @@ def _widened(P: Floats, stretch: Bools, shortest: float) -> Ints:
     return np.array(run)
 
 
-def _length(P: Floats, closed: bool = False) -> float:
-    steps = np.linalg.norm(P - np.roll(P, 1, axis=0), axis=1)
-    return float(steps.sum() if closed else steps[1:].sum())
+def _length(P: Floats) -> float:
+    return float(lengths(P[1:] - P[:-1]).sum())
 
 
 def _named(found: Sequence[Foot], span: float) -> tuple[Foot, ...]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, area_vectors, lengths
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, lengths
 from dsfab.surface.places import merged
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
 
@@ -120,7 +120,7 @@ def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
     fans = [
         np.stack([np.full(len(loop) - 2, loop[0]), loop[2:], loop[1:-1]], axis=1)
         for loop in boundary_loops(F, edge_table(F))
-        if len(loop) >= 3 and np.linalg.norm(V[loop] - V[np.roll(loop, 1)], axis=1).sum() < longest
+        if len(loop) >= 3 and closed_length(V[loop]) < longest
     ]
     if not fans:
         return mesh

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, cross, edge_lengths, first, lengths, lock
+from dsfab.arrays import Bools, Floats, Ints, closed_length, cross, edge_lengths, first, lengths, lock
 from dsfab.errors import SurfaceError
 from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
@@ -202,8 +202,3 @@ class Surface:
     def faces_of(self, vertices: Bools) -> Bools:
         """(m,) whether all three corners of a face are among the (n,) marked vertices."""
         return np.asarray(vertices[self.F].all(axis=1))
-
-
-def closed_length(points: Floats) -> float:
-    """Length of the closed polygon through the (k, 3) points, metres."""
-    return float(np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1).sum())

@@ -9,14 +9,14 @@ import numpy as np
 from annotated_types import Gt, MinLen
 from pydantic import ConfigDict
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Floats, closed_length
 from dsfab.errors import SurfaceError
 from dsfab.surface.drawing_files import closed_curves
 from dsfab.surface.extent import Extent, pierced
 from dsfab.surface.mesh import Surface
 from dsfab.surface.nearest import nearest
 from dsfab.surface.pickers import STRICT, Real, Vector, picker_words, within_reach
-from dsfab.surface.plane_loops import bends, closed_way, depth_in, enclosed_area, self_crossing, without_repeats
+from dsfab.surface.plane_loops import bends, depth_in, enclosed_area, self_crossing, without_repeats
 
 LEVEL = float(np.cos(np.radians(1)))
 """A curve whose plane is within a degree of horizontal is seen from above."""
@@ -255,7 +255,7 @@ class _Plane:
 
 def _width(P: Floats) -> float:
     """Half of what a polygon (k, 2) is wide where it is slender: the radius of a circle."""
-    return 2 * enclosed_area(P) / closed_way(P)
+    return 2 * enclosed_area(P) / closed_length(P)
 
 
 def self_contained(at: Any) -> Any:

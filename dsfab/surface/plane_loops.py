@@ -52,11 +52,6 @@ def enclosed_area(P: Floats) -> float:
     return float(abs(x @ v - u @ y) / 2)
 
 
-def closed_way(P: Floats) -> float:
-    """Length of a closed polygon (k, d)."""
-    return float(np.linalg.norm(P - np.roll(P, -1, axis=0), axis=1).sum())
-
-
 def bends(P: Floats) -> Bools:
     """(k,) the corners of a polygon (k, 2) at which it turns by `BEND` or more."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P

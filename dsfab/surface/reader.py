@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, first
+from dsfab.arrays import Bools, Floats, Ints, closed_length, first
 from dsfab.errors import SurfaceError
 from dsfab.surface.cover import flips_along_tree
 from dsfab.surface.enclosed import signed_volume, signed_volumes
 from dsfab.surface.files import RawMesh, raw_mesh
 from dsfab.surface.mend import mended
-from dsfab.surface.mesh import ZERO_AREA, Surface, closed_length
+from dsfab.surface.mesh import ZERO_AREA, Surface
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.topology import (
     EdgeTable,
