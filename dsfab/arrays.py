@@ -56,6 +56,13 @@ def area_vectors(V: Floats, F: Ints) -> Floats:
     return cross(b - a, c - a)
 
 
+def face_angles(V: Floats, F: Ints) -> Floats:
+    """(m, 3) the angles of faces F (m, 3) of vertices V (n, 3) at their corners, radians."""
+    P = V[F]
+    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
+    return np.asarray(np.arctan2(lengths(np.cross(u, v)), np.einsum("mci,mci->mc", u, v)))
+
+
 def from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
     """(...) distances of points (..., 3) from the segments from a to b (..., 3)."""
     along, to = b - a, points - a

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
-from dsfab.arrays import area_vectors, edge_lengths
+from dsfab.arrays import area_vectors, closed_length, edge_lengths, face_angles
 from dsfab.surface.edge_changes import (
     contracted,
     has_new_diagonal,
@@ -92,3 +92,6 @@ def test_lengths_and_areas_of_a_known_triangle():
     V = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
     assert edge_lengths(V, np.array([[0, 1], [1, 2], [2, 0]])).tolist() == [3, 5, 4]
     assert area_vectors(V, np.array([[0, 1, 2], [0, 2, 1]])).tolist() == [[0, 0, 12], [0, 0, -12]]
+    assert closed_length(V) == 12
+    assert_allclose(np.degrees(face_angles(V, np.array([[0, 1, 2]])))[0], [90, 53.130102, 36.869898])
+    assert face_angles(V, np.array([[0, 1, 1]])).tolist() == [[0, 0, 0]]

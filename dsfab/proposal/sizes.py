@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import face_angles
 from dsfab.surface import Surface
 
 MEMBERS = 16
@@ -98,11 +98,4 @@ def _is_good(surface: Surface, edge: float) -> bool:
     """Whether the triangles are of that size, and none is a needle."""
     lengths = surface.edge_lengths
     fits = 0.5 * edge <= lengths.mean() <= 1.2 * edge and lengths.max() <= 2 * edge
-    return bool(fits and _smallest_angle(surface) >= SHARPEST)
-
-
-def _smallest_angle(surface: Surface) -> float:
-    """Degrees."""
-    P: Floats = surface.V[surface.F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), (u * v).sum(axis=2)).min()))
+    return bool(fits and np.degrees(face_angles(surface.V, surface.F).min()) >= SHARPEST)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, closed_length, first
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, face_angles, first, lengths
 from dsfab.errors import SurfaceError
 from dsfab.surface.cover import flips_along_tree
 from dsfab.surface.enclosed import signed_volume, signed_volumes
@@ -233,13 +233,9 @@ def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]
 
 def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, float]:
     """(m,) areas, square metres, and the smallest angle of the faces that have one, degrees."""
-    P = V[F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, -2, axis=1) - P
-    twice = np.linalg.norm(np.cross(u, v), axis=2)
-    angles = np.degrees(np.arctan2(twice, np.einsum("mij,mij->mi", u, v)))
-    areas: Floats = twice[:, 0] / 2
+    areas = lengths(area_vectors(V, F)) / 2
     sound = areas > ZERO_AREA * size**2
-    return areas, float(angles[sound].min()) if sound.any() else 0.0
+    return areas, float(np.degrees(face_angles(V, F[sound])).min()) if sound.any() else 0.0
 
 
 def unit_guess(raw: RawMesh) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, lengths
+from dsfab.arrays import Bools, Floats, Ints, face_angles, lengths
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import connected, next_half_edge
@@ -65,9 +65,6 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
     h0, h1 = edges.pairs[~features[edges.count == 2]].T
     i, j = np.concatenate([h0, next_half_edge(h0)]), np.concatenate([next_half_edge(h1), h1])
     count, fan = connected(3 * surface.m, i, j)
-    P = surface.V[F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
-    angle = np.arctan2(lengths(np.cross(u, v)), np.einsum("mci,mci->mc", u, v))
-    weighted = (angle[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
+    weighted = (face_angles(surface.V, F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
     total: Floats = np.stack([np.bincount(fan, x, minlength=count).astype(np.float64) for x in weighted.T], axis=1)
     return np.asarray((total / lengths(total)[:, None])[fan].reshape(-1, 3, 3))
