@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints, lengths
-from dsfab.surface.creases import CREASE, feature_edges
+from dsfab.surface.creases import CREASE, border_edges, sharp_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import connected
 
@@ -53,11 +53,9 @@ def smooth_passes(V: Floats, ends: Ints) -> Passes:
 def design_features(surface: Surface, edge: float) -> Bools:
     """(e,) boundaries, seams and creases, without short pieces of creases that are sharp on a few faces only: the edges
     of slivers and the noise of scans, at the scale of new edges of `edge` metres."""
-    marks = feature_edges(surface)
-    one, two = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
-    sharp = np.zeros(len(marks), dtype=bool)
-    sharp[surface.edges.count == 2] = np.einsum("ei,ei->e", one, two) < np.cos(np.radians(CREASE))
-    crease = np.flatnonzero(sharp & marks)
+    sharp = sharp_edges(surface)
+    marks = border_edges(surface) | sharp
+    crease = np.flatnonzero(sharp)
     short = crease[_stretches(surface, crease) < FRAGMENT * edge]
     marks[short[_mean_bends(surface, short, edge) < np.radians(DULL)]] = False
     return marks
