@@ -96,7 +96,7 @@ def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> Regioned
     """
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     made = Outlined(surface, nothing, nothing)
-    for k in sorted(range(len(regions)), key=lambda k: regions[k].do != "void"):
+    for k in _voids_first(regions):
         if extent := extents[k]:
             with _named(regions, k):
                 made = with_outline(made.surface, extent, made.fixed)
@@ -118,7 +118,7 @@ def _without_voids(
     taken, gone = np.zeros(len(regions)), np.zeros(whole.m, dtype=bool)
     marks = np.zeros((len(regions), whole.n), dtype=bool)
     marks[:, : picked.shape[1]] = picked
-    for k in sorted(range(len(regions)), key=lambda k: regions[k].do != "void"):
+    for k in _voids_first(regions):
         extent = extents[k]
         here = marks[k][whole.F].any(axis=1) if extent is None else extent.depth(whole.centroids) > 0
         here &= ~gone
@@ -133,6 +133,11 @@ def _without_voids(
         return RegionedSurface(whole, taken, whole, np.arange(whole.n))
     used, F = _compact(whole.F[~gone])
     return RegionedSurface(Surface(whole.V[used], F), taken, whole, used)
+
+
+def _voids_first(regions: Sequence[PatternRegion]) -> list[int]:
+    """The numbers of regions in the order in which they take their part of the surface."""
+    return sorted(range(len(regions)), key=lambda k: regions[k].do != "void")
 
 
 @contextmanager
