@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, closed_length, lengths
-from dsfab.proposal.vertical import is_nearly_closed
+from dsfab.proposal.vertical import SOLE, is_nearly_closed
 from dsfab.surface import Boundary, Box, Surface, connected
 
 FLAT = 0.02
@@ -21,10 +21,6 @@ SHORTEST = 1 / 25
 """Share of the span that a foot is long at least."""
 STEP = 1 / 200
 """Share of the span between two points of the boundary that are looked at."""
-SOLE = 0.03
-"""Share of the height of a closed surface that stands on the ground."""
-WHOLE = -1
-"""A loop whose number is not known yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +66,7 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
         highest = ground + LOW * height
         if outer[k] or _stands(surface, loop, highest):
             line = _resampled(surface.V[loop], STEP * span)
-            found += [
-                replace(foot, loop=k if foot.loop == WHOLE else None)
-                for foot in _stretches(line, height, highest, span)
-            ]
+            found += _stretches(k, line, height, highest, span)
     return _named(found, span)
 
 
@@ -124,13 +117,13 @@ def _resampled(P: Floats, step: float) -> Floats:
     return np.asarray(P[index] + along[:, None] * onward[index])
 
 
-def _stretches(P: Floats, height: float, highest: float, span: float) -> list[Foot]:
-    """The feet along one closed line P (k, 3) whose lowest points are not higher than `highest`."""
+def _stretches(loop: int, P: Floats, height: float, highest: float, span: float) -> list[Foot]:
+    """The feet along one boundary loop, the closed line P (k, 3), whose lowest points are not higher than `highest`."""
     z = P[:, 2]
     if z.min() > highest:
         return []
     if np.ptp(z) < DIP * height:
-        return [Foot("", P, closed_length(P), WHOLE)]
+        return [Foot("", P, closed_length(P), loop)]
     found = []
     for at in _valleys(z, DIP * height):
         if z[at] <= highest:

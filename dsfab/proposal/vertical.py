@@ -11,7 +11,7 @@ CLEAR = 0.1
 SLICE = 0.05
 """Share of the height in which boundary counts as the bottom or the top."""
 SOLE = 0.03
-"""Share of the height in which vertices are what a surface stands on."""
+"""Share of the height over its lowest point in which vertices are what a surface stands on."""
 PINHOLES = 0.02
 """Boundary shorter than this share of the side of a square of the same area makes no surface open."""
 
