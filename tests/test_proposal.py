@@ -16,7 +16,7 @@ from dsfab.app.editor.source import open_preset
 from dsfab.app.options import Source
 from dsfab.errors import PresetError, SurfaceError
 from dsfab.preset_file import load_preset
-from dsfab.proposal import preset_for, propose
+from dsfab.proposal import decisions, preset_for, propose
 from dsfab.proposal.feet import feet
 from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.vertical import likely_up
@@ -192,6 +192,15 @@ def test_every_decision_says_what_changes_it(own):
         for decision in propose(path).decisions:
             assert decision.choice, decision
             assert decision.change, decision
+
+
+def test_whether_it_carries_snow_is_decided_once(monkeypatch):
+    asked, one = [], decisions.takes_snow
+    monkeypatch.setattr(decisions, "takes_snow", lambda surface: asked.append(surface) or one(surface))
+    proposal = propose(dome(edge=1.5))
+    assert ("snow" in proposal.text(), len(proposal.lines)) == (True, 8)
+    assert proposal.preset.surface.load[-1].kind == "snow"
+    assert len(asked) == 1
 
 
 @pytest.mark.parametrize("unit", [None, "mm"])

@@ -38,7 +38,12 @@ class Proposal:
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
         """All of them, in the order of the preset."""
-        return (*self.given.decisions, *_decisions(self.given.surface, self.size, self.stands))
+        return (*self.given.decisions, *_decisions(self))
+
+    @cached_property
+    def snow(self) -> bool:
+        """Whether it carries snow: see `takes_snow`."""
+        return takes_snow(self.given.surface)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -56,7 +61,7 @@ class Proposal:
         """
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {each.topic: each.choice for each in self.decisions}
-        return proposal_text(self.given, keys, notes, self.size, self.stands, takes_snow(self.given.surface))
+        return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow)
 
     @cached_property
     def preset(self) -> Preset:
@@ -100,13 +105,14 @@ def takes_snow(surface: Surface) -> bool:
     return seen > ROOF * surface.area and seen < ONCE * abs(float(up.sum()))
 
 
-def _decisions(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[Decision]:
+def _decisions(proposal: Proposal) -> Iterator[Decision]:
+    surface, size, stands = proposal.given.surface, proposal.size, proposal.stands
     yield _mesh(surface, size)
     where = ", ".join(foot.name + (f" ({length(foot.length)})" if foot.length else "") for foot in stands)
     free = "; other edges and openings are free" if any(foot.length for foot in stands) else ", its lowest part"
     yield Decision("stands on", where + free, "surface.support")
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
-    yield Decision("carries", "its own weight" + (snow if takes_snow(surface) else ""), "surface.load")
+    yield Decision("carries", "its own weight" + (snow if proposal.snow else ""), "surface.load")
     figure = is_figure(surface)
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.span)}"
     made = f"{size.material}, {length(size.thickness)} thick{over}"
