@@ -14,6 +14,8 @@ from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError, StaticsError, SurfaceError
 from dsfab.pipeline import Design, draft, run
 from dsfab.preset_file import preset_from, preset_toml
+from dsfab.report.design import acting
+from dsfab.report.design import facts as design_facts
 from dsfab.report.design.acting import acting_facts, acting_lines
 from dsfab.statics import load_entries, support_entries
 from dsfab.surface import All, Box, Surface, Vertices, load_names, support_names
@@ -282,6 +284,19 @@ def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
     with pytest.raises(StaticsError, match=says) as caught:
         _ = plate([Support(Vertices(indices))], [SelfWeight()]).statics
     assert str(caught.value).count("turn about x") <= 1
+
+
+def test_a_build_asks_once_what_acts_and_prints_what_it_writes(monkeypatch, tmp_path, capsys):
+    asked, one = [], acting.acting_facts
+    for module in (acting, design_facts):
+        monkeypatch.setattr(module, "acting_facts", lambda *given: asked.append(given) or one(*given))
+    words = ["--set", "surface.edge=1.2", "--format", "stl", "--no-preview", "-o", str(tmp_path / "out")]
+    assert main(["build", DOME_MODES, *words]) == 0
+    said = capsys.readouterr().out.split("\n")
+    lines = list(acting_lines(json.loads((tmp_path / "out" / "design.json").read_text())))
+    assert len(lines) == 5
+    assert said[said.index(lines[0]) :][:5] == lines
+    assert len(asked) == 1
 
 
 def test_units_that_are_swapped_are_refused_or_told():

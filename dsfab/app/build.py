@@ -104,7 +104,7 @@ def build(
     finally:
         reporter.stop()
     if not quiet:
-        _summary(design, folder, saved.measured)
+        _summary(design, folder, saved.facts)
     if saved.refused and proposal and files.format_ is None:
         reporter.say(f"export      left out: {saved.refused}")  # nobody asked for that format
     elif saved.refused:
@@ -133,9 +133,9 @@ def _require(formats: Sequence[str]) -> None:
         FORMATS["." + suffix].ready()
 
 
-def _summary(design: "Design", folder: Path, measured: Mapping[str, Any]) -> None:
+def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
     from dsfab.render.caption import caption
-    from dsfab.report.design.acting import acting_facts, acting_lines
+    from dsfab.report.design.acting import acting_lines
     from dsfab.report.design.answers import answer_lines
     from dsfab.report.design.balance import case_lines
     from dsfab.report.design.choice import attempt_lines, choice_lines
@@ -151,10 +151,9 @@ def _summary(design: "Design", folder: Path, measured: Mapping[str, Any]) -> Non
         f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
-    measures = (*quality_lines(measured["pattern"]), *fabrication_lines(measured["fabrication"]))
+    measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
     tried = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice))
-    acting = acting_lines(acting_facts(design))
-    for line in (*acting, *tried, *case_lines(design), *answer_lines(design), *measures):
+    for line in (*acting_lines(facts), *tried, *case_lines(design), *answer_lines(design), *measures):
         out(line)
     for note in design.notes:
         out(f"note ({note.stage}): {note.text}")

@@ -28,9 +28,9 @@ MAY_BE_REFUSED = ("step", "stpz", "brep")
 
 
 class Saved(NamedTuple):
-    """What was measured on the way (see `design.json`), lines about the files, and why a format was refused, or ''."""
+    """What `design.json` says, lines about the files, and why a format was refused, or ''."""
 
-    measured: Mapping[str, Any]
+    facts: Mapping[str, Any]
     told: tuple[str, ...]
     refused: str
 
@@ -71,7 +71,7 @@ def save(
         (partial / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
         told = facts(design, seconds, files.names, files.refused, files.notes) | measured
         (partial / "design.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
-    return Saved(measured, (*files.reports, *files.notes), "; ".join(files.refused))
+    return Saved(told, (*files.reports, *files.notes), "; ".join(files.refused))
 
 
 def _written(design: Design, folder: Path, progress: Progress) -> _Files:
