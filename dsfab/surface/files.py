@@ -16,6 +16,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints, first
 from dsfab.errors import SurfaceError
+from dsfab.surface.orientation import upright
 from dsfab.surface.ply import read_ply
 from dsfab.surface.polygons import Polygons, read_obj, read_off, triangles
 from dsfab.units import metres_per
@@ -128,7 +129,7 @@ def _glb(path: Path) -> RawMesh:
     if path.read_bytes()[:4] != b"glTF":
         raise ValueError("there is no glTF header")
     V, F = _merged(trimesh.load(path, file_type="glb", force="mesh", process=False))
-    return RawMesh(np.stack([V[:, 0], -V[:, 2], V[:, 1]], axis=1), F, len(F), "m")
+    return RawMesh(upright(V, "y"), F, len(F), "m")
 
 
 def _merged(mesh: Any) -> tuple[Floats, Ints]:
