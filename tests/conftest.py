@@ -1,4 +1,4 @@
-"""The order of the tests, the files that take longest first, so that no core is idle at the end; Ctrl-C; a fixture."""
+"""The order of the tests, the files that take longest first, so that no core is idle at the end; Ctrl-C; fixtures."""
 
 import signal
 
@@ -17,6 +17,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 # A shell lets background jobs ignore Ctrl-C, and so would all programs that the tests start and stop with it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="module")
+def sharp_tab(server, tmp_path_factory):
+    """One page for all tests of a file, of its own `server`, with sharp edges: each pixel is material or not."""
+    from tests.test_app_editor_page import READY, page_of
+
+    with page_of(server, tmp_path_factory.mktemp("editor")) as tab:
+        tab.open(server.address + "&hard", READY)
+        yield tab
 
 
 @pytest.fixture

@@ -37,11 +37,8 @@ def page_of(server, folder, more=(), size=SIZE):
 
 
 @pytest.fixture(scope="module")
-def tab(server, tmp_path_factory):
-    """One page for all tests, sharp edges: each pixel is material or not."""
-    with page_of(server, tmp_path_factory.mktemp("editor")) as tab:
-        tab.open(server.address + "&hard", READY)
-        yield tab
+def tab(sharp_tab):
+    return sharp_tab
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from dsfab.preset_file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, COARSELY, serving
-from tests.test_app_editor_page import READY, SEEN, page_of, place_of, solved, until
+from tests.test_app_editor_page import SEEN, place_of, solved, until
 
 seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
 DRAWN = {"pick": "curve", "file": "/etc/hostname"}
@@ -43,19 +43,12 @@ def server():
         yield made
 
 
-@pytest.fixture(scope="module")
-def page(server, tmp_path_factory):
-    with page_of(server, tmp_path_factory.mktemp("painting")) as tab:
-        tab.open(server.address + "&hard", READY)
-        yield tab
-
-
 @pytest.fixture
-def tab(page):
+def tab(sharp_tab):
     """Every test begins with the preset as it is, and with the form."""
-    page.run("dsfab.opened(dsfab.start); document.getElementById('guides').open = true")
-    solved(page)
-    return page
+    sharp_tab.run("dsfab.opened(dsfab.start); document.getElementById('guides').open = true")
+    solved(sharp_tab)
+    return sharp_tab
 
 
 def stroke(tab, start, end, steps=12):

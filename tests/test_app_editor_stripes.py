@@ -19,7 +19,6 @@ from tests.test_app_editor import COARSE, serving, unpacked, wait
 from tests.test_app_editor_page import (
     READY,
     SEEN,
-    page_of,
     seen_by_both,
     share_measured,
     solved,
@@ -140,21 +139,14 @@ def server():
         yield made
 
 
-@pytest.fixture(scope="module")
-def tab(server, tmp_path_factory):
-    with page_of(server, tmp_path_factory.mktemp("editor")) as tab:
-        tab.open(server.address + "&hard", READY)
-        yield tab
-
-
 @pytest.fixture
-def page(tab):
+def page(sharp_tab):
     """Every test begins with the preset as it is."""
-    tab.run(
+    sharp_tab.run(
         "dsfab.opened(dsfab.start); dsfab.views.view({layers: ['loads'], colour: 'plain'}); dsfab.views.look('iso')"
     )
-    solved(tab)
-    return tab
+    solved(sharp_tab)
+    return sharp_tab
 
 
 def alike(ours, theirs):
