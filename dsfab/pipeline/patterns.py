@@ -82,12 +82,8 @@ def pattern_step(
         kept = kept_regions(preset, surface, given.load, even)
         widths = ask.width.widths(np.sqrt(surface.area))
         families = striped_families(preset, given, widths.radius, grading, even)
-        for family in families:
-            asked = getattr(ask, family.name)
-            if asked.spacing and not even:
-                told = f"spacing {asked.spacing:g} m: frequency of the {family.name} stripes became"
-                log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
-
+        if not even:
+            _note_spacings(preset, families, log)
         counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
         reached: list[float] = []
 
@@ -115,6 +111,14 @@ def pattern_step(
             nearest = min(reached, key=lambda one: abs(one + added - wanted)) + added
             log.note("pattern", _solved(preset, widths, result.factor, nearest))
     return result
+
+
+def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:
+    """Tell which frequencies the spacings became that are asked for."""
+    for family in families:
+        if spacing := getattr(preset.pattern, family.name).spacing:
+            told = f"spacing {spacing:g} m: frequency of the {family.name} stripes became"
+            log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
 
 
 def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[Layer]) -> PatternResult:

@@ -106,7 +106,7 @@ RING = f"{HARDER} (plane stress in closed form {_curved_plane():.5f}, Golovin 18
 THIN = "Simo, Fox and Rifai 1989, thickness 0.0032, load of 1e-6 on the whole end"
 
 
-def _tests() -> Iterator[Test]:
+def _straight_beams() -> Iterator[Test]:
     shapes: tuple[tuple[Shape, str], ...] = (("rectangles", ""), ("trapezoids", "_trapezoids"))
     for shape, suffix in (*shapes, ("parallelograms", "_parallelograms")):
         about = "straight cantilever" + (f" on a mesh of {shape}" if suffix else "")
@@ -120,6 +120,9 @@ def _tests() -> Iterator[Test]:
                 f"straight_beam_{name}{suffix}", reference, HARDER, f"{about}, bent {bent}: move of the tip", problem,
                 CELLS, PATTERNS, targets={1: target},
             )  # fmt: skip
+
+
+def _curved_beams() -> Iterator[Test]:
     for name, force, reference, source, limit in (
         ("in_plane", IN_PLANE, 0.08734, RING, _curved_plane()),
         ("out_of_plane", ACROSS, _curved_strip(), STRIP, None),
@@ -129,6 +132,9 @@ def _tests() -> Iterator[Test]:
         yield Test(
             f"curved_beam_{name}", reference, source, about, problem, CELLS, PATTERNS, targets={1: 0.015}, limit=limit
         )
+
+
+def _twisted_beams() -> Iterator[Test]:
     for suffix, thickness, load, references, source in (
         ("", 0.32, 1.0, (0.005424, 0.001754), HARDER),
         ("_thin", 0.0032, 1e-6, (0.005256, 0.001294), THIN),
@@ -142,6 +148,9 @@ def _tests() -> Iterator[Test]:
                 f"twisted_beam_{name}{suffix}", reference, source, about,
                 partial(twisted_beam, force=force, thickness=thickness), CELLS, targets={1: 0.015},
             )  # fmt: skip
+
+
+def _bent_strips() -> Iterator[Test]:
     for slenderness in (100, 1000):
         yield Test(
             f"bent_strip_{slenderness}",
@@ -155,4 +164,4 @@ def _tests() -> Iterator[Test]:
         )
 
 
-TESTS = list(_tests())
+TESTS = [*_straight_beams(), *_curved_beams(), *_twisted_beams(), *_bent_strips()]
