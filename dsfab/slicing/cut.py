@@ -16,6 +16,7 @@ from dsfab.slicing.cells import Cells
 from dsfab.slicing.clean import Snapping, clean_split
 from dsfab.slicing.closing import with_closed
 from dsfab.slicing.corner_band import corner_band
+from dsfab.slicing.ends_meeting import with_meeting_ends
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.snap import SNAP_FLOOR, TIP, ranges, settled_cells, snapped_together
@@ -103,10 +104,13 @@ def _divided(
             for split in splits:
                 mesh = mesh.after(split)
                 on_parts = {j: split.extended(y) for j, y in on_parts.items() if j > k}
-        mesh = mesh.with_material(k, material)
+        mesh = mesh.with_material(k, material, blank)
         if tidy:
             mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank))
-    return tidied(with_closed(mesh, tidy.closed), tidy) if tidy else mesh
+    if not tidy:
+        return mesh
+    mesh = with_meeting_ends(mesh, fields, steps)
+    return tidied(with_closed(mesh, tidy.closed), tidy)
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:

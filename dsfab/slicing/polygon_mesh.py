@@ -50,10 +50,12 @@ class PolygonMesh:
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
-    def with_material(self, k: int, material: Bools) -> Self:
-        """What field k makes material (c,), where an earlier field did not already."""
+    def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
+        """What field k makes material (c,), where an earlier field did not already; in a blank face (m,) it is a joint,
+        as stripes end at that."""
         new = material & self.void
-        family, also = np.where(new, k, self.family), np.where(material & ~new & self.again, k, self.also)
+        joint = (material & ~new & self.again) | (new & blank[self.parent])
+        family, also = np.where(new, k, self.family), np.where(joint, k, self.also)
         return replace(self, family=family, also=also)
 
     @property

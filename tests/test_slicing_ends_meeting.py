@@ -1,0 +1,82 @@
+"""Stripes that end at a face without a phase: on a plate of three rows of squares, where areas are known."""
+
+import numpy as np
+import pytest
+
+from dsfab.slicing import Tidy, cut
+from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.slicing.sheet import VOID
+from dsfab.surface import Surface
+from dsfab.surface.corner_field import CornerField
+from dsfab.surface.topology import manifold_faults
+from tests.zoo import grid
+
+
+@pytest.fixture(scope="module")
+def plate() -> Surface:
+    return grid(5, 3, 5.0, 3.0)
+
+
+def stripe(plate: Surface, half: float, blank: np.ndarray) -> CornerField:
+    """One along y = 1.5 but for blank faces (m,)."""
+    y, d = plate.V[:, 1] - 1.5, np.full(plate.n, half)
+    return CornerField(np.stack([y + d, y - d], axis=1), np.ones((plate.m, 3)), np.zeros((plate.m, 3)), blank)
+
+
+def post(plate: Surface) -> np.ndarray:
+    """One across it at x = 1, .2 wide."""
+    x, d = plate.V[:, 0] - 1.0, np.full(plate.n, 0.1)
+    return np.stack([x + d, x - d], axis=1)
+
+
+def between(plate: Surface, low: float, high: float) -> np.ndarray:
+    """(m,) the faces of the middle row between two places."""
+    x, y, _ = plate.centroids.T
+    return np.asarray((np.abs(y - 1.5) < 0.5) & (x > low) & (x < high))
+
+
+def tidied_sheet(plate: Surface, blank: np.ndarray, half: float = 0.2):
+    fields = [stripe(plate, half, blank), post(plate)]
+    tidy = Tidy((True, True), (None, None), np.zeros(plate.n, dtype=bool))
+    sheet = cut(plate, fields, [[0.0], [0.0]], 0, tidy)
+    assert sheet.surface.area == pytest.approx(plate.area)
+    assert (np.diff(sheet.parent) >= 0).all()
+    assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)
+    return sheet
+
+
+def material(sheet) -> float:
+    return float(sheet.surface.areas[sheet.material].sum())
+
+
+@pytest.mark.parametrize("half", [0.05, 0.2, 0.45])
+@pytest.mark.parametrize("faces", [(2.5, 3.0), (2.0, 2.5)])
+def test_a_stripe_goes_on_across_a_face_without_a_phase_as_wide_as_it_is(plate, faces, half):
+    """The straight lines between its two ends are its own edges: no corner of the face stays, none is missing."""
+    blank = between(plate, *faces)
+    assert blank.sum() == 1
+    kept = material(tidied_sheet(plate, blank, half))
+    assert kept == pytest.approx(5 * 2 * half + 0.2 * (3 - 2 * half), abs=1e-9)
+    without = cut(plate, [stripe(plate, half, blank), post(plate)], [[0.0], [0.0]], 0)
+    assert abs(material(without) - kept) > 1e-3  # a gap, or a node with corners
+
+
+def test_one_end_alone_is_taken_off_to_the_last_crossing(plate):
+    """The stripe goes no further than the blank faces, and comes out of them nowhere."""
+    kept = material(tidied_sheet(plate, between(plate, 2.0, 5.0)))
+    assert kept == pytest.approx(0.2 * 3 + 0.4 * 0.9, abs=1e-9)
+
+
+def test_where_a_field_is_not_drawn_on_a_part_of_the_surface_nothing_is_filled(plate):
+    """Both its ends are at one gap, which is larger than what meets at a vertex."""
+    blank = (plate.centroids[:, 0] > 2.0) & (plate.centroids[:, 0] < 4.0)
+    sheet = tidied_sheet(plate, blank)
+    assert not sheet.material[blank[sheet.parent]].any()
+
+
+def test_a_node_is_a_joint_as_a_crossing_is(plate):
+    """Its arms are parts of their own: one that leads nowhere goes, and the others stay."""
+    blank = between(plate, 2.5, 3.0)
+    mesh = PolygonMesh.of(plate).with_material(3, plate.centroids[:, 1] > 1, blank)
+    assert (mesh.also == np.where(blank, 3, VOID)).all()
+    assert (mesh.with_material(4, np.ones(plate.m, dtype=bool), blank).also[blank] == 3).all()
