@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.export.smooth.fits import splines_through
+from dsfab.export.smooth.fits import Fitted, splines_through
 from dsfab.export.smooth.nodes import Nodes
 from dsfab.export.smooth.outline import OutlineRun
 from dsfab.export.splines import Spline, straight
@@ -29,6 +29,9 @@ OF_CHORD = 0.5
 
 IN_SPACE = 1 / 50
 """Tolerance of the curves on the skins, as a share of the thickness."""
+
+FINER = (1, 4, 16)
+"""Samples of a curve on the skins, in turns until it is close enough, as multiples of the usual."""
 
 OF_LOOP = 0.03
 """A loop is followed at least as closely as this share of its width: the sides of a slit must not cross."""
@@ -98,16 +101,28 @@ def wall_edges(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[
     found = _parts(asked, nodes, allowed)
     parts = [part for some in found for part in some]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
-    x = [parameters(part.flat) for part in parts]
-    flat = [part.flat(at) for part, at in zip(parts, x, strict=True)]
-    both = by_chart([part.asked.chart for part in parts], flat, lambda k, uv: nodes.charts[k].both(uv))
-    wanted = [allowed.in_space(part.asked.run, part.asked.level) for part in parts]
-    fits = splines_through(list(zip(x, both, strict=True)), wanted, parts=2)
+    fits = _on_skins(parts, nodes, [allowed.in_space(part.asked.run, part.asked.level) for part in parts])
     edges = iter(
         with_ends_on_nodes(part.asked.run, space, {part.asked.chart: part.flat}, off, nodes, wall=True)
         for part, (space, off) in zip(parts, fits, strict=True)
     )
     return [[next(edges) for _ in some] for some in found]
+
+
+def _on_skins(parts: list[_Part], nodes: Nodes, wanted: list[float]) -> list[Fitted]:
+    """Curves on both skins over curves of planes, each as close as wanted (millimetres), with its largest distance.
+
+    A skin may wave along a curve that is plain over its plane: where that has too few samples for it, more are taken.
+    """
+    found, todo = dict[int, Fitted](), list(range(len(parts)))
+    for finer in FINER:
+        x = [parameters(parts[i].flat, finer) for i in todo]
+        flat = [parts[i].flat(at) for i, at in zip(todo, x, strict=True)]
+        both = by_chart([parts[i].asked.chart for i in todo], flat, lambda k, uv: nodes.charts[k].both(uv))
+        fits = splines_through(list(zip(x, both, strict=True)), [wanted[i] for i in todo], parts=2)
+        found |= zip(todo, fits, strict=True)
+        todo = [i for i in todo if found[i][1] > wanted[i]]
+    return [found[i] for i in range(len(parts))]
 
 
 def _parts(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[_Part]]:
@@ -162,16 +177,16 @@ def spread(line: Floats) -> tuple[Floats, Floats]:
     return x, np.stack([np.interp(x * length[-1], length, column) for column in line.T], axis=1)
 
 
-def parameters(curve: Spline) -> Floats:
-    """(k,) parameters to measure at: many in each span."""
-    return _parameters(curve.knots.tobytes())
+def parameters(curve: Spline, finer: int = 1) -> Floats:
+    """(k,) parameters to measure at: many in each span; finer : so many times as many as usual."""
+    return _parameters(curve.knots.tobytes(), finer)
 
 
 @lru_cache(maxsize=1024)
-def _parameters(knots: bytes) -> Floats:
+def _parameters(knots: bytes, finer: int) -> Floats:
     """Most curves have one of a few lists of knots."""
     breaks = np.unique(np.frombuffer(knots))
-    each = max(24, int(np.ceil(128 / (len(breaks) - 1))))
+    each = finer * max(24, int(np.ceil(128 / (len(breaks) - 1))))
     steps = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(each) / each
     return np.concatenate([steps.ravel(), [1.0]])
 
