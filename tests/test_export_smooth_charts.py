@@ -1,17 +1,21 @@
 """Charts of smooth STEP: divided where no spline follows them, on points dense enough, beside those that fail."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
 from dsfab.delivery.files import _where_largest, curved_sheet
+from dsfab.errors import ExportError
 from dsfab.export import StepOptions, write
+from dsfab.export.part import part_of
 from dsfab.export.smooth import charts, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.outline import sheet_of
 from dsfab.export.smooth.patch_fits import fitted
+from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.seams import run_key
 from dsfab.export.smooth.source import DividedSheet
 from dsfab.slicing import Sheet, cut
@@ -136,3 +140,30 @@ def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
     write(solid, tmp_path / "a.step", step=StepOptions("smooth", curved=curved), note=said.append)
     assert "1 of 2 pieces" in said[0]
     assert "no spline surface follows chart" in said[0]
+
+
+@pytest.mark.parametrize(("middle", "needed"), [(1.5, True), (0.5, False)])
+def test_a_chart_that_the_only_solid_needs_ends_its_layout_where_it_fails(monkeypatch, middle, needed):
+    """Of eight charts one fails, at x = 1.5: where the solid is there, those after it are not fitted."""
+    flat = grid(16, 6, 2.0, 1.0)
+    surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), 0.2 * flat.V[:, 0] ** 2], flat.F)
+    sheet = cut(surface, [0.2 - np.abs(surface.V[:, 0] - middle)], [np.array([0.0])]).kept()
+    solid = thicken(sheet.surface, sheet.carry_corners(offsets(surface, THICKNESS).at_corners(surface.F), surface.F))
+    part = replace(part_of(solid, "a"), curved=partial(curved_sheet, surface, sheet, THICKNESS))
+    fields = -np.abs(surface.V[:, :1] - np.linspace(0.125, 1.875, 8))
+    made, honest = list[int](), Atlas._chart
+
+    def disliked(self, k, *how):
+        made.append(k)
+        if abs(surface.V[self._best[0] == k, 0].mean() - 1.5) < 0.2:
+            raise ExportError("it is disliked")
+        return honest(self, k, *how)
+
+    monkeypatch.setattr(Atlas, "_chart", disliked)
+    monkeypatch.setattr(SmoothPlan, "_near", lambda *_: np.arange(surface.n))
+    if needed:
+        with pytest.raises(ExportError, match="it is disliked"):
+            SmoothPlan(part).built(fields)
+    else:
+        assert not SmoothPlan(part).built(fields).model.pieces[0].refused
+    assert (len(made) < 8) == needed

@@ -95,7 +95,9 @@ class _Ladder:
             except BudgetError:
                 raise
             except ExportError as error:
-                self.reason = self.reason or str(error)
+                self.reason = str(error)
+                if self.part.hurry:
+                    break
                 continue
             if not len(self.left) or self.inspected > self.most or self.part.hurry:
                 break

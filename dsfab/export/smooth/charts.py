@@ -4,7 +4,7 @@ A chart that no spline with so many poles follows is divided in two across its l
 between what leans one way and the other; all other borders stay where they were.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -89,8 +89,13 @@ class Atlas:
         self._levels = [dense(surface, curved)]
         self._best = [fields.argmax(axis=1)]
 
-    def make(self, numbers: Iterable[int], halve: bool = True) -> None:
-        """The charts of these numbers (tolerance in millimetres), and those that they are divided into."""
+    def make(
+        self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
+    ) -> None:
+        """The charts of these numbers (tolerance in millimetres), and those that they are divided into.
+
+        hopeless : whether the others are of no use without a chart that failed; it ends there then.
+        """
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
             k, turn = todo.pop()
@@ -105,6 +110,8 @@ class Atlas:
                 chart = self._chart(k, FIRST * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
             except ExportError as error:
                 self.failed[k] = str(error)
+                if hopeless(k):
+                    return
                 continue
             if may and chart.off > chart.tolerance:
                 self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
@@ -114,6 +121,8 @@ class Atlas:
                     f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
                     f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
                 )
+                if hopeless(k):
+                    return
             else:
                 self.charts[k] = chart
 

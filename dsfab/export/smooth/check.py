@@ -162,7 +162,8 @@ def _findings(solid: Any, deflection: float, copies: bool) -> dict[str, Any]:
 
     faces = [TopoDS.Face(face) for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
     meanwhile = _Meanwhile(partial(_volume, solid)) if copies else None
-    valid = bool(BRepCheck_Analyzer(solid, True, True).IsValid())
+    checked = BRepCheck_Analyzer(solid, True, True)
+    valid = bool(checked.IsValid())
     tessellates = valid and _tessellates(solid, faces, deflection)
     gap = max((_gap(face) for face in faces), default=0.0)
     if meanwhile and not tessellates:
@@ -174,7 +175,7 @@ def _findings(solid: Any, deflection: float, copies: bool) -> dict[str, Any]:
         "faces": len(faces),
         "volume": (meanwhile or partial(_volume, solid))() if tessellates else 0.0,
         "gap": gap,
-        "bad": [] if valid else _crossing(faces),
+        "bad": [] if valid else _crossing([face for face in faces if not checked.IsValid(face)] or faces),
     }
 
 

@@ -93,9 +93,18 @@ class SmoothPlan:
 
     def built(self, fields: Floats, done: Collection[int] = ()) -> SmoothSolid:
         """The pieces of all solids but those that are done, in a layout of charts: fields (n, c), the largest names
-        the chart."""
+        the chart. Raises ExportError as soon as a chart fails that the only solid needs: the others take long."""
         atlas = Atlas(self.surface, self.curved, fields, FIT * self.limits.distance)
-        atlas.make(np.unique(fields.argmax(axis=1)[self._near(done)]))
+        needed = set[int]()
+
+        def hopeless(chart: int) -> bool:
+            if self.solids.count == 1 and chart in self.curved.divided(atlas.fields).chart:
+                needed.add(chart)
+            return bool(needed)
+
+        atlas.make(np.unique(fields.argmax(axis=1)[self._near(done)]), hopeless=hopeless)
+        if needed:
+            raise ExportError(atlas.failed[needed.pop()])
         sheet = sheet_of(self.curved.divided(atlas.fields), self.curved.shift)
         gate = Gate(self.solids, sheet, self.limits)
         asked = _pieces(gate, done)
