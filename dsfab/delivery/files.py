@@ -21,9 +21,8 @@ from dsfab.pipeline.design import Design
 from dsfab.preset import Export
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.corners import outline_corners, outline_labels
-from dsfab.surface import Surface
+from dsfab.surface import Surface, pieces
 from dsfab.surface.cover import one_sided_pieces
-from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets
 from dsfab.thickening.offset import SHIFT, Side
 

@@ -13,9 +13,9 @@ from dsfab.diffusion.frame import reference_axes
 from dsfab.diffusion.symmetry import Symmetry
 from dsfab.errors import PatternError
 from dsfab.sparse import Factor, SuperLU, factorise, one_blas_thread, solver_name
+from dsfab.surface import pieces
 from dsfab.surface.hats import voronoi_mass
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import pieces
 
 SAME = 1e-6
 """Eigenvalues that differ by less than this share count as one, repeated."""

@@ -15,8 +15,7 @@ from dsfab.slicing import Sheet, bridged_necks, cut, filled_openings, filled_sli
 from dsfab.slicing.features import kept_cells
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
-from dsfab.surface import LoadCase, Surface
-from dsfab.surface.topology import pieces
+from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
 
 SPECK = 0.15

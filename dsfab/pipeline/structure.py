@@ -28,8 +28,7 @@ from dsfab.statics import (
     needles_told,
     stress,
 )
-from dsfab.surface import Surface, coincident
-from dsfab.surface.topology import pieces
+from dsfab.surface import Surface, coincident, pieces
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:

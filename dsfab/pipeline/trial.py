@@ -29,8 +29,7 @@ from dsfab.preset import Preset
 from dsfab.results import Candidate, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import Sheet, Tidy, cut, filled_slits, resolve_pinches
 from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
-from dsfab.surface import LoadCase, Surface
-from dsfab.surface.topology import pieces
+from dsfab.surface import LoadCase, Surface, pieces
 
 SHARE_TOLERANCE = 2e-3
 """How closely candidates reach pattern.width.solid_fraction, as a share of the surface."""

@@ -9,8 +9,8 @@ from dsfab.arrays import Bools, Floats, lock
 from dsfab.slicing.across import Crossings, crossings
 from dsfab.slicing.parts import inner_walls, part_of, round_sizes
 from dsfab.slicing.sheet import VOID, Sheet
+from dsfab.surface import pieces
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import pieces
 
 BINS = 20
 """Bins of the histogram of member widths."""

@@ -10,8 +10,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.slicing.parts import part_of
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.walls import Walls
-from dsfab.surface import NearestPlaces, nearest
-from dsfab.surface.topology import pieces
+from dsfab.surface import NearestPlaces, nearest, pieces
 
 if TYPE_CHECKING:
     import manifold3d

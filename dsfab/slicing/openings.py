@@ -16,8 +16,7 @@ from dsfab.slicing.across import MIDDLE, Crossings, crossings
 from dsfab.slicing.closing import limit
 from dsfab.slicing.parts import inner_walls, medians, part_of, round_sizes, whole_edges
 from dsfab.slicing.sheet import VOID, Sheet
-from dsfab.surface import Surface
-from dsfab.surface.topology import pieces
+from dsfab.surface import Surface, pieces
 
 SLENDER = 3.0
 """4 area / perimeter is at most twice the width of a slit, and some more where it widens."""

@@ -5,10 +5,9 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, first
 from dsfab.errors import StaticsError
 from dsfab.limits import FEW_VERTICES
-from dsfab.surface import coincident
+from dsfab.surface import coincident, pieces
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import pieces
 
 RANK_TOLERANCE = 1e-9
 """Rigid motions that move the supports by less than this share of the piece's own motion count as free."""

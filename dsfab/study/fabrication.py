@@ -11,8 +11,7 @@ from dsfab.pipeline import acting_on
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
-from dsfab.surface import load_names, support_names
-from dsfab.surface.topology import pieces
+from dsfab.surface import load_names, pieces, support_names
 from dsfab.thickening.wall import Wall, thinnest_wall
 
 

@@ -31,7 +31,7 @@ from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, wi
 from dsfab.surface.remesh import remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
-from dsfab.surface.topology import connected, next_half_edge
+from dsfab.surface.topology import connected, next_half_edge, pieces
 
 __all__ = [
     "FIGURES",
@@ -81,6 +81,7 @@ __all__ = [
     "nearest",
     "next_half_edge",
     "normalized",
+    "pieces",
     "ply_chunks",
     "raw_mesh",
     "read_surface",

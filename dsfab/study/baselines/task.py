@@ -15,8 +15,7 @@ from dsfab.pipeline.patterns import kept_regions
 from dsfab.preset import Family, Preset
 from dsfab.results import DiffusionResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
-from dsfab.surface import LoadCase, Surface
-from dsfab.surface.topology import pieces
+from dsfab.surface import LoadCase, Surface, pieces
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,7 @@ from dsfab.slicing import Sheet
 from dsfab.statics import SheetMaterial, flat_axis
 from dsfab.statics.mechanisms import require_held
 from dsfab.statics.supports import all_clamped
-from dsfab.surface import LoadCase, Surface
-from dsfab.surface.topology import pieces
+from dsfab.surface import LoadCase, Surface, pieces
 
 
 @dataclass(frozen=True, eq=False)
