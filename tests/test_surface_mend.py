@@ -41,6 +41,14 @@ def test_seams_of_any_size_are_welded(seed, size):
     assert "welded" in mesh.repairs[0]
 
 
+def test_a_corner_that_marching_cubes_cut_off_is_whole_again(tmp_path):
+    """Two vertices 0.14 mm apart at corners of a patch of 6 m: with needles between them statics cannot be solved."""
+    patch = read_surface(gyroid(tmp_path), "m")
+    assert patch.edge_lengths.min() < 3e-5 * patch.size
+    mesh = mended(patch.V, patch.F)
+    assert Surface(mesh.V, mesh.F).edge_lengths.min() > 1.5e-4 * patch.size
+
+
 def test_crumbs_repeats_and_faces_without_area_go():
     n = ROOF.n
     V = np.vstack([ROOF.V, ROOF.V[:3] * 0.01 + [0, 0, 9], [[np.nan, 0, 0]]])
@@ -66,7 +74,7 @@ def test_pinholes_are_closed_and_doors_are_not():
     ball = sphere(edge=0.4)
     tiny = ball.V.copy()
     corners = ball.F[0]
-    tiny[corners] = tiny[corners].mean(axis=0) + 2e-4 * (tiny[corners] - tiny[corners].mean(axis=0))
+    tiny[corners] = tiny[corners].mean(axis=0) + 1e-3 * (tiny[corners] - tiny[corners].mean(axis=0))
     holed = mended(tiny, ball.F[1:])
     assert holed.repairs == ("1 pinhole closed",)
     closed = Surface(holed.V, holed.F)
@@ -81,7 +89,7 @@ def test_files_as_programs_write_them_become_sheets(tmp_path):
         path = make(tmp_path)
         raw, whole = read_surface(path), read_surface(path, mend=True)
         assert whole.pieces[0] == 1
-        assert whole.area == pytest.approx(raw.area, rel=1e-6)
+        assert whole.area == pytest.approx(raw.area, rel=2e-6)
         assert manifold_faults(whole.F, whole.edges, whole.n) == ()
 
 

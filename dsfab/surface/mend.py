@@ -8,7 +8,7 @@ from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, lengt
 from dsfab.surface.places import merged
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
 
-WELD = 1e-5
+WELD = 5e-5
 """Share of the largest side within which vertices become one."""
 CRUMB = 0.01
 """Share of the area under which a loose piece is dropped."""
