@@ -58,6 +58,16 @@ def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp
     assert chosen(solid, step=StepOptions(curved=curved)).way == "faceted"
 
 
+def test_quick_gives_up_what_takes_however_long(tmp_path, slow_vault, here, unread, monkeypatch):
+    """The same solid: what `auto` makes in the end, `quick` leaves, and says what each way would cost."""
+    monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
+    solid, curved = slow_vault
+    with pytest.raises(ExportError, match=r"more than step_faces = 60"):
+        write(solid, tmp_path / "a.step", step=StepOptions("quick", curved=curved, faces=60))
+    assert not any(tmp_path.iterdir())
+    assert chosen(solid, step=StepOptions("quick", curved=curved)).way == "faceted"
+
+
 def test_a_smooth_file_over_the_budget_is_not_shown_to_occt(tmp_path, slow_vault, monkeypatch):
     monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
     solid, curved = slow_vault

@@ -198,7 +198,7 @@ def test_whether_it_carries_snow_is_decided_once(monkeypatch):
     asked, one = [], decisions.takes_snow
     monkeypatch.setattr(decisions, "takes_snow", lambda surface: asked.append(surface) or one(surface))
     proposal = propose(dome(edge=1.5))
-    assert ("snow" in proposal.text(), len(proposal.lines)) == (True, 8)
+    assert ("snow" in proposal.text(), len(proposal.lines)) == (True, 9)
     assert proposal.preset.surface.load[-1].kind == "snow"
     assert len(asked) == 1
 

@@ -105,8 +105,10 @@ def build(
         reporter.stop()
     if not quiet:
         _summary(design, folder, saved.facts)
+    quick = design.preset.export.step == "quick"
     if saved.refused and proposal and files.format_ is None:
-        reporter.say(f"export      left out: {saved.refused}")  # nobody asked for that format
+        longer = f"; dsfab export {folder} --to step --step auto tries more ways, for minutes" if quick else ""
+        reporter.say(f"export      left out: {saved.refused}{longer}")  # nobody asked for that format
     elif saved.refused:
         raise ExportError(saved.refused)
     return 0

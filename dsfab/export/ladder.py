@@ -3,8 +3,8 @@
 planar -> planar, tighter -> smooth, where it is soon made -> faceted -> simplified -> smooth, however long it takes
                                                                                           -> simplified further
 
-That is `auto`. The next way is tried when one is refused: for the shape, by the budget, before anything is written, or
-for what OCCT finds in the file.
+That is `auto`; `quick` is the same without the smooth one that takes however long. The next way is tried when one is
+refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,7 @@ from dsfab.export.step_text import DIGITS, FACETED_DIGITS
 from dsfab.limits import OUTLINE
 from dsfab.surface.topology import edge_table, half_edges
 
-ROUTES = ("auto", "planar", "smooth", "faceted", "tessellated")
+ROUTES = ("auto", "quick", "planar", "smooth", "faceted", "tessellated")
 
 TIGHTER = 1 / 4
 """A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
@@ -53,30 +53,30 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
     A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
     """
-    flat = 0.0
-    if part.step in ("auto", "planar"):
+    flat, chosen = 0.0, part.step in ("auto", "quick")
+    if chosen or part.step == "planar":
         flat = default_tolerance(part)
         planar = replace(part, step="planar", tolerance=part.tolerance or flat)
         yield planar
         if planar.tolerance:
             yield replace(planar, tolerance=TIGHTER * planar.tolerance)
-    curved = part.step == "auto" and part.curved is not None and not flat
+    curved = chosen and part.curved is not None and not flat
     if part.step == "smooth" or curved:
         yield replace(part, step="smooth", hurry=curved)
     if part.step == "tessellated":
         yield part
-    if part.step in ("auto", "faceted"):
+    if chosen or part.step == "faceted":
         faceted = replace(part, step="faceted")
         if part.tolerance:
             yield from _as_asked(faceted)
         else:
             yield faceted
-    if part.step == "auto":
-        yield from _last(faceted, curved)
+    if chosen:
+        yield from _last(faceted, curved and part.step == "auto")
 
 
 def _last(part: Part, curved: bool) -> Iterator[Part | BudgetError]:
-    """What is left to `auto` for a faceted part that was refused."""
+    """What is left for a faceted part that was refused; smooth, however long that takes, if `curved`."""
     if not part.tolerance:
         yield from _simpler(part, usual_tolerance(part))
     if curved:

@@ -22,7 +22,7 @@ from dsfab.units import MM_PER_M
 STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
-Route = Literal["auto", "planar", "smooth", "faceted", "tessellated"]
+Route = Literal["auto", "quick", "planar", "smooth", "faceted", "tessellated"]
 """The ways to make a STEP file."""
 
 
@@ -82,7 +82,7 @@ class Part:
     name       : what a format with names calls it.
     is_solid   : closed, with a volume; otherwise a sheet.
     step_faces : largest number of faces of a STEP file.
-    step       : how a STEP file is made: `auto`, `planar`, `smooth` or `faceted` (see `dsfab.export.step`).
+    step       : how a STEP file is made: `auto`, `quick`, `planar`, `smooth` or `faceted` (see `dsfab.export.step`).
     tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
     details    : lines, fields and facts; its lengths in millimetres too.

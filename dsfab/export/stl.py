@@ -23,7 +23,8 @@ def prepare(part: Part) -> Part:
 def encode(part: Part) -> Iterator[bytes]:
     """Header, number of triangles, then 50 bytes for each.
 
-    The header must not begin with "solid", which is how readers recognise the text variant.
+    The header must not begin with "solid", which is how readers recognise the text variant. It ends with a zero: admesh
+    prints it as a text of C, and went on into what lay behind it in memory.
     """
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
@@ -31,7 +32,7 @@ def encode(part: Part) -> Iterator[bytes]:
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     records["normal"] = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
     records["corners"] = corners
-    yield f"binary STL, unit: millimetre, written by dsfab {__version__}".encode("ascii").ljust(80)
+    yield f"binary STL, unit: millimetre, written by dsfab {__version__}".encode("ascii").ljust(79) + b"\0"
     yield np.uint32(len(records)).astype("<u4").tobytes()
     yield records.tobytes()
 

@@ -123,6 +123,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
+    yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
 
 
 def _mesh(surface: Surface, size: Sizes) -> Decision:

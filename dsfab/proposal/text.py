@@ -48,6 +48,7 @@ def proposal_text(
         *_families(size),
         _widths(),
         *_thickening(surface),
+        ["[export]", _entry("step", "quick", "STEP that is soon made, or none; auto tries more ways, for minutes")],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
