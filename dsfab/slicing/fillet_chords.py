@@ -74,7 +74,7 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
     """Arcs for all corners: where a disc of that radius stops, beyond which may be several; then for each of the
     others, made smaller until they fit between the walls; without those that do not."""
     done, taken = list[Fillets](), list[Stretches]()
-    for tips, arcs in rolled_arcs(corners, radius):
+    for tips, arcs in rolled_arcs(corners, radius, taken):
         for rays in (False, True):
             for before in taken:
                 free = ~tips.stretches(arcs).meet(before, len(tips.first))

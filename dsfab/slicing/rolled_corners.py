@@ -16,6 +16,7 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.arcs import Arcs, crossing, touching_arcs
 from dsfab.slicing.flat_openings import TINY, FlatOpenings, nearest_in_plane
 from dsfab.slicing.opening_corners import Corners
+from dsfab.slicing.stretches import Stretches
 from dsfab.slicing.walls import SHARPEST
 
 BESIDE = 0.1
@@ -56,20 +57,24 @@ class Stops(NamedTuple):
         )
 
 
-def rolled_arcs(corners: Corners, radius: float) -> Iterator[tuple[Corners, Arcs]]:
+def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Where discs of a radius, metres, stop in the openings: vertices (p,) beyond them, as corners, and the arcs (p,)
     in the frames of these, none of which reaches over another. Those that stop at one wall, or touch none when seen in
     space, are not listed.
 
     Twice, for vertices near the discs and for those at the end of what lies beyond: on a curved surface one of them may
-    see the arc where the other does not.
+    see the arc where the other does not. The second time without those in what is `taken` by then.
     """
     flat = FlatOpenings.of(corners.sheet, corners.walls)
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
         stop, *tips = _tips(flat, _stops(flat, loops, radius), loops, radius)
+        walls = corners.walls
         for tip in tips:
-            yield _seen(corners, flat, stop, tip, radius)
+            wall, left = flat.wall[tip], np.ones(len(tip), dtype=bool)
+            for stretches in taken:
+                left &= ~stretches.cover(walls.chain[wall], walls.place[wall])
+            yield _seen(corners, flat, stop.some(left), tip[left], radius)
 
 
 def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: float) -> tuple[Corners, Arcs]:
