@@ -61,6 +61,7 @@ def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp
 def test_quick_gives_up_what_takes_however_long(tmp_path, slow_vault, here, unread, monkeypatch):
     """The same solid: what `auto` makes in the end, `quick` leaves, and says what each way would cost."""
     monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
+    monkeypatch.setattr(plan, "MOST_WALLS", 1)
     solid, curved = slow_vault
     with pytest.raises(ExportError, match=r"more than step_faces = 60"):
         write(solid, tmp_path / "a.step", step=StepOptions("quick", curved=curved, faces=60))

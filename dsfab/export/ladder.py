@@ -28,6 +28,9 @@ ROUTES = ("auto", "quick", "planar", "smooth", "faceted", "tessellated")
 TIGHTER = 1 / 4
 """A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
 
+LONGER = 3
+"""Times the walls that `auto` tries to make smooth at first: `quick` has no other chance."""
+
 FURTHER = 2
 """Times the usual tolerance, the last way of all to come within the budget."""
 
@@ -62,7 +65,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
             yield replace(planar, tolerance=TIGHTER * planar.tolerance)
     curved = chosen and part.curved is not None and not flat
     if part.step == "smooth" or curved:
-        yield replace(part, step="smooth", hurry=curved)
+        yield replace(part, step="smooth", hurry=(LONGER if part.step == "quick" else 1) if curved else 0)
     if part.step == "tessellated":
         yield part
     if chosen or part.step == "faceted":

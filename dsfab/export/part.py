@@ -90,7 +90,8 @@ class Part:
     note       : what was done to the mesh on its way here.
     simpler    : whether that left it with fewer triangles than its solid has.
     curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
-    hurry      : whether nobody asked for smooth STEP by name, so that it may be given up early.
+    hurry      : where nobody asked for smooth STEP by name, it is given up early, and not tried where it has more than
+                 so many times the walls that are soon made; 0 where somebody did.
     """
 
     V: Floats
@@ -106,7 +107,7 @@ class Part:
     note: str = ""
     simpler: bool = False
     curved: Callable[[], Curved] | None = None
-    hurry: bool = False
+    hurry: int = 0
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))

@@ -56,7 +56,7 @@ class SmoothPlan:
         t, distance = self.limits.thickness, self.limits.distance
         self.allowed = Allowed(t, distance, float(np.median(self.limits.chord)))
         if part.hurry:
-            self._ask_walls()
+            self._ask_walls(MOST_WALLS * part.hurry)
 
     def layouts(self) -> Iterator[Floats]:
         """Fields (n, c) of one layout after another, each once: chart k is where field k is largest.
@@ -82,12 +82,12 @@ class SmoothPlan:
         """Charts for all outlines of the sheet."""
         return sum(len(region.loops) for region in self.whole.regions) // LOOPS + 1
 
-    def _ask_walls(self) -> None:
+    def _ask_walls(self, most: int) -> None:
         """Raise ExportError where a sheet has too many walls for a hurry."""
         count = sum(run.beyond == WALL for region in self.whole.regions for loop in region.loops for run in loop)
-        if count > MOST_WALLS:
+        if count > most:
             raise ExportError(
-                f"its smooth solid would have {count} walls, more than {MOST_WALLS}, which take too long to be made "
+                f"its smooth solid would have {count} walls, more than {most}, which take too long to be made "
                 "unasked; ask for step = 'smooth'"
             )
 
