@@ -70,6 +70,13 @@ def test_tips_are_no_necks_and_openings_without_room_are_filled():
     assert done.material.all()
 
 
+def test_a_sheet_without_openings_stays_as_it_is():
+    plate = grid(8, 8, 1.0, 1.0)
+    for level in (-1.0, 2.0):
+        sheet = cut(plate, [plate.V[:, 0]], [[level]])
+        assert bridged_necks(sheet, 0.1) == (sheet, 0)
+
+
 def test_a_pocket_behind_a_neck_is_filled_with_it():
     """A square of 6 cm that a passage joins to a large opening: a hole of its own there would be good for nothing."""
     plate = grid(50, 50, 1.0, 1.0)

@@ -63,6 +63,8 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     """
     count = 0
     for _ in range(ROUNDS):
+        if cells.material.all() or not cells.material.any():
+            break
         walls = Walls.of(cells)
         necks, lost = _narrow(cells, walls, width)
         cells = _filled(cells, lost)
