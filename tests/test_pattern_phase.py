@@ -21,7 +21,6 @@ from dsfab.pattern import (
     through_peaks,
 )
 from dsfab.pattern.corners import _carry
-from dsfab.pattern.cross_field import half_turns
 from dsfab.pattern.density import weighted_quantile
 from dsfab.pattern.phase import krylov_power
 from dsfab.surface import Surface
@@ -354,56 +353,6 @@ def test_without_stress_there_is_nothing_to_follow():
     plate = grid(3, 3, 1.0, 1.0)
     with pytest.raises(PatternError, match="nothing is stressed"):
         cross_field(Frames.of(plate), uniaxial(plate, np.tile([1.0, 0, 0], (plate.m, 1)), np.zeros(plate.m)), 0.1)
-
-
-def turned(plate: Surface, points: list[tuple[float, float, int]], at: np.ndarray) -> np.ndarray:
-    """Unit tangents of a plate at places (k, 3) that turn by so many half turns around points."""
-    angle = sum(count * np.arctan2(at[:, 1] - y, at[:, 0] - x) / 2 for x, y, count in points)
-    return np.stack([np.cos(angle), np.sin(angle), np.zeros(len(at))], axis=1)
-
-
-@pytest.mark.parametrize("points", [[(1.03, 1.02, 1)], [(1.03, 1.02, -1)], [(1.03, 1.02, 1), (2.52, 0.93, -1)]])
-def test_half_turns_are_counted_around_wedges_and_trisectors(points):
-    plate = jittered(grid(24, 16, 3.6, 2.4))
-    frames = Frames.of(plate)
-    found = half_turns(frames, turned(plate, points, plate.V) * signs(plate.n))
-    assert np.count_nonzero(found) == len(points)
-    for x, y, count in points:
-        at = np.flatnonzero(found == count)
-        assert np.abs(plate.centroids[at] - [x, y, 0]).max() < 0.15
-
-
-@pytest.mark.parametrize(("name", "euler"), [("sphere", 2), ("torus", 0)])
-def test_half_turns_add_up_to_twice_the_euler_number(name, euler):
-    surface = sphere(3) if name == "sphere" else torus()
-    frames = Frames.of(surface)
-    along = frames.direction(np.random.default_rng(4).uniform(0, 2 * np.pi, surface.n))  # whatever the field
-    assert half_turns(frames, along).sum() == 2 * euler
-
-
-@pytest.mark.parametrize(("apart", "left"), [(0.5, 0), (1.6, 2)])
-def test_a_wedge_and_a_trisector_side_by_side_undo_each_other(apart, left):
-    """Far from both the field is what it was."""
-    plate = jittered(grid(40, 26, 6.0, 3.9))
-    points = [(3 - apart / 2, 1.96, 1), (3 + apart / 2, 1.94, -1)]
-    given = uniaxial(plate, turned(plate, points, plate.centroids), np.ones(plate.m))
-    frames = Frames.of(plate)
-    before, after = (cross_field(frames, given, 0.02, pairs=reach) for reach in (0.0, 0.7))
-    assert np.count_nonzero(half_turns(frames, before)) == 2
-    assert np.count_nonzero(half_turns(frames, after)) == left
-    far = np.linalg.norm(plate.V - [3, 1.95, 0], axis=1) > 1.2
-    assert np.abs(np.einsum("ni,ni->n", before, after))[far].min() > (0.99 if left == 0 else 1 - 1e-12)
-
-
-def test_names_are_exchanged_where_it_is_said():
-    plate = grid(4, 3, 2.0, 1.5)
-    given = uniaxial(plate, np.tile([1.0, 0, 0], (plate.m, 1)), np.ones(plate.m))
-    over = plate.centroids[:, 0] > 1
-    other = given.renamed(over)
-    assert (other.direction[over] == given.direction[over, ::-1]).all()
-    assert (other.stress[over] == [0, 1]).all()
-    assert (other.direction[~over] == given.direction[~over]).all()
-    assert (other.confidence(plate.areas) == given.confidence(plate.areas)).all()
 
 
 def test_directions_do_not_depend_on_the_frames():

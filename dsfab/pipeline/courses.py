@@ -33,9 +33,6 @@ from dsfab.surface import Surface
 SMOOTHING = 1.0
 """Directions are smoothed over this many mean spacings, or over an edge of the mesh where that is longer: what
 changes in between is no member's to follow, and no stress that is known."""
-PAIRS = 1.0
-"""Singular points of opposite kinds that are nearer than so many mean spacings undo each other: no member runs between
-them. Shipped presets have none."""
 PEAK = 4
 """A stripe runs through the most stressed places: stress to this power is where its phase begins. Of two phases half a
 period apart it is the one with lines where these move: what is held is stressed as well, but stiff anyway."""
@@ -85,14 +82,11 @@ class Followed:
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
         length = max(SMOOTHING * float(np.mean(spacings)), surface.mean_edge)
-
-        def directions(named: StressDirections, pairs: float = 0.0) -> Floats:
-            return cross_field(frames, named, length, steer.turn, steer.guidance, pairs, images)
-
+        field = cross_field(frames, given, length, steer.turn, steer.guidance)
+        along = images.directions(frames, field)
         confidence = steer.confidence(surface, given.confidence(surface.areas))
-        over = _crossed_over(preset.pattern, frames, directions(given), images)
-        named = given.renamed(over[surface.F].mean(axis=1) > 0.5)
-        along = directions(named, PAIRS * float(np.mean(spacings)))
+        over = _crossed_over(preset.pattern, frames, along, images)
+        along = np.where(over[:, None], np.cross(frames.normal, along), along)
         own = bool(steer.turn or steer.guidance or over.any())
         steered = steer.steered(surface, along, given, over) if own else None
         moved = images.mean(_moved(preset, surface, statics))
