@@ -29,6 +29,14 @@ def openings(plate: Surface, count: int = 3, half: float = 0.2, snap: float = 0.
     return cut(plate, [count * plate.V[:, 0], count * plate.V[:, 1]], [levels, levels], snap)
 
 
+def striped_ball(frequency: float, level: float, seed: int) -> tuple[Surface, Sheet]:
+    """A ball, and the same cut along curved stripes, turned at random, without pinches."""
+    ball = sphere(2)
+    turned = ball.V @ np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    one, two = np.sin(frequency * turned[:, 0]), np.sin(frequency * turned[:, 1] + 2 * turned[:, 2] ** 2)
+    return ball, resolve_pinches(cut(ball, [one, two], [[level], [level]]), 0.01).sheet
+
+
 def check_added(uncut: Surface, before: Sheet, after: Sheet) -> None:
     """Material is added only; the surface, its topology and that of the material stay."""
     check_laws(uncut, after)
@@ -214,10 +222,7 @@ def test_laws_on_random_grids(cells, count, half, radius, seed):
 @settings(max_examples=25, deadline=None)
 @given(frequency=st.floats(2, 9), level=st.floats(-0.6, 0.6), radius=st.floats(0.005, 0.3), seed=st.integers(0, 100))
 def test_laws_on_a_ball_with_curved_stripes(frequency, level, radius, seed):
-    ball = sphere(2)
-    turned = ball.V @ np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
-    one, two = np.sin(frequency * turned[:, 0]), np.sin(frequency * turned[:, 1] + 2 * turned[:, 2] ** 2)
-    sheet = resolve_pinches(cut(ball, [one, two], [[level], [level]]), 0.01).sheet
+    ball, sheet = striped_ball(frequency, level, seed)
     done, _ = rounded_corners(sheet, radius)
     check_added(ball, sheet, done)
 

@@ -13,8 +13,8 @@ from dsfab.slicing.openings import Openings
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.test_slicing import check_laws, material_area
-from tests.test_slicing_fillet import openings
-from tests.zoo import grid, jittered, sphere
+from tests.test_slicing_fillet import openings, striped_ball
+from tests.zoo import grid, jittered
 
 WIDTH = 0.05
 
@@ -117,10 +117,7 @@ def test_laws_on_random_dumbbells(half, far, width, seed):
 @settings(max_examples=20, deadline=None)
 @given(frequency=st.floats(2, 9), level=st.floats(-0.6, 0.6), width=st.floats(0.01, 0.2), seed=st.integers(0, 100))
 def test_laws_on_a_ball_with_curved_stripes(frequency, level, width, seed):
-    ball = sphere(2)
-    turned = ball.V @ np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
-    one, two = np.sin(frequency * turned[:, 0]), np.sin(frequency * turned[:, 1] + 2 * turned[:, 2] ** 2)
-    sheet = resolve_pinches(cut(ball, [one, two], [[level], [level]]), 0.01).sheet
+    ball, sheet = striped_ball(frequency, level, seed)
     check_bridged(ball, sheet, bridged_necks(sheet, width)[0])
 
 

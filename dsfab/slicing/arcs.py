@@ -16,6 +16,8 @@ TOUCHES = 5e-3
 """A circle touches a wall if it is so near to it, as a share of its radius."""
 PARALLEL = 0.02
 """Walls that meet at a sine under this are not rounded off."""
+TINY = 1e-300
+"""What has no length is divided by this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +35,6 @@ class Arcs:
     way_a: Floats
     way_b: Floats
     touching: Bools
-
-    @classmethod
-    def none(cls) -> "Arcs":
-        """No arc at all."""
-        x, flat = np.empty(0), np.empty((0, 2))
-        return cls(flat, x, flat, flat, x, x, np.zeros(0, dtype=bool))
 
     @property
     def begin(self) -> Floats:
@@ -59,7 +55,7 @@ class Arcs:
     def rays(self) -> tuple[Floats, Floats]:
         """Unit normals (k, 2, 2) of the lines from the middle through both feet, away from the arc, and their distance
         (k, 2) from the origin: what an arc rounds off lies on the inner side of both."""
-        a, b = (_unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
+        a, b = (unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
 
@@ -90,7 +86,7 @@ def touching_arcs(a: Floats, b: Floats, radius: Floats, first: Floats | None = N
     centre, good = _beside_corners(a, b, radius) if first is None else (first, np.ones(len(first), dtype=bool))
     for _ in range(STEPS):
         one, two = _nearest(a, centre)[0], _nearest(b, centre)[0]
-        centre, regular = crossing(one, _unit(centre - one), two, _unit(centre - two), radius)
+        centre, regular = crossing(one, unit(centre - one), two, unit(centre - two), radius)
         good &= regular
     (one, way_a), (two, way_b) = _nearest(a, centre), _nearest(b, centre)
     for foot in (one, two):
@@ -133,8 +129,9 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
 
 
 def _direction(line: Floats) -> Floats:
-    return _unit(line[:, 1] - line[:, 0])
+    return unit(line[:, 1] - line[:, 0])
 
 
-def _unit(x: Floats) -> Floats:
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300))
+def unit(x: Floats) -> Floats:
+    """(k, d) vectors x (k, d) with length 1, but for those without one."""
+    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), TINY))

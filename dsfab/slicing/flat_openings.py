@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.slicing.arcs import TINY, unit
 from dsfab.slicing.parts import part_of
 from dsfab.slicing.sheet import Sheet
-from dsfab.slicing.walls import Walls
+from dsfab.slicing.walls import Walls, following
 from dsfab.surface import NearestPlaces, nearest, pieces
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ SMOOTH = 1e-3
 """Steps of an offset shape that are shorter than this share of the offset are rounding."""
 SEGMENTS = 48
 """Of a circle, in an offset shape."""
-TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,11 +58,8 @@ class FlatOpenings:
         size = float(np.max((high - low)[whole], initial=0.0))
         across = int(np.ceil(np.sqrt(count)))
         place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * APART * size
-        new = np.flatnonzero(np.diff(walls.chain[wall], prepend=-1))
-        chain = np.repeat(np.arange(len(new)), np.diff(new, append=len(wall)))
-        after = np.arange(1, len(wall) + 1)
-        after[np.append(new[1:], len(wall))[: len(new)] - 1] = new
-        return cls(wall, chain, after, start - low[mine] + place[mine], frame)
+        chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
+        return cls(wall, chain, following(chain), start - low[mine] + place[mine], frame)
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
@@ -105,10 +102,6 @@ def offset(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSect
 
 def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
     """(count, 2, 3) unit vectors square to the mean of normals (f, 3) with labels (f,)."""
-    mean = _unit(np.stack([np.bincount(label, x, count) for x in normal.T], axis=1))
-    one = _unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
+    mean = unit(np.stack([np.bincount(label, x, count) for x in normal.T], axis=1))
+    one = unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
     return np.stack([one, np.cross(mean, one)], axis=1)
-
-
-def _unit(x: Floats) -> Floats:
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), TINY))

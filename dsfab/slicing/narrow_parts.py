@@ -51,7 +51,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     for outline, on in zip(outlines, np.split(on_wall, np.cumsum([len(loop) for loop in outlines])[:-1]), strict=True):
         if on.all():
             yield NarrowPart(outline, ())
-        elif (on & ~np.roll(on, 1)).sum() > 1 and len(runs := _runs(outline, on, WIDE * radius)) > 1:
+        elif len(runs := _runs(outline, on, WIDE * radius)) > 1:
             yield NarrowPart(outline, runs)
 
 

@@ -26,7 +26,7 @@ REACH = 0.25
 """A bridge runs so many widths past its neck, along walls that it meets askew."""
 SIDES = np.array([-1.0, 1.0])
 SNAP = 2e-3
-"""Vertices nearer to the side of a bridge than this share of its width are on it."""
+"""Vertices nearer to the side of a bridge than this share of half its width are on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +87,7 @@ def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[
             continue
         number, share = flat.touched(part.narrowest())
         wall = flat.wall[number]
-        one, two = cells.surface.V[walls.start[wall]], cells.surface.V[walls.end[wall]]
-        ends = one + share[:, None] * (two - one)
+        ends = walls.points(cells.surface.V, wall, share)
         if np.linalg.norm(ends[1] - ends[0]) < width:  # else the opening is curved, and only looks narrow from there
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost

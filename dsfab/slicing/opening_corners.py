@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
-from dsfab.slicing.arcs import Arcs, touching_arcs
+from dsfab.slicing.arcs import TINY, Arcs, touching_arcs
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.stretches import Stretches
-from dsfab.slicing.walls import SHARPEST, Walls
+from dsfab.slicing.walls import SHARPEST, Walls, following
 
 ROOM = 0.98
 """Arcs at both ends of a wall leave a little of it, so that they never meet."""
@@ -21,7 +21,6 @@ FITS = 0.995
 """Where an arc takes so much more than its room, it fits: it is still within what `ROOM` leaves."""
 BESIDE = 0.02
 """Vertices of a wall so near to the foot of an arc, as a share of its radius, may be on its chord."""
-TINY = 1e-300
 WINDOW, WIDEST = 8, 256
 """Walls that are looked at on each side of a corner, to begin with and at most."""
 
@@ -72,10 +71,8 @@ class Corners:
     def next(self) -> Ints:
         """(k,) the next corner along the chain, -1 before the end of an open one; of a single corner itself."""
         chain = self.walls.chain[self.first]
-        follow = np.arange(1, len(chain) + 1)
-        new = np.flatnonzero(np.diff(chain, prepend=-1))
-        ends = np.append(new[1:], len(chain))[: len(new)] - 1
-        follow[ends] = np.where(self.walls.closed[chain[ends]], new, -1)
+        follow = following(chain)
+        follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
         return follow
 
     @cached_property

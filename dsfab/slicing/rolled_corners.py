@@ -8,16 +8,16 @@ b ------'
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
-from dsfab.slicing.arcs import Arcs, crossing, touching_arcs
-from dsfab.slicing.flat_openings import TINY, FlatOpenings, nearest_in_plane
+from dsfab.slicing.arcs import Arcs, crossing, touching_arcs, unit
+from dsfab.slicing.flat_openings import FlatOpenings, nearest_in_plane
 from dsfab.slicing.opening_corners import Corners
 from dsfab.slicing.stretches import Stretches
-from dsfab.slicing.walls import SHARPEST
+from dsfab.slicing.walls import SHARPEST, following
 
 BESIDE = 0.1
 """Nearer to a foot than this share of the radius, walls are about as near to the middle as the foot."""
@@ -29,7 +29,8 @@ BEYOND = 0.6
 """Walls are looked at this share of the radius beyond where a disc touches them in the flat."""
 
 
-class Stops(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Stops:
     """Where discs stop in the flat.
 
     middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from there to the walls that they touch.
@@ -46,15 +47,7 @@ class Stops(NamedTuple):
 
     def some(self, chosen: Bools) -> "Stops":
         """Those that are marked (p,)."""
-        return Stops(
-            self.middle[chosen],
-            self.before[chosen],
-            self.behind[chosen],
-            self.a[chosen],
-            self.b[chosen],
-            self.share_a[chosen],
-            self.share_b[chosen],
-        )
+        return Stops(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
@@ -88,10 +81,10 @@ def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: 
 
     def in_frame(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
         """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
-        foot = V[walls.start[w]] + share[:, None] * (V[walls.end[w]] - V[walls.start[w]]) - tips.origin
+        foot = walls.points(V, w, share) - tips.origin
         inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
         p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
-        return p, n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), TINY)
+        return p, unit(n)
 
     one, two = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     first, exists = crossing(*one, *two, size)
@@ -116,8 +109,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
-        ahead = np.roll(loop, -1, axis=0) - loop
-        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), TINY)
+        ahead = unit(np.roll(loop, -1, axis=0) - loop)
         back = np.roll(ahead, 1, axis=0)
         turn = np.arctan2(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0], (back * ahead).sum(axis=1))
         at = turn > SHARPEST
@@ -156,9 +148,6 @@ def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -
 
 def _distance(points: Floats, loops: list[Floats]) -> Floats:
     """(k,) of points (k, 2) from the nearest of closed loops."""
-    size = np.array([len(loop) for loop in loops])
-    begin = np.cumsum(size) - size
-    after = np.arange(1, int(size.sum()) + 1)
-    after[begin + size - 1] = begin
+    after = following(np.repeat(np.arange(len(loops)), [len(loop) for loop in loops]))
     edges = np.stack([np.arange(len(after)), after], axis=1)
     return nearest_in_plane(points, np.concatenate(loops), edges).distance

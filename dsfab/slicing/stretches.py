@@ -24,7 +24,7 @@ class Stretches:
     @classmethod
     def of(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
         """Of chains (p,), from a place (p,) along each, so long (p,), all in metres."""
-        before, total = np.cumsum(walls.total) - walls.total, walls.total[chain]
+        before, total = walls.before, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
         low = before[chain] + begin

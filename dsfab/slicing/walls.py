@@ -1,6 +1,7 @@
 """The walls of a cut sheet, edges between void and material, as chains along its openings; and the corners of these."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -60,11 +61,21 @@ class Walls:
         there = self.closed[chain] | ((at >= 0) & (at < size))
         return begin + at % size, there
 
+    @cached_property
+    def before(self) -> Floats:
+        """(c,) metres at which the chains begin when all are laid end to end."""
+        return np.asarray(np.cumsum(self.total) - self.total)
+
     def at(self, chain: Ints, place: Floats) -> Ints:
         """(k,) the walls at places (k,), metres along chains (k,)."""
-        before = np.cumsum(self.total) - self.total
+        before = self.before
         found = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
         return np.clip(found, self.begin[chain], self.begin[chain + 1] - 1)
+
+    def points(self, V: Floats, wall: Ints, share: Floats) -> Floats:
+        """(k, 3) the places on walls (k,) before which shares (k,) of them lie, on vertices V (n, 3)."""
+        one, two = V[self.start[wall]], V[self.end[wall]]
+        return np.asarray(one + share[:, None] * (two - one))
 
     def turns(self, sheet: Sheet) -> Floats:
         """(w,) by how much the outline turns to the left where a wall starts, radians: pi less the angle of the void.
@@ -80,6 +91,14 @@ class Walls:
         turn = np.pi - angle[self.start]
         turn[self.begin[:-1][~self.closed]] = -np.inf
         return turn
+
+
+def following(chain: Ints) -> Ints:
+    """(k,) the next of each in its chain, the first behind the last; chains (k,) are runs of one number."""
+    after = np.arange(1, len(chain) + 1)
+    first = np.flatnonzero(np.diff(chain, prepend=-1))
+    after[np.append(first[1:], len(chain))[: len(first)] - 1] = first
+    return after
 
 
 def _onward(surface: Surface, a: Ints, b: Ints) -> Ints:
