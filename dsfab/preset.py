@@ -534,8 +534,10 @@ class Preset(Section):
     def first_difference(self, other: "Preset") -> str | None:
         """The first stage whose section differs, or None; name and description make no difference.
 
-        The surface is cut along the outlines of regions.
+        The surface is cut along the outlines of regions, and may be finer where its stress changes.
         """
+        if getattr(self.surface, "by_stress", False) and self.statics != other.statics:
+            return "surface"
         regions = self.pattern.region, other.pattern.region
         if len(regions[0]) != len(regions[1]) or not all(a.cut_as(b) for a, b in zip(*regions, strict=True)):
             return "surface"

@@ -3,7 +3,7 @@
 import base64
 import inspect
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
@@ -29,6 +29,7 @@ from dsfab.surface import (
     SHAPES,
     Combination,
     Load,
+    SizeField,
     Support,
     Surface,
     Up,
@@ -82,7 +83,10 @@ class OwnSurface(Given):
     edge: Annotated[float, Ge(0)] = 0.0
     """Metres; the mesh is made anew of even triangles, boundaries and creases kept. 0 leaves it as it is."""
     finest: Annotated[float, Ge(0)] = 0.0
-    """Metres; with `edge`, edges are shorter where the surface is curved, down to this. 0 leaves that out."""
+    """Metres; with `edge`, edges are shorter where `finest_at` says, down to this. 0 leaves that out."""
+    finest_at: Literal["curvature", "stress", "both"] = "curvature"
+    """Whether edges are shorter where the surface is curved, where its stress changes, or at both: by a quarter of its
+    root mean square along an edge, in statics on even triangles."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -90,13 +94,23 @@ class OwnSurface(Given):
             raise ValueError("give either edge (all triangles made anew) or refine (long edges halved), not both")
         if self.finest and not self.edge:
             raise ValueError("finest goes with edge, the length of edges where the surface is not curved; give both")
+        if self.finest_at != "curvature" and not self.finest:
+            raise ValueError(f"finest_at = {self.finest_at!r} goes with finest, the length of the shortest edges")
         if self.finest > self.edge:
             raise ValueError(f"finest = {self.finest:g} must not be longer than edge = {self.edge:g}")
         return self
 
-    def build(self) -> Surface:
-        """The surface itself; raises SurfaceError."""
-        return remeshed(self.given(), self.edge, self.finest, self.smooth) if self.edge else super().build()
+    @property
+    def by_stress(self) -> bool:
+        """Whether edges are shorter where the stress changes."""
+        return self.finest_at != "curvature"
+
+    def build(self, sizes: Sequence[SizeField] = ()) -> Surface:
+        """The surface itself, with edges of these sizes where it is made anew; raises SurfaceError."""
+        if not self.edge:
+            return super().build()
+        curved = self.finest if self.finest_at != "stress" else 0.0
+        return remeshed(self.given(), self.edge, curved, self.smooth, sizes)
 
 
 PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[:2])

@@ -163,8 +163,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
 
 def measure_statics(name: str, source: Source) -> dict[str, Any]:
     """One run of the statics alone in this process: seconds per part, peak memory in MiB, and the sizes."""
-    from dsfab.pipeline.log import Log
-    from dsfab.pipeline.structure import statics_step, surface_step
+    from dsfab.pipeline import Log, statics_step, surface_step
 
     preset, log = source.read(name), Log(None)
     surface = surface_step(preset, log)

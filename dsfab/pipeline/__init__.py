@@ -1,11 +1,26 @@
 """The order of the stages: `run` makes a `Design` of a preset, `revise` remakes it from the first changed section."""
 
 from dsfab.pipeline.design import PARTS, ROWS, Design
-from dsfab.pipeline.log import Progress
+from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.regions import acting_on
+from dsfab.pipeline.structure import statics_step
+from dsfab.pipeline.surface_stage import surface_step
 from dsfab.preset import Preset
 
-__all__ = ["PARTS", "ROWS", "TIMED", "Design", "Progress", "acting_on", "draft", "revise", "run"]
+__all__ = [
+    "PARTS",
+    "ROWS",
+    "TIMED",
+    "Design",
+    "Log",
+    "Progress",
+    "acting_on",
+    "draft",
+    "revise",
+    "run",
+    "statics_step",
+    "surface_step",
+]
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
 """Rows of the timing table that a run fills: those of the paper's Table 2, then the stages beyond the paper."""

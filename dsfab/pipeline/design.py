@@ -17,7 +17,8 @@ from dsfab.pipeline.handover import sheet_loads
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.pattern_stage import Before, pattern_stage
-from dsfab.pipeline.structure import statics_step, surface_step
+from dsfab.pipeline.structure import statics_step
+from dsfab.pipeline.surface_stage import surface_step
 from dsfab.preset import STAGES, Preset
 from dsfab.preset_surface import missing_preset
 from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface

@@ -7,6 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from dsfab import ways_out
 from dsfab.arrays import Bools, Ints
 from dsfab.diffusion import Symmetry
 from dsfab.errors import SurfaceError
@@ -70,7 +71,7 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
     if surface not in _BEFORE:
-        cut = with_regions(preset.surface.build(), preset.pattern.region)
+        cut = with_regions(ways_out.through("base_surface", preset), preset.pattern.region)
         _BEFORE[surface] = cut.whole, cut.vertices
     return _BEFORE[surface]
 

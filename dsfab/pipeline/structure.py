@@ -1,4 +1,4 @@
-"""The first two steps: what is given, and how it carries the load."""
+"""The second step: how what is given carries the load."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -13,7 +13,6 @@ from dsfab.pipeline.buildable import objections, off_surface
 from dsfab.pipeline.flat import bending_stress, only_bends
 from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.regions import surface_with_regions
 from dsfab.preset import Preset
 from dsfab.preset_surface import MeshSurface
 from dsfab.results import CaseResult, StaticsResult
@@ -28,7 +27,7 @@ from dsfab.statics import (
     needles_told,
     stress,
 )
-from dsfab.surface import Surface, coincident, pieces
+from dsfab.surface import Surface
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
@@ -51,20 +50,6 @@ PLAUSIBLE = (3.0, 1e5)
 
 USUAL = (10.0, 5e3)
 """Outside of these the user is told."""
-
-
-def surface_step(preset: Preset, log: Log) -> Surface:
-    """The first stage: the surface, metres, cut along the outlines of regions."""
-    with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
-        surface = preset.surface.build()
-        if preset.pattern.region:
-            surface = surface_with_regions(preset, surface, log)
-        count = pieces(surface.F, surface.edges)[0]
-    if count > 1:
-        doubled = coincident(surface.V)
-        merge = f", unless its {doubled} vertices that lie where another one does are merged" if doubled else ""
-        log.note("surface", f"the surface has {count} separate pieces; each needs its own supports{merge}")
-    return surface
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:

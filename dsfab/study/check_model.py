@@ -7,12 +7,10 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats
 from dsfab.export.calculix import CalculixModel, Element
-from dsfab.pipeline import acting_on
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design, Log, Progress, acting_on, surface_step
 from dsfab.pipeline.handover import sheet_load
 from dsfab.pipeline.loadings import Loading, loadings
-from dsfab.pipeline.log import Log, Progress
-from dsfab.pipeline.structure import check_scale, surface_step
+from dsfab.pipeline.structure import check_scale
 from dsfab.preset import Preset
 from dsfab.statics import Equilibrium, SheetModel, SpreadLoad, elements_of, flat_axis, solve_cases
 from dsfab.statics.supports import all_clamped

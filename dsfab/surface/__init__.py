@@ -28,7 +28,7 @@ from dsfab.surface.reader import (
 )
 from dsfab.surface.refine import refined
 from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, with_regions
-from dsfab.surface.remesh import remeshed
+from dsfab.surface.remesh import SizeField, change_sizes, remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
 from dsfab.surface.topology import connected, next_half_edge, pieces
@@ -63,6 +63,7 @@ __all__ = [
     "RegionedSurface",
     "SelfWeight",
     "Side",
+    "SizeField",
     "Snow",
     "Support",
     "Surface",
@@ -70,6 +71,7 @@ __all__ = [
     "Vertices",
     "Wind",
     "box",
+    "change_sizes",
     "coincident",
     "connected",
     "describe",

@@ -1,5 +1,7 @@
 """`remeshed`: a surface with edges of a wanted length."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dsfab.arrays import Floats, first
@@ -11,7 +13,8 @@ from dsfab.surface.remesh.curves import FeatureCurves, feature_curves
 from dsfab.surface.remesh.facets import SmoothPatches, barycentric
 from dsfab.surface.remesh.flip import with_edges_flipped
 from dsfab.surface.remesh.net import FREE, Net
-from dsfab.surface.remesh.size import chord_lengths, curvature_sizes, with_sizes
+from dsfab.surface.remesh.size import chord_lengths, with_sizes
+from dsfab.surface.remesh.size_fields import SizeField, curvature_sizes
 from dsfab.surface.remesh.smoothing import NearestOnSurface, with_even_vertices, with_vertices_at, with_vertices_on
 from dsfab.surface.remesh.split import with_long_edges_halved
 from dsfab.surface.topology import duplicate_faces, named_edges
@@ -29,13 +32,16 @@ BATCHES = 12
 """How many batches of collapses a round has."""
 
 
-def remeshed(surface: Surface, edge: float, finest: float = 0.0, smooth: bool = False) -> Surface:
+def remeshed(
+    surface: Surface, edge: float, finest: float = 0.0, smooth: bool = False, sizes: Sequence[SizeField] = ()
+) -> Surface:
     """The surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
     finest : metres; where the surface is curved edges are shorter, down to this, so that it turns by 15 degrees along
              one; 0 leaves that out.
     smooth : whether new vertices lie on the smooth surface through the old ones [Vlachos et al. 2001]; else
              they lie on its facets.
+    sizes  : lengths wanted at vertices of this surface or of others that lie on it, metres; the shortest counts.
 
     Boundaries, and creases of more than 30 degrees, are kept to a fiftieth of `edge`, their corners exactly, and so are
     the extent in x, y and z, the number of pieces and holes, and the sides that the faces have; not creases of slivers
@@ -46,8 +52,10 @@ def remeshed(surface: Surface, edge: float, finest: float = 0.0, smooth: bool = 
     triangles, and a surface with repeated faces or edges of more than two.
     """
     _check(surface, edge, finest)
-    sizes = curvature_sizes(surface, edge, finest) if finest else np.full(surface.n, edge)
-    _check_count(surface, sizes, finest or edge)
+    if finest:
+        sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
+    for one in sizes or [SizeField(surface, np.full(surface.n, edge))]:
+        _check_count(one)
     curves = feature_curves(surface, edge)
     nearest = NearestOnSurface(surface)
     net = _even(Net.of(surface, curves, edge), curves, nearest, sizes, edge)
@@ -55,11 +63,12 @@ def remeshed(surface: Surface, edge: float, finest: float = 0.0, smooth: bool = 
     return Surface(_smoothed(net, surface, nearest).V if smooth else net.V, net.F)
 
 
-def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Floats, edge: float) -> Net:
-    """The net after all rounds; sizes (n,) of the edges wanted at the surface's vertices, metres."""
+def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
+    """The net after all rounds; edges are wanted `edge` metres long, or as the shortest of the sizes."""
     chords = chord_lengths(curves, edge)
+    finer = [_Carrier(one) for one in sizes if np.ptp(one.length)]
     for k in range(ROUNDS):
-        base = _carried(net, nearest, sizes) if np.ptp(sizes) else edge
+        base = np.min([np.full(net.n, edge), *(carrier(net.V) for carrier in finer)], axis=0)
         net = with_sizes(net, chords, curves, base)
         if not k:
             net = _roughly(net, curves, edge)
@@ -86,11 +95,17 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
     return net
 
 
-def _carried(net: Net, nearest: NearestOnSurface, values: Floats) -> Floats:
-    """(n',) values (n,) at the surface's vertices at those of the net."""
-    face, place = nearest(net.V)
-    F = nearest.surface.F[face]
-    return np.asarray(np.einsum("kc,kc->k", barycentric(nearest.surface.V[F], place), values[F]))
+class _Carrier:
+    """What carries the lengths of a field to points on its surface."""
+
+    def __init__(self, sizes: SizeField) -> None:
+        self._nearest, self._length = NearestOnSurface(sizes.surface), sizes.length
+
+    def __call__(self, points: Floats) -> Floats:
+        """(k,) at points (k, 3), metres."""
+        face, place = self._nearest(points)
+        F = self._nearest.surface.F[face]
+        return np.asarray(np.einsum("kc,kc->k", barycentric(self._nearest.surface.V[F], place), self._length[F]))
 
 
 def _smoothed(net: Net, surface: Surface, nearest: NearestOnSurface) -> Net:
@@ -120,9 +135,10 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
         )
 
 
-def _check_count(surface: Surface, sizes: Floats, finest: float) -> None:
+def _check_count(sizes: SizeField) -> None:
     """Of equilateral triangles, by their area."""
-    count = (surface.areas / (np.sqrt(3) / 4 * sizes[surface.F].mean(axis=1) ** 2)).sum()
+    surface, finest = sizes.surface, float(sizes.length.min())
+    count = (surface.areas / (np.sqrt(3) / 4 * sizes.length[surface.F].mean(axis=1) ** 2)).sum()
     if count > LARGEST:
         raise SurfaceError(
             f"remeshing to edges of {finest:g} m takes over {LARGEST:,} triangles on a surface {surface.size:.3g} m "

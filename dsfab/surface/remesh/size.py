@@ -1,14 +1,10 @@
-"""How long edges are wanted: as asked, shorter where the surface is curved, curves bend or lie close together."""
+"""How long edges are wanted: as asked or as fields say, shorter where curves bend or lie close together."""
 
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import eye_array
 
-from dsfab.arrays import Floats, Ints, edge_lengths, lengths
-from dsfab.surface.creases import feature_edges
-from dsfab.surface.mesh import Surface
-from dsfab.surface.neighbours import adjacency
+from dsfab.arrays import Floats, Ints, edge_lengths
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
 from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of
@@ -22,9 +18,6 @@ LEAST = 1 / 20
 
 NARROW = 1.25
 """Times the width between two curves: edges wanted there, so that one row of triangles fills it."""
-
-TURNING = 15.0
-"""Degrees by which the surface may turn along an edge before it is wanted shorter."""
 
 LADDER = 0.85 ** np.arange(19)
 """Shares of the edge that are tried as chords of a curve."""
@@ -103,32 +96,3 @@ def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
         longest[open_[fine]] = share * edge
         open_ = open_[~fine]
     return longest
-
-
-def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """(n,) lengths of edges over which the surface turns by `TURNING`, between `finest` and `edge`, metres.
-
-    The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
-    2003], over the faces around its neighbours. Creases do not count.
-    """
-    edges, n = surface.edges, surface.n
-    shared = np.flatnonzero(edges.count == 2)[~feature_edges(surface)[edges.count == 2]]
-    ends = edges.ends[shared]
-    along = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
-    tensor = np.einsum("e,ei,ej->eij", _bends(surface, shared) / lengths(along) / 2, along, along).reshape(-1, 9)
-    around = adjacency(edges, n) + eye_array(n)
-    total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in tensor.T], axis=1)
-    mean = (around @ total) / np.maximum(around @ surface.vertex_areas, np.finfo(float).tiny)[:, None]
-    largest = np.abs(np.linalg.eigvalsh(mean.reshape(-1, 3, 3))).max(axis=1)
-    turning = np.radians(TURNING)
-    return np.asarray(np.clip(turning / np.maximum(largest, turning / edge), finest, edge))
-
-
-def _bends(surface: Surface, shared: Ints) -> Floats:
-    """(s,) angles between the normals at edges (s,) of two faces, radians, positive where these bulge."""
-    first = surface.edges.start[shared]
-    h0, h1 = surface.edges.order[first], surface.edges.order[first + 1]
-    one, two = surface.normals[h0 // 3], surface.normals[h1 // 3]
-    across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
-    angle = np.arctan2(lengths(np.cross(one, two)), np.einsum("ei,ei->e", one, two))
-    return np.asarray(np.where(np.einsum("ei,ei->e", one, across) < 0, angle, -angle))
