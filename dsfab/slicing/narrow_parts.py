@@ -1,4 +1,4 @@
-"""Parts of flat openings in which discs of a radius have no room: tips, necks, and whole openings."""
+"""Parts of flat openings in which discs of a radius have no room: necks, blind alleys, tips, and whole openings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,6 +17,10 @@ SMALL = 1e-3
 """Parts of less area than this share of the radius squared are rounding."""
 WIDE = 0.02
 """Arcs whose ends are nearer to one another than this share of the radius are rounding."""
+LONG, BULKY = 4.0, 0.7
+"""A tip that is so many radii long, and has this share of the area of a strip as wide as its mouth, is a blind alley."""
+ALLEY = 1.2, 3.2
+"""It is shut between so many radii from its mouth, along its walls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +39,10 @@ class NarrowPart:
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Where no disc of a radius, metres, has room: necks and whole openings; tips, which end in nothing, are left out.
+    """Where no disc of a radius, metres, has room: necks, whole openings, and blind alleys with two runs near their mouth.
 
-    Parts that go around something are left out too: there is room on all their sides, or none.
+    Tips, which end in nothing soon, are left out. Parts that go around something are left out too: there is room on all
+    their sides, or none.
     """
     if not len(flat.wall):
         return
@@ -53,6 +58,8 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
             yield NarrowPart(outline, ())
         elif len(runs := _runs(outline, on, WIDE * radius)) > 1:
             yield NarrowPart(outline, runs)
+        elif len(runs) == 1 and _is_alley(runs[0], radius):
+            yield NarrowPart(outline, _beside_mouth(runs[0], radius))
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
@@ -60,7 +67,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
     end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # the point behind an arc
-    if len(begin) < 2:
+    if not len(begin):
         return ()
     end = end[np.searchsorted(end, begin) % len(end)]
     arcs = np.linalg.norm(outline[end] - outline[begin], axis=1) > wide
@@ -68,6 +75,26 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
     following = np.roll(begin, -1)
     size = (following - end) % count + 1
     return tuple(outline[(e + np.arange(k)) % count] for e, k in zip(end.tolist(), size.tolist(), strict=True))
+
+
+def _is_alley(run: Floats, radius: float) -> bool:
+    """Whether the wall (r, 2) around a tip encloses something long with two sides that do not close to a point."""
+    mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
+    length = float(np.linalg.norm(run - middle, axis=1).max())
+    x, y = (run - middle).T
+    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+    return length > LONG * radius and area > BULKY * mouth * length
+
+
+def _beside_mouth(run: Floats, radius: float) -> tuple[Floats, Floats]:
+    """The stretches (s, 2) of the wall (r, 2) around a blind alley at which it is shut, one on each side."""
+    place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
+    low, high = (share * radius for share in ALLEY)
+    sides = []
+    for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
+        at = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])
+        sides.append(np.stack([np.interp(at, place, x) for x in run.T], axis=1))
+    return sides[0], sides[1]
 
 
 def _nearest(one: Floats, two: Floats) -> Floats:
