@@ -20,6 +20,7 @@ from dsfab.proposal import decisions, preset_for, propose
 from dsfab.proposal.feet import feet
 from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.vertical import likely_up
+from dsfab.slicing.features import features, kept_cells
 from dsfab.surface import Boundary, Snow, Surface, files, mend, read_surface, upright
 from dsfab.surface.shapes import barrel_vault, dome, plate, sphere, torus
 from tests.canopy import canopy
@@ -366,3 +367,14 @@ def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, c
     assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]
     assert main(["build", "cap.obj", *few, "--format", "step"]) == 1
     assert "step_faces = 100" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["bob", "blub", "figure"])
+def test_no_gap_is_narrower_than_the_sheet_is_thick(tmp_path, name):
+    """Blind alleys and folded openings: a ring, a fish with fins, a figure with arms."""
+    mesh = OWN[name](tmp_path) if name in OWN else mesh_file(f"{name}.obj")
+    preset = dsfab.preset_for(mesh)
+    cut = dsfab.Design.of(preset).slicing
+    gap = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"]).gap
+    assert gap.size > preset.statics.thickness

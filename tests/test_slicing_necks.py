@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsfab.slicing import Sheet, bridged_necks, cut, resolve_pinches
+from dsfab.slicing import Sheet, bridged_gaps, bridged_necks, cut, resolve_pinches
 from dsfab.slicing.features import features
 from dsfab.slicing.fillet import rounded_corners
+from dsfab.slicing.narrow_gaps import narrow_gaps
 from dsfab.slicing.necks import REACH
 from dsfab.slicing.openings import Openings
 from dsfab.surface import Surface
@@ -88,11 +89,51 @@ def test_a_blind_alley_is_shut_and_filled(half, end):
     assert material_area(rounded) < 1 - 0.3**2 + 2 * 0.02 * WIDTH + WIDTH**2  # the room stays
 
 
+def folded_opening(half: float) -> tuple[Surface, Sheet]:
+    """A plate folded back onto itself but for ten degrees, with an opening in which a passage, 2 `half` wide, leads
+    around the fold: seen from above it lies within a room of the same opening."""
+    flat = grid(60, 40, 1.0, 1.0)
+    x, y, _ = flat.V.T
+    over = np.maximum(x - 0.6, 0)
+    turn = np.radians(170)
+    plate = Surface(np.c_[np.minimum(x, 0.6) + over * np.cos(turn), y, over * np.sin(turn)], flat.F)
+    rooms = [np.maximum(np.abs(x - at) - wide, np.abs(y - 0.5) - 0.2) for at, wide in ((0.31, 0.21), (0.88, 0.06))]
+    passage = np.maximum(np.abs(x - 0.7) - 0.2, np.abs(y - 0.5) - half)
+    return plate, cut(plate, [np.minimum(np.minimum(*rooms), passage)], [[0.0]], snap=0)
+
+
+@pytest.mark.parametrize("half", [0.01, 0.02])
+def test_a_passage_around_a_fold_is_bridged_where_it_is_measured(half):
+    plate, sheet = folded_opening(half)
+    assert bridged_necks(sheet, WIDTH)[1] == 0  # flat, it is not seen
+    gaps = narrow_gaps(sheet, 0.9 * WIDTH, 2 * WIDTH)
+    assert np.linalg.norm(gaps[:, 1] - gaps[:, 0], axis=1) == pytest.approx(2 * half, rel=1e-6)
+    done, count = bridged_gaps(sheet, sheet, 0.9 * WIDTH, WIDTH)
+    assert count >= 1
+    assert Openings.of(done).count >= 2
+    check_bridged(plate, sheet, done)
+    same, none = bridged_gaps(sheet, sheet, 1.9 * half, WIDTH)
+    assert none == 0
+    assert same is sheet
+
+
+def test_gaps_of_a_rounded_sheet_are_bridged_in_the_sheet_before():
+    plate = grid(40, 40, 1.0, 1.0)
+    sheet = dumbbell(plate, 0.02)
+    rounded, _ = rounded_corners(sheet, WIDTH / 2)
+    done, count = bridged_gaps(sheet, rounded, 0.9 * WIDTH, WIDTH)
+    assert count >= 1
+    check_bridged(plate, sheet, done)
+    again, _ = rounded_corners(done, WIDTH / 2)
+    assert not len(narrow_gaps(again, 0.9 * WIDTH, WIDTH))
+
+
 def test_a_sheet_without_openings_stays_as_it_is():
     plate = grid(8, 8, 1.0, 1.0)
     for level in (-1.0, 2.0):
         sheet = cut(plate, [plate.V[:, 0]], [[level]])
         assert bridged_necks(sheet, 0.1) == (sheet, 0)
+        assert bridged_gaps(sheet, sheet, 0.1, 0.1) == (sheet, 0)
 
 
 def test_a_pocket_behind_a_neck_is_filled_with_it():

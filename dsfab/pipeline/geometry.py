@@ -11,7 +11,7 @@ from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, bridged_necks, cut, filled_openings, filled_slits, resolve_pinches
+from dsfab.slicing import Sheet, bridged_gaps, bridged_necks, cut, filled_openings, filled_slits, resolve_pinches
 from dsfab.slicing.features import kept_cells
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
@@ -24,6 +24,8 @@ the surface leaves of an opening that it cuts through."""
 NECK, WIDEST = 1.1, 0.2
 """Evenly spaced openings are bridged where they are narrower than so many times the thickness, or than this share of
 the spacing if that is less. A little more than once: the corners beside a bridge are rounded by chords."""
+LEFT, AGAIN = 0.95, 4
+"""Gaps between rounded members that are narrower than this share of a neck are bridged too, in so many rounds."""
 ROOM = 0.5
 """The user is told of the median radius of corners where it is less than this share of what was asked."""
 SPRINGS_LOST = 0.005
@@ -103,11 +105,19 @@ def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalles
     if smallest.neck and merge:
         cells, bridged = bridged_necks(cells, smallest.neck)
     radius = preset.pattern.fillet
-    cells, rounded = rounded_corners(cells, radius) if radius else (cells, np.empty(0))
-    if merge and len(rounded):
-        cells, more = filled_slits(cells)  # round corners take their share of an opening
-        merged += more
-    return Finished(cells, pinched.count, filled, merged, bridged, rounded)
+    if not radius:
+        return Finished(cells, pinched.count, filled, merged, bridged, np.empty(0))
+    for attempt in range(AGAIN + 1):
+        done, rounded = rounded_corners(cells, radius)
+        done, more = filled_slits(done) if merge and len(rounded) else (done, 0)  # corners take their share of openings
+        if not (smallest.neck and merge and attempt < AGAIN):
+            break
+        cells, bridges = bridged_gaps(cells, done, LEFT * smallest.neck, smallest.neck)
+        if not bridges:
+            break
+        cells, others = bridged_necks(cells, smallest.neck)
+        bridged += bridges + others
+    return Finished(done, pinched.count, filled, merged + more, bridged, rounded)
 
 
 def _merged(pattern: PatternResult) -> bool:

@@ -3,7 +3,7 @@
 from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, material_area
 from dsfab.slicing.halving import Halved, halved
-from dsfab.slicing.necks import bridged_necks
+from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.openings import Openings, filled_openings, filled_slits
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.sheet import Sheet
@@ -16,6 +16,7 @@ __all__ = [
     "Pinched",
     "Sheet",
     "Tidy",
+    "bridged_gaps",
     "bridged_necks",
     "chart_of",
     "cut",

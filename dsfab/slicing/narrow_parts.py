@@ -18,7 +18,7 @@ SMALL = 1e-3
 WIDE = 0.02
 """Arcs whose ends are nearer to one another than this share of the radius are rounding."""
 LONG, BULKY = 4.0, 0.7
-"""A tip that is so many radii long, and has this share of the area of a strip as wide as its mouth, is a blind alley."""
+"""A tip so many radii long, with this share of the area of a strip as wide as its mouth, is a blind alley."""
 ALLEY = 1.2, 3.2
 """It is shut between so many radii from its mouth, along its walls."""
 
@@ -39,7 +39,7 @@ class NarrowPart:
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Where no disc of a radius, metres, has room: necks, whole openings, and blind alleys with two runs near their mouth.
+    """Where no disc of a radius, metres, has room: necks, whole openings, blind alleys with two runs near their mouths.
 
     Tips, which end in nothing soon, are left out. Parts that go around something are left out too: there is room on all
     their sides, or none.

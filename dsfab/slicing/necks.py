@@ -12,11 +12,13 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.clean import Snapping, clean_split
 from dsfab.slicing.flat_openings import FlatOpenings
+from dsfab.slicing.narrow_gaps import narrow_gaps
 from dsfab.slicing.narrow_parts import narrow_parts
 from dsfab.slicing.openings import Openings
 from dsfab.slicing.recut import Recut
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.walls import Walls
+from dsfab.surface import nearest
 
 ROUNDS = 4
 """A bridge may leave necks on both of its sides, and two bridges that would touch are made one after the other."""
@@ -67,14 +69,36 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
             break
         walls = Walls.of(cells)
         necks, lost = _narrow(cells, walls, width)
-        cells = _filled(cells, lost)
-        bridges = [bridge for neck in necks if (bridge := _bridge(cells, walls, neck, width)) is not None]
-        if not (bridges := _apart(cells, bridges)):
+        cells, more = _with_bridges(_filled(cells, lost), walls, necks, width)
+        if not more:
             break
-        before = cells.surface.n
-        cells = _bridged(cells, bridges)
-        cells, count = _without_pockets(cells, before, width), count + len(bridges)
+        count += more
     return cells, count
+
+
+def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
+    """The cells with bridges, `width` metres broad, where openings are narrower than `least` metres once their corners
+    are `rounded`; and how many bridges that took.
+
+    Necks are found in openings laid flat. What that does not see, where a surface is folded, or where walls leave no
+    room for an arc, is found here as `features` measures it.
+    """
+    if cells.material.all() or not cells.material.any() or not len(gaps := narrow_gaps(rounded, least, 2 * width)):
+        return cells, 0
+    walls = Walls.of(cells)
+    edges = np.stack([walls.start, walls.end], axis=1)
+    found = nearest(gaps.reshape(-1, 3), cells.surface.V, edges)
+    ends, on = found.place.reshape(-1, 2, 3), found.simplex.reshape(-1, 2)
+    necks = [Neck(place, (int(wall[0]), int(wall[1]))) for place, wall in zip(ends, on, strict=True)]
+    return _with_bridges(cells, walls, necks, width)
+
+
+def _with_bridges(cells: Sheet, walls: Walls, necks: list[Neck], width: float) -> tuple[Sheet, int]:
+    """The cells with as many necks bridged as can be at once, and how many."""
+    bridges = [bridge for neck in necks if (bridge := _bridge(cells, walls, neck, width)) is not None]
+    if not (bridges := _apart(cells, bridges)):
+        return cells, 0
+    return _without_pockets(_bridged(cells, bridges), cells.surface.n, width), len(bridges)
 
 
 def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:
