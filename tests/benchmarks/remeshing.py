@@ -5,8 +5,10 @@
     python tests/benchmarks/remeshing.py --large           200 000 triangles, made and made fewer
 
 Edges are an 80th and a 160th of the diagonal (`--shares` for others). Distances are in edges, the plan in mm per 16 m,
-angles in degrees; `own` is the least angle between boundaries and creases where they meet in the input: a smaller angle
-than that no mesh avoids. `crease` looks for edges of more than 18 degrees, `line` for any edge of the new mesh.
+angles in degrees; `own` is the least angle between boundaries and creases where they meet in the input: no mesh avoids
+a smaller angle than that. `below 20` counts faces with a smaller angle, `elsewhere` those of them that do not lie
+between two boundaries or creases of the input that meet at less than 25 degrees. `crease` looks for edges of more than
+18 degrees, `line` for any edge of the new mesh.
 """
 
 import argparse
@@ -28,7 +30,7 @@ from tests.canopy import canopy
 from tests.meshes import FOLDER
 from tests.zoo import grid, jittered
 
-BOUNDS = {"angle": 20.0, "boundary": 0.02, "crease": 0.02, "line": 0.02, "vertices": 0.01, "plan": 1.0}
+BOUNDS = {"angle": 20.0, "boundary": 0.02, "crease": 0.02, "line": 0.02, "vertices": 0.01, "plan": 1.0, "elsewhere": 0}
 
 
 def level_set(field: Callable, cells: int, size: float) -> Surface:
@@ -129,8 +131,9 @@ def angles(surface: Surface) -> np.ndarray:
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("mci,mci->mc", u, v)))
 
 
-def own_angle(surface: Surface, marks: np.ndarray) -> float:
-    """The least angle within the surface between marked edges that meet, degrees: sums of the faces' angles between."""
+def own_corners(surface: Surface, marks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Angles (k,) within the surface between marked edges that meet, degrees: sums of the faces' angles between; and
+    the half-edges (k,) along both, the first from the corner, the second to it."""
     edges = surface.edges
     on, corner = marks[edges.of].ravel(), angles(surface).ravel()
     h0, h1 = edges.pairs.T
@@ -145,7 +148,16 @@ def own_angle(surface: Surface, marks: np.ndarray) -> float:
             break
         at = np.where(going, twin[side], at)
         total[going] += corner[at[going]]
-    return float(total.min()) if len(total) else 180.0
+    return total, np.flatnonzero(on), at - at % 3 + (at + 2) % 3
+
+
+def wedges(surface: Surface, marks: np.ndarray, below: float = 25.0) -> np.ndarray:
+    """(3 k, 3) corners of the triangles between marked edges that meet at less than so many degrees."""
+    angle, first, last = own_corners(surface, marks)
+    first, last = first[angle < below], last[angle < below]
+    F, V = surface.F.ravel(), surface.V
+    tip, one, two = F[first], F[first - first % 3 + (first + 1) % 3], F[last]
+    return V[np.stack([tip, one, two], axis=1)].reshape(-1, 3)
 
 
 def row(name: str, old: Surface, edge: float, **how: object) -> dict[str, object]:
@@ -154,7 +166,11 @@ def row(name: str, old: Surface, edge: float, **how: object) -> dict[str, object
     new = remeshed(old, edge, **how)
     seconds = time.perf_counter() - begun
     crease, border, all_edges = sharp(old, 30) & design_features(old, edge), old.edges.boundary, new.edges.ends
-    least = angles(new).min(axis=1)
+    least, marks = angles(new).min(axis=1), design_features(old, edge)
+    bad, corners = new.centroids[least < 20], wedges(old, marks)
+    between = (
+        nearest(bad, corners, np.arange(len(corners)).reshape(-1, 3)).distance if len(corners) else bad[:, 0] + 1e9
+    )
     same = (
         euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
         and len(new.loops) == len(old.loops)
@@ -168,8 +184,9 @@ def row(name: str, old: Surface, edge: float, **how: object) -> dict[str, object
         "to": new.m,
         "s": seconds,
         "angle": least.min(),
-        "own": own_angle(old, design_features(old, edge)),
+        "own": float(own_corners(old, marks)[0].min(initial=180.0)),
         "below 20": int((least < 20).sum()),
+        "elsewhere": int((between > 0.02 * edge).sum()),
         "mean": least.mean(),
         "edge": new.mean_edge / edge,
         "out": farthest(inside(new), old, old.F) / edge,
