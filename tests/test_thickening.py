@@ -16,7 +16,7 @@ from dsfab.errors import SolidError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, euler_characteristic, pieces, pinches
 from dsfab.thickening import Solid, offsets, thicken
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.intersect import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.normals import visible_normals
 from dsfab.thickening.offset import _prism_jacobians
 from dsfab.thickening.repair import _flipped
@@ -594,3 +594,16 @@ def test_a_volume_that_manifold3d_does_not_measure_is_rejected():
     solid.__dict__["volume"] = 0.1001
     with pytest.raises(SolidError, match=r"0\.1001 m3, manifold3d measures 0\.1 m3"):
         judge(solid)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10_000), some=st.floats(0.001, 0.4), far=st.floats(1e-3, 0.6))
+def test_pairs_after_moves_are_those_of_the_whole_mesh(seed, some, far):
+    ball, rng = sphere(3), np.random.default_rng(seed)
+    V = ball.V + 0.05 * rng.normal(size=ball.V.shape)
+    before = intersecting_pairs(V, ball.F)
+    moved = rng.random(ball.n) < some
+    V = np.where(moved[:, None], V + far * rng.normal(size=V.shape), V)
+    after = pairs_after_moves(V, ball.F, before, moved)
+    assert np.array_equal(after, intersecting_pairs(V, ball.F))
+    assert pairs_after_moves(V, ball.F, after, np.zeros(ball.n, dtype=bool)) is after

@@ -91,8 +91,11 @@ class Smallest(NamedTuple):
     neck: float
 
 
-def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: bool) -> Finished:
-    """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so."""
+def finished_cells(
+    preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: bool, again: int = AGAIN
+) -> Finished:
+    """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so, and gaps between
+    rounded members `again` and again."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
     cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
     late = merge and ask.min_opening is None  # most of these are slits
@@ -107,10 +110,10 @@ def finished_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalles
     radius = preset.pattern.fillet
     if not radius:
         return Finished(cells, pinched.count, filled, merged, bridged, np.empty(0))
-    for attempt in range(AGAIN + 1):
+    for attempt in range(again + 1):
         done, rounded = rounded_corners(cells, radius)
         done, more = filled_slits(done) if merge and len(rounded) else (done, 0)  # corners take their share of openings
-        if not (smallest.neck and merge and attempt < AGAIN):
+        if not (smallest.neck and merge and attempt < again):
             break
         cells, bridges = bridged_gaps(cells, done, LEFT * smallest.neck, smallest.neck)
         if not bridges:
@@ -144,7 +147,7 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult) -> flo
         return 0.0
     plain = preset.model_copy(update={"slicing": ask})
     smallest = _smallest(pattern.settled(plain), surface)
-    done = finished_cells(preset, cells, ask, smallest, _merged(pattern)).cells
+    done = finished_cells(preset, cells, ask, smallest, _merged(pattern), again=0).cells  # a few bridges weigh nothing
     before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
     return (after - before) / surface.area
 

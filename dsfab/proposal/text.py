@@ -16,6 +16,8 @@ SNOW = 750.0
 """Pa on the plan: a placeholder for the local code."""
 SHARE = 0.45
 """Of the surface that stays material."""
+STEP_FACES = 12_000
+"""Planar faces of a STEP file: 15 s to write and check, 10 MB."""
 THINNEST = 0.05
 """Share of its thickness that is left to a figure where it bends sharply: the least that the solid is made with."""
 
@@ -48,7 +50,11 @@ def proposal_text(
         *_families(size),
         _widths(),
         *_thickening(surface),
-        ["[export]", _entry("step", "quick", "STEP that is soon made, or none; auto tries more ways, for minutes")],
+        [
+            "[export]",
+            _entry("step", "quick", "STEP that is soon made, or none; auto tries more ways, for minutes"),
+            _entry("step_faces", STEP_FACES, "a STEP of more planar faces is slow in CAD; 30000 is usual"),
+        ],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.flat_openings import SMOOTH, FlatOpenings, nearest_in_plane, offset
 
 LARGER = 1 + 4 * SMOOTH
@@ -53,13 +53,26 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
         return
     middles = np.concatenate([(loop + np.roll(loop, -1, axis=0)) / 2 for loop in outlines])
     on_wall = flat.distance(middles) < ON_WALL * radius
-    for outline, on in zip(outlines, np.split(on_wall, np.cumsum([len(loop) for loop in outlines])[:-1]), strict=True):
+    start = np.cumsum([0, *(len(loop) for loop in outlines)])
+    for k in _looked_at(np.concatenate(outlines), on_wall, start[:-1], LONG * radius).tolist():
+        outline, on = outlines[k], on_wall[start[k] : start[k + 1]]
         if on.all():
             yield NarrowPart(outline, ())
         elif len(runs := _runs(outline, on, WIDE * radius)) > 1:
             yield NarrowPart(outline, runs)
         elif len(runs) == 1 and _is_alley(runs[0], radius):
             yield NarrowPart(outline, _beside_mouth(runs[0], radius))
+
+
+def _looked_at(points: Floats, on_wall: Bools, start: Ints, long: float) -> Ints:
+    """Outlines, which begin at `start` (k,) of all points (p, 2), that are on walls alone, or in several runs, or long:
+    most are the tips of corners."""
+    before = np.arange(len(points)) - 1
+    before[start] = np.append(start[1:], len(points)) - 1
+    runs = np.add.reduceat((on_wall & ~on_wall[before]).astype(np.int64), start)
+    box = np.maximum.reduceat(points, start) - np.minimum.reduceat(points, start)
+    whole = np.logical_and.reduceat(on_wall, start)
+    return np.flatnonzero(whole | (runs > 1) | ((runs == 1) & (np.linalg.norm(box, axis=1) > long)))
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:

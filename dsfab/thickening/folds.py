@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import smoothing_pairs
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.intersect import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
 
 SMALL = 4.0
@@ -84,7 +84,7 @@ def flattened(surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: 
             break
         V = np.where(blind[:, None], (V + near @ V) / 2, V)
         D = np.where(blind[:, None], (D + near @ D) / 2, D) * np.where(thin, THINNER, 1)[:, None]
-        pairs = intersecting_pairs(skin.vertices(V, D), faces)
+        pairs = pairs_after_moves(skin.vertices(V, D), faces, pairs, np.tile(blind | thin, 2))
         if len(pairs) < len(best[2]):
             best = V, D, pairs
     return best

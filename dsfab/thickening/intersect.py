@@ -7,11 +7,15 @@ tube without any, 41 of 71 overlooked on meshes of 1e-6 m; CGAL and this module 
 
 import igl.predicates
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints, sorted_order
 
 CLEAR = 1e-12
 """Unit vectors whose product with a separating direction is larger are on their side whatever rounding did."""
+
+NEARBY = 1 + 1e-9
+"""Balls around faces are larger by so much, whatever rounding did."""
 
 FOLDED = -0.9
 """Neighbours over an edge whose normals have a larger cosine cannot lie on each other."""
@@ -36,6 +40,22 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
     pairs = np.concatenate([apart[strangers], _around_vertices(V, F), _over_edges(V, F)])
     pairs = np.sort(pairs, axis=1)
     return pairs[np.lexsort(pairs.T[::-1])]  # libigl runs in threads: its order is not repeatable
+
+
+def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
+    """`intersecting_pairs` of V (n, 3) and F (m, 3), of which those `before` (k, 2) some vertices `moved` (n,) are
+    known: only faces around these, and what is near them, are looked at."""
+    changed = np.asarray(moved[F].any(axis=1))
+    if not changed.any():
+        return before
+    corners = V[F]
+    middle = corners.mean(axis=1)
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) * NEARBY
+    reach = radius[changed].max()
+    far, _ = cKDTree(middle[changed]).query(middle, distance_upper_bound=reach + radius.max())
+    found = intersecting_pairs(V, F, changed | (far <= radius + reach))
+    pairs = np.concatenate([before[~changed[before].any(axis=1)], found[changed[found].any(axis=1)]])
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 
 
 def _around_vertices(V: Floats, F: Ints) -> Ints:

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.folds import flattened, unfolded
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.intersect import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.union import THIN, THINNEST, United, united_prisms
 
@@ -118,7 +118,9 @@ def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, fr
             break
         share = share.copy()
         share[involved] = np.maximum(THIN * share[involved], THINNEST)
-        pairs = intersecting_pairs(skin.vertices(V, D * share[:, None]), faces)
+        moved = np.zeros(skin.n, dtype=bool)
+        moved[involved] = True
+        pairs = pairs_after_moves(skin.vertices(V, D * share[:, None]), faces, pairs, np.tile(moved, 2))
         if len(pairs) < len(best):
             best_share, best = share, pairs
     return D * best_share[:, None], best
