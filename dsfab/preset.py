@@ -358,6 +358,9 @@ class Slicing(Section):
     what is under 15 % of their spacing between evenly spaced stripes: specks that an edge leaves. Tidied ones leave no
     opening that is narrower than the members beside it anyway: of these it is what is also narrower than the sheet is
     thick."""
+    min_member: Annotated[float, Ge(0)] = 0.0
+    """Metres; members between openings with round corners are widened where they are narrower, and narrower than 0.8 of
+    what most are. Of evenly spaced stripes only; 0 widens none."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0

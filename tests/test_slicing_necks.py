@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from dsfab.slicing import Sheet, bridged_gaps, bridged_necks, cut, resolve_pinches
 from dsfab.slicing.features import features
 from dsfab.slicing.fillet import rounded_corners
-from dsfab.slicing.narrow_gaps import narrow_gaps
+from dsfab.slicing.narrow_places import narrow_gaps
 from dsfab.slicing.necks import REACH
 from dsfab.slicing.openings import Openings
 from dsfab.surface import Surface

@@ -11,7 +11,16 @@ from dsfab.pipeline.handover import ATTACH, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, bridged_gaps, bridged_necks, cut, filled_openings, filled_slits, resolve_pinches
+from dsfab.slicing import (
+    Sheet,
+    bridged_gaps,
+    bridged_necks,
+    cut,
+    filled_openings,
+    filled_slits,
+    resolve_pinches,
+    widened_members,
+)
 from dsfab.slicing.features import kept_cells
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
@@ -24,7 +33,7 @@ the surface leaves of an opening that it cuts through."""
 NECK, WIDEST = 1.1, 0.2
 """Evenly spaced openings are bridged where they are narrower than so many times the thickness, or than this share of
 the spacing if that is less. A little more than once: the corners beside a bridge are rounded by chords."""
-LEFT, AGAIN = 0.95, 4
+LEFT, AGAIN = 0.95, 5
 """Gaps between rounded members that are narrower than this share of a neck are bridged too, in so many rounds."""
 ROOM = 0.5
 """The user is told of the median radius of corners where it is less than this share of what was asked."""
@@ -64,6 +73,8 @@ def slicing_step(
         )
     if done.bridged:
         log.note("slicing", f"{_bridges(done.bridged)} where openings are narrower than {smallest.neck:.3g} m")
+    if done.widened:
+        log.note("slicing", f"members were widened to {ask.min_member:.3g} m at {_places(done.widened)}")
     if radius:
         log.note("slicing", _rounded(radius, rounded))
     if better:
@@ -72,8 +83,8 @@ def slicing_step(
 
 
 class Finished(NamedTuple):
-    """All cells without point contacts, specks, slits and necks, with round corners; how many of each there were, and
-    the radii.
+    """All cells without point contacts, specks, slits and necks, with round corners; how many of each there were, the
+    radii, and at how many places members were widened.
     """
 
     cells: Sheet
@@ -82,6 +93,7 @@ class Finished(NamedTuple):
     merged: int
     bridged: int
     rounded: Floats
+    widened: int = 0
 
 
 class Smallest(NamedTuple):
@@ -97,7 +109,7 @@ def finished_cells(
     """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so, and gaps between
     rounded members `again` and again."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-    cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
+    cells, filled, merged, bridged, widened = pinched.sheet, 0, 0, 0, 0
     late = merge and ask.min_opening is None  # most of these are slits
     if smallest.opening and not late:
         cells, filled = filled_openings(cells, smallest.opening)
@@ -110,17 +122,26 @@ def finished_cells(
     radius = preset.pattern.fillet
     if not radius:
         return Finished(cells, pinched.count, filled, merged, bridged, np.empty(0))
+    places = cells.surface.m
     for attempt in range(again + 1):
         done, rounded = rounded_corners(cells, radius)
         done, more = filled_slits(done) if merge and len(rounded) else (done, 0)  # corners take their share of openings
-        if not (smallest.neck and merge and attempt < again):
+        if not (merge and attempt < again):
             break
-        cells, bridges = bridged_gaps(cells, done, LEFT * smallest.neck, smallest.neck)
-        if not bridges:
+        bridges = wider = 0
+        if smallest.neck:
+            cells, bridges = bridged_gaps(cells, done, LEFT * smallest.neck, smallest.neck)
+        if bridges:
+            cells, others = bridged_necks(cells, smallest.neck)
+            bridged += bridges + others
+        elif ask.min_member:
+            cells, wider = widened_members(cells, done, ask.min_member)
+            if wider > places:
+                break  # it comes to no end
+            widened, places = widened + wider, wider
+        if not (bridges or wider):
             break
-        cells, others = bridged_necks(cells, smallest.neck)
-        bridged += bridges + others
-    return Finished(done, pinched.count, filled, merged + more, bridged, rounded)
+    return Finished(done, pinched.count, filled, merged + more, bridged, rounded, widened)
 
 
 def _merged(pattern: PatternResult) -> bool:
@@ -130,6 +151,10 @@ def _merged(pattern: PatternResult) -> bool:
 
 def _slits(count: int) -> str:
     return f"{count} opening{'s were' if count > 1 else ' was'}"
+
+
+def _places(count: int) -> str:
+    return f"{count} places" if count > 1 else "one place"
 
 
 def _bridges(count: int) -> str:

@@ -49,6 +49,7 @@ def proposal_text(
         _pattern(surface, size),
         *_families(size),
         _widths(),
+        ["[slicing]", _entry("min_member", size.thickness, "m; narrower members are widened there")],
         *_thickening(surface),
         [
             "[export]",

@@ -8,6 +8,7 @@ from dsfab.slicing.openings import Openings, filled_openings, filled_slits
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.tidy import Tidy
+from dsfab.slicing.widening import widened_members
 
 __all__ = [
     "Chart",
@@ -25,4 +26,5 @@ __all__ = [
     "halved",
     "material_area",
     "resolve_pinches",
+    "widened_members",
 ]

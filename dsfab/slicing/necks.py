@@ -5,30 +5,23 @@ room  `--.  .--`  room      Discs of the width have room on both sides of a neck
       .--'  '--.            the neck beside it are tips of two openings.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
-from dsfab.slicing.clean import Snapping, clean_split
+from dsfab.arrays import Floats
 from dsfab.slicing.flat_openings import FlatOpenings
-from dsfab.slicing.narrow_gaps import narrow_gaps
 from dsfab.slicing.narrow_parts import narrow_parts
+from dsfab.slicing.narrow_places import narrow_gaps
 from dsfab.slicing.openings import Openings
-from dsfab.slicing.recut import Recut
 from dsfab.slicing.sheet import Sheet
+from dsfab.slicing.strips import Strip, with_strips
 from dsfab.slicing.walls import Walls
-from dsfab.surface import nearest
 
 ROUNDS = 4
 """A bridge may leave necks on both of its sides, and two bridges that would touch are made one after the other."""
-POCKET = 1.6
-"""What a bridge parts off is filled where 4 area / perimeter is under this many widths."""
 REACH = 0.25
 """A bridge runs so many widths past its neck, along walls that it meets askew."""
-SIDES = np.array([-1.0, 1.0])
-SNAP = 2e-3
-"""Vertices nearer to the side of a bridge than this share of half its width are on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,24 +30,6 @@ class Neck:
 
     ends: Floats
     walls: tuple[int, int]
-
-
-@dataclass(frozen=True, eq=False)
-class Bridge:
-    """Void cells (c,) that a strip crosses, the first of which it begins in, and the family that it takes.
-
-    middle : (3,).    axes : (2, 3) unit vectors along and across.    half : (2,) half of its length and width, metres.
-    """
-
-    cells: Ints
-    family: int
-    middle: Floats
-    axes: Floats
-    half: Floats
-
-    def within(self, X: Floats) -> Floats:
-        """(2, k) coordinates of points X (k, 3) along and across; the sides are at -1 and 1."""
-        return np.asarray(self.axes @ (X - self.middle).T / self.half[:, None])
 
 
 def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
@@ -86,19 +61,15 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     if cells.material.all() or not cells.material.any() or not len(gaps := narrow_gaps(rounded, least, 2 * width)):
         return cells, 0
     walls = Walls.of(cells)
-    edges = np.stack([walls.start, walls.end], axis=1)
-    found = nearest(gaps.reshape(-1, 3), cells.surface.V, edges)
-    ends, on = found.place.reshape(-1, 2, 3), found.simplex.reshape(-1, 2)
-    necks = [Neck(place, (int(wall[0]), int(wall[1]))) for place, wall in zip(ends, on, strict=True)]
-    return _with_bridges(cells, walls, necks, width)
+    wall, ends = walls.nearest(cells.surface.V, gaps.reshape(-1, 3))
+    pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
+    return _with_bridges(cells, walls, [Neck(place, (one, two)) for place, (one, two) in pairs], width)
 
 
 def _with_bridges(cells: Sheet, walls: Walls, necks: list[Neck], width: float) -> tuple[Sheet, int]:
     """The cells with as many necks bridged as can be at once, and how many."""
     bridges = [bridge for neck in necks if (bridge := _bridge(cells, walls, neck, width)) is not None]
-    if not (bridges := _apart(cells, bridges)):
-        return cells, 0
-    return _without_pockets(_bridged(cells, bridges), cells.surface.n, width), len(bridges)
+    return with_strips(cells, bridges, width)
 
 
 def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:
@@ -127,72 +98,9 @@ def _filled(cells: Sheet, lost: list[int]) -> Sheet:
     return every.filled(wanted)
 
 
-def _bridge(cells: Sheet, walls: Walls, neck: Neck, width: float) -> Bridge | None:
-    """The void cells between both walls of a neck that its bridge crosses; None where it would not end there."""
-    surface, void = cells.surface, ~cells.material
-    first, last = (int(walls.inside[wall]) // 3 for wall in neck.walls)
-    way, middle = neck.ends[1] - neck.ends[0], neck.ends.mean(axis=0)
-    gap = float(np.linalg.norm(way))
-    if not gap or not (void[first] and void[last]):
-        return None
-    along = way / gap
-    across = np.cross(surface.normals[first], along)
-    across /= np.linalg.norm(across)
-    family = int(cells.family[walls.outside[neck.walls[0]] // 3])
+def _bridge(cells: Sheet, walls: Walls, neck: Neck, width: float) -> Strip | None:
+    """The strip between both walls of a neck; None where it would not end there."""
+    gap = float(np.linalg.norm(neck.ends[1] - neck.ends[0]))
     half = np.array([gap / 2 + REACH * width, width / 2])
-    bridge = Bridge(np.array([first]), family, middle, np.stack([along, across]), half)
-    seen, waiting = [first], [first]
-    while waiting:
-        cell = waiting.pop()
-        here = bridge.within(surface.V[surface.F[cell]])
-        there = np.roll(here, -1, axis=1)
-        crossed = ((np.minimum(here, there) < 1) & (np.maximum(here, there) > -1)).all(axis=0)
-        others = [c for c in cells.void_beside[cell][crossed].tolist() if c >= 0 and c not in seen]
-        seen += others
-        waiting += others
-    return replace(bridge, cells=np.array(seen)) if last in seen else None
-
-
-def _apart(cells: Sheet, bridges: list[Bridge]) -> list[Bridge]:
-    """Those that have no vertex in common with one before them."""
-    taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
-    for bridge in bridges:
-        vertices = cells.surface.F[bridge.cells]
-        if not taken[vertices].any():
-            taken[vertices] = True
-            chosen.append(bridge)
-    return chosen
-
-
-def _bridged(cells: Sheet, bridges: list[Bridge]) -> Sheet:
-    """The strips made material."""
-    some = Recut.of(cells, np.concatenate([bridge.cells for bridge in bridges]))
-    mesh, owner, root = some.mesh, np.full(len(some.cells), -1), np.arange(len(some.cells))
-    for k, bridge in enumerate(bridges):
-        owner[np.searchsorted(some.cells, bridge.cells)] = k
-    inside = owner >= 0
-    for axis in range(2):
-        x = np.full(len(mesh.X), 2.0)
-        for k, bridge in enumerate(bridges):
-            slots = mesh.cells.slots(np.flatnonzero(inside & (owner[root] == k)))
-            vertex = np.unique(mesh.cells.corner[slots])
-            x[vertex] = bridge.within(mesh.X[vertex])[axis]
-        near = np.abs(np.abs(x) - 1) < SNAP
-        x[near] = np.sign(x[near])
-        split = clean_split(mesh.cells, mesh.X, x, SIDES, inside, Snapping(0.0, cells.surface.size))
-        mesh, root, inside = mesh.after(split), root[split.source], inside[split.source] & (split.strip == 1)
-    part, first = mesh.parts(inside), np.searchsorted(some.cells, [bridge.cells[0] for bridge in bridges])
-    chosen = inside & np.isin(part, part[inside & np.isin(root, first)])
-    family = np.array([bridge.family for bridge in bridges])[owner[root]]
-    return some.together(replace(mesh, family=np.where(chosen, family, mesh.family)), root)
-
-
-def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """The cells with the small openings beside bridges, whose vertices are not among the first `before`, filled."""
-    every = Openings.of(cells)
-    if every is None:
-        return cells
-    beside = np.zeros(every.count, dtype=bool)
-    beside[every.label[(cells.surface.F[every.face] >= before).any(axis=1)]] = True
-    small: Bools = beside & (every.round_sizes < POCKET * width)
-    return every.filled(small) if small.any() else cells
+    strip = Strip.of(cells, walls, neck.walls[0], neck.ends, half)
+    return strip if strip is not None and int(walls.inside[neck.walls[1]]) // 3 in strip.cells else None

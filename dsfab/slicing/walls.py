@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.sheet import Sheet
+from dsfab.surface import nearest
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
@@ -76,6 +77,11 @@ class Walls:
         """(k, 3) the places on walls (k,) before which shares (k,) of them lie, on vertices V (n, 3)."""
         one, two = V[self.start[wall]], V[self.end[wall]]
         return np.asarray(one + share[:, None] * (two - one))
+
+    def nearest(self, V: Floats, points: Floats) -> tuple[Ints, Floats]:
+        """(k,) the walls nearest to points (k, 3), and the places (k, 3) on them, on vertices V (n, 3)."""
+        found = nearest(points, V, np.stack([self.start, self.end], axis=1))
+        return found.simplex, found.place
 
     def turns(self, sheet: Sheet) -> Floats:
         """(w,) by how much the outline turns to the left where a wall starts, radians: pi less the angle of the void.

@@ -2,7 +2,7 @@
 
 `dsfab build MESH` runs on the meshes in DSFAB_MESHES and on those of `tests/own_meshes.py`, each in a process of its
 own, without a preset. FOLDER gets a folder for each, a contact sheet of all of them and a table: seconds, pieces, dead
-ends, slits, the smallest gap over the thickness, or the sentence by which a mesh was refused. Names after FOLDER choose
+ends, slits, the smallest gap and member over the thickness, or the sentence by which a mesh was refused. Names after FOLDER choose
 some of them.
 """
 
@@ -21,7 +21,7 @@ from dsfab.wording import table
 from tests.own_meshes import OWN
 
 ACROSS, WIDE, ASPECT = 5, 640, 4 / 3
-HEAD = ("s", "pieces", "dead ends", "slits", "gap/thickness", "STEP")
+HEAD = ("s", "pieces", "ends", "slits", "gap/t", "member/t", "STEP")
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,16 @@ class Attempt:
         if self.error:
             return ()
         pattern, made = self.facts["pattern"], self.facts["fabrication"]
-        gap = (made["smallest_gap"] or {}).get("m", 0) / self.facts["preset"]["statics"]["thickness"]
+        thickness = self.facts["preset"]["statics"]["thickness"]
+        gap, member = ((made[key] or {}).get("m", 0) / thickness for key in ("smallest_gap", "smallest_member"))
         families = [pattern[name] for name in ("major", "minor")]
         return (
             ("s", f"{self.seconds:.0f}"),
             ("pieces", str(self.facts["solid"]["pieces"])),
-            ("dead ends", str(sum(len(family["loose_ends_at_m"]) for family in families))),
+            ("ends", str(sum(len(family["loose_ends_at_m"]) for family in families))),
             ("slits", str(sum(family["slits"] for family in families))),
-            ("gap/thickness", f"{gap:.2f}"),
+            ("gap/t", f"{gap:.2f}"),
+            ("member/t", f"{member:.2f}"),
             ("STEP", "yes" if any(name.endswith(".step") for name in self.facts["files"]) else "no"),
         )
 
