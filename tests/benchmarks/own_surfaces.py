@@ -2,8 +2,8 @@
 
 `dsfab build MESH` runs on the meshes in DSFAB_MESHES and on those of `tests/own_meshes.py`, each in a process of its
 own, without a preset. FOLDER gets a folder for each, a contact sheet of all of them and a table: seconds, pieces, dead
-ends, slits, the smallest gap and member over the thickness, or the sentence by which a mesh was refused. Names after FOLDER choose
-some of them.
+ends, slits, the smallest gap and member over the thickness, or the sentence by which a mesh was refused. Names after
+FOLDER choose some of them.
 """
 
 import json
