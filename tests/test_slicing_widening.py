@@ -42,7 +42,7 @@ def widened(sheet: Sheet, radius: float = 0.02) -> tuple[Sheet, Sheet, int]:
     return sheet, rounded, total
 
 
-@pytest.mark.parametrize("waist", [0.004, 0.02, 0.04])
+@pytest.mark.parametrize("waist", [0.01, 0.02, 0.04])
 @pytest.mark.parametrize("seed", [None, 0, 1])
 def test_a_waist_becomes_as_wide_as_asked(waist, seed):
     plate = grid(60, 60, 1.0, 1.0) if seed is None else jittered(grid(60, 60, 1.0, 1.0), seed=seed)
@@ -67,6 +67,18 @@ def test_what_is_wide_enough_and_what_is_as_narrow_everywhere_stays():
     for level in (-1.0, 2.0):
         whole = cut(plate, [plate.V[:, 0]], [[level]])
         assert widened_members(whole, whole, WIDTH) == (whole, 0)
+
+
+def test_the_end_of_a_member_stays():
+    """A bar of 4 cm that reaches into an opening: both of its sides are walls of that, a short way apart."""
+    plate = grid(60, 60, 1.0, 1.0)
+    x, y = plate.V[:, :2].T - 0.5
+    long = np.maximum(np.abs(x) - 0.02, np.abs(y + 0.35) - 0.1)
+    frame = np.maximum(np.maximum(np.abs(x), np.abs(y)) - 0.35, -long)
+    others = np.minimum(np.abs(np.abs(x) - 0.2) - 0.05, 1)  # wide members beside it
+    sheet = cut(plate, [np.maximum(frame, -others)], [[0.0]], snap=0)
+    assert features(sheet, sheet.material, [""] * 2).member.size == pytest.approx(0.04, rel=0.05)
+    assert widened_members(sheet, sheet, WIDTH) == (sheet, 0)
 
 
 def test_narrow_places_are_told_apart_and_the_narrowest_comes_first():
