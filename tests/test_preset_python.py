@@ -142,7 +142,7 @@ def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: di
         (lambda: dsfab.Preset(supports=[]), "surface is missing; statics is missing"),
         (
             lambda: preset({"mesh": HYPAR, "side": 1}),
-            r"unknown key surface\.side \(known here: .*refine, smooth, edge, finest, mesh",
+            r"unknown key surface\.side \(known here: .*refine, smooth, edge, finest, finest_at, mesh",
         ),
         (lambda: preset({"mesh": "AAAA"}), r"surface\.mesh: this is no mesh that dsfab wrote"),
         (

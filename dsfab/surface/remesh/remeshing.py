@@ -55,7 +55,7 @@ def remeshed(
     if finest:
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for one in sizes or [SizeField(surface, np.full(surface.n, edge))]:
-        _check_count(one)
+        _check_count(one, finest or float(one.length.min()))
     curves = feature_curves(surface, edge)
     nearest = NearestOnSurface(surface)
     net = _even(Net.of(surface, curves, edge), curves, nearest, sizes, edge)
@@ -135,9 +135,9 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
         )
 
 
-def _check_count(sizes: SizeField) -> None:
-    """Of equilateral triangles, by their area."""
-    surface, finest = sizes.surface, float(sizes.length.min())
+def _check_count(sizes: SizeField, finest: float) -> None:
+    """Of equilateral triangles, by their area; finest : metres, what is told."""
+    surface = sizes.surface
     count = (surface.areas / (np.sqrt(3) / 4 * sizes.length[surface.F].mean(axis=1) ** 2)).sum()
     if count > LARGEST:
         raise SurfaceError(
