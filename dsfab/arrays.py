@@ -66,9 +66,25 @@ def face_angles(V: Floats, F: Ints) -> Floats:
 def from_segments(points: Floats, a: Floats, b: Floats) -> Floats:
     """(...) distances of points (..., 3) from the segments from a to b (..., 3)."""
     along, to = b - a, points - a
+    return np.asarray(np.linalg.norm(to - along_segments(points, a, b)[..., None] * along, axis=-1))
+
+
+def along_segments(points: Floats, a: Floats, b: Floats) -> Floats:
+    """(...) the shares of the segments from a to b (..., 3) that lie before their places nearest to points (..., 3)."""
+    along, to = b - a, points - a
     squared = np.maximum(np.einsum("...i,...i->...", along, along), np.finfo(float).tiny)
-    t = np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1)
-    return np.asarray(np.linalg.norm(to - t[..., None] * along, axis=-1))
+    return np.asarray(np.clip(np.einsum("...i,...i->...", to, along) / squared, 0, 1))
+
+
+def unfolded(onto: Floats, normal: Floats, x: Floats) -> Floats:
+    """Vectors x (k, 3) turned as the shortest rotation turns unit normals (k, 3) onto others (k, 3) [Rodrigues 1840].
+
+    Between faces at an edge that is the rotation about the edge: tangents go straight on across it.
+    """
+    across = np.cross(normal, onto)
+    cosine = np.einsum("ki,ki->k", normal, onto)[:, None]
+    along = np.einsum("ki,ki->k", across, x)[:, None]
+    return np.asarray(x * cosine + np.cross(across, x) + across * along / np.maximum(1 + cosine, 1e-9))
 
 
 def sorted_order(keys: Ints) -> Ints:

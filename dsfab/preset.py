@@ -539,7 +539,7 @@ class Preset(Section):
 
         The surface is cut along the outlines of regions, and may be finer where its stress changes.
         """
-        if getattr(self.surface, "by_stress", False) and self.statics != other.statics:
+        if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region
         if len(regions[0]) != len(regions[1]) or not all(a.cut_as(b) for a, b in zip(*regions, strict=True)):

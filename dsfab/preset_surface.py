@@ -68,6 +68,11 @@ class Given(Section):
     """Whether refining rounds the facets (Loop subdivision), or the vertices of a mesh made anew lie on the smooth
     surface through the old ones; boundaries and creases stay as they are."""
 
+    @property
+    def by_stress(self) -> bool:
+        """Whether edges are shorter where the stress changes."""
+        return False
+
     def build(self) -> Surface:
         """The surface itself; raises SurfaceError."""
         return refined(self.given(), self.refine, self.smooth) if self.refine else self.given()

@@ -1,7 +1,8 @@
 """Ways out of a design: what its methods do that is made of floors above it (files, pictures, comparisons).
 
 A design stands below the parts that write, draw and compare it, so it cannot import them. The facade, which knows
-where each public name lives, opens a way for each when `dsfab` is imported; nothing heavy is loaded by that.
+where each public name lives, opens a way for each when `dsfab` is imported; nothing heavy is loaded by that. The
+surface stage opens `base_surface` to the regions below it: a mesh that follows the stress takes statics to be made.
 """
 
 from collections.abc import Callable

@@ -109,7 +109,7 @@ def finished_cells(
     """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so, and gaps between
     rounded members `again` and again."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-    cells, filled, merged, bridged, widened = pinched.sheet, 0, 0, 0, 0
+    cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
     late = merge and ask.min_opening is None  # most of these are slits
     if smallest.opening and not late:
         cells, filled = filled_openings(cells, smallest.opening)
@@ -119,29 +119,57 @@ def finished_cells(
         cells, filled = filled_openings(cells, smallest.opening, alike=True)
     if smallest.neck and merge:
         cells, bridged = bridged_necks(cells, smallest.neck)
-    radius = preset.pattern.fillet
-    if not radius:
+    if not preset.pattern.fillet:
         return Finished(cells, pinched.count, filled, merged, bridged, np.empty(0))
-    places = cells.surface.m
+    least = Least(smallest.neck, ask.min_member) if merge else Least(0.0, 0.0)
+    done = _rounded_cells(cells, preset.pattern.fillet, merge, least, again)
+    return Finished(
+        done.cells, pinched.count, filled, merged + done.merged, bridged + done.bridged, done.radii, done.widened
+    )
+
+
+class Least(NamedTuple):
+    """Metres: rounded openings and members that are narrower are bridged and widened; 0 for neither."""
+
+    neck: float
+    member: float
+
+
+class Rounded(NamedTuple):
+    """Cells with round corners of so many radii; slits filled and bridges built, and at how many places members were
+    widened."""
+
+    cells: Sheet
+    radii: Floats
+    merged: int
+    bridged: int
+    widened: int
+
+
+def _rounded_cells(cells: Sheet, radius: float, merge: bool, least: Least, again: int) -> Rounded:
+    """Cells with round corners, `again` and again where that leaves what is too narrow; slits filled if `merge`."""
+    bridged, widened, last = 0, 0, cells.surface.m
     for attempt in range(again + 1):
-        done, rounded = rounded_corners(cells, radius)
-        done, more = filled_slits(done) if merge and len(rounded) else (done, 0)  # corners take their share of openings
-        if not (merge and attempt < again):
+        done, radii = rounded_corners(cells, radius)
+        done, merged = filled_slits(done) if merge and len(radii) else (done, 0)  # corners take their share of openings
+        if attempt == again:
             break
-        bridges = wider = 0
-        if smallest.neck:
-            cells, bridges = bridged_gaps(cells, done, LEFT * smallest.neck, smallest.neck)
+        better, bridges, places = _broadened(cells, done, least)
+        if not (bridges or places) or places > last:  # nothing is left, or it comes to no end
+            break
+        cells, bridged, widened, last = better, bridged + bridges, widened + places, places or last
+    return Rounded(done, radii, merged, bridged, widened)
+
+
+def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, int]:
+    """The cells with the gaps of the rounded sheet bridged, or else its members widened; the bridges and the places."""
+    if least.neck:
+        better, bridges = bridged_gaps(cells, rounded, LEFT * least.neck, least.neck)
         if bridges:
-            cells, others = bridged_necks(cells, smallest.neck)
-            bridged += bridges + others
-        elif ask.min_member:
-            cells, wider = widened_members(cells, done, ask.min_member)
-            if wider > places:
-                break  # it comes to no end
-            widened, places = widened + wider, wider
-        if not (bridges or wider):
-            break
-    return Finished(done, pinched.count, filled, merged + more, bridged, rounded, widened)
+            better, others = bridged_necks(better, least.neck)
+            return better, bridges + others, 0
+    better, places = widened_members(cells, rounded, least.member) if least.member else (cells, 0)
+    return better, 0, places
 
 
 def _merged(pattern: PatternResult) -> bool:

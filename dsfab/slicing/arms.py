@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, unfolded
 from dsfab.surface.mesh import Surface
 from dsfab.surface.refine import refined
 from dsfab.surface.topology import connected
@@ -37,17 +37,6 @@ class Arms(NamedTuple):
         if len(self.width) != 2 or not self.direction.any():
             return self.tip(width)
         return float(self.direction[0] @ unfolded(self.normal[:1], self.normal[1:], self.direction[1:])[0]) > 0
-
-
-def unfolded(onto: Floats, normal: Floats, x: Floats) -> Floats:
-    """Vectors x (k, 3) turned as the shortest rotation turns unit normals (k, 3) onto others (k, 3).
-
-    Between faces at an edge that is the rotation about the edge: tangents go straight on across it.
-    """
-    across = np.cross(normal, onto)
-    cosine = np.einsum("ki,ki->k", normal, onto)[:, None]
-    along = np.einsum("ki,ki->k", across, x)[:, None]
-    return np.asarray(x * cosine + np.cross(across, x) + across * along / np.maximum(1 + cosine, 1e-9))
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:

@@ -19,8 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, sorted_order
-from dsfab.slicing.arms import unfolded
+from dsfab.arrays import Bools, Floats, sorted_order, unfolded
 from dsfab.slicing.middles import Middles
 from dsfab.surface.topology import connected
 

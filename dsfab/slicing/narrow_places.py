@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, along_segments
 from dsfab.slicing.across import Crossings, crossings
 from dsfab.slicing.parts import inner_walls, medians, part_of
 from dsfab.slicing.sheet import Sheet
@@ -10,11 +10,14 @@ from dsfab.surface import Surface
 
 LOCAL = 0.8
 """A member is narrow at a place where it has less than this share of the median width of all."""
+NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float) -> Floats:
     """(k, 2, 3) points on both walls of openings where these are nearer than `least` metres; the narrowest gap first,
     and of those less than `apart` metres from it no other."""
+    if not cells.has_openings:
+        return NOWHERE
     void, from_void = part_of(cells.surface, ~cells.material)
     return _narrowest(void, crossings(void, inner_walls(void, cells.surface, from_void)), least, apart)
 
@@ -22,6 +25,8 @@ def narrow_gaps(cells: Sheet, least: float, apart: float) -> Floats:
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
     """(k, 2, 3) points on both sides of members between openings that are narrower than `least` metres there, and than
     members usually are, as `narrow_gaps`."""
+    if not cells.has_openings:
+        return NOWHERE
     material, from_material = part_of(cells.surface, cells.material)
     across = crossings(material, inner_walls(material, cells.surface, from_material))
     usual = medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0]
@@ -32,9 +37,7 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float) -> 
     narrow = np.flatnonzero(across.width < least)
     narrow = narrow[np.argsort(across.width[narrow], kind="stable")]
     start, (one, two) = across.place[narrow], part.V[part.edges.ends[across.walls[narrow, 1]]].transpose(1, 0, 2)
-    along = two - one
-    share = np.einsum("ki,ki->k", start - one, along) / np.einsum("ki,ki->k", along, along)
-    ends = np.stack([start, one + np.clip(share, 0, 1)[:, None] * along], axis=1)
+    ends = np.stack([start, one + along_segments(start, one, two)[:, None] * (two - one)], axis=1)
     chosen, middles = list[int](), np.empty((0, 3))
     for k, middle in enumerate(ends.mean(axis=1)):
         if not (np.linalg.norm(middles - middle, axis=1) < apart).any():

@@ -40,7 +40,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     """
     count = 0
     for _ in range(ROUNDS):
-        if cells.material.all() or not cells.material.any():
+        if not cells.has_openings:
             break
         walls = Walls.of(cells)
         necks, lost = _narrow(cells, walls, width)
@@ -58,7 +58,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     Necks are found in openings laid flat. What that does not see, where a surface is folded, or where walls leave no
     room for an arc, is found here as `features` measures it.
     """
-    if cells.material.all() or not cells.material.any() or not len(gaps := narrow_gaps(rounded, least, 2 * width)):
+    if not len(gaps := narrow_gaps(rounded, least, 2 * width)):
         return cells, 0
     walls = Walls.of(cells)
     wall, ends = walls.nearest(cells.surface.V, gaps.reshape(-1, 3))

@@ -49,7 +49,7 @@ class Openings:
     @classmethod
     def of(cls, cells: Sheet) -> Self | None:
         """The openings of a sheet; None where there is none, or nothing else."""
-        if cells.material.all() or not cells.material.any():
+        if not cells.has_openings:
             return None
         part, face = part_of(cells.surface, ~cells.material)
         count, label = pieces(part.F, part.edges)

@@ -65,6 +65,12 @@ class Sheet:
         """(m',) whether a cell is material."""
         return np.asarray(self.family != VOID)
 
+    @property
+    def has_openings(self) -> bool:
+        """Whether some cells are material and others void."""
+        material = self.material
+        return bool(material.any() and not material.all())
+
     @cached_property
     def void_beside(self) -> Ints:
         """(m', 3) the void cell across each side of void cells, -1 elsewhere."""

@@ -27,8 +27,6 @@ WIDER = 1.04
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
     """The cells with material beside members that are narrower than `least` metres once corners are `rounded`; and at
     how many places. Strips that would touch are made by calling it again."""
-    if cells.material.all() or not cells.material.any():
-        return cells, 0
     if not len(narrow := narrow_members(rounded, least, APART * least)):
         return cells, 0
     walls, half = Walls.of(cells), np.array([WIDER * least / 2, least / 2])

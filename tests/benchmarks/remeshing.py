@@ -168,9 +168,8 @@ def row(name: str, old: Surface, edge: float, **how: object) -> dict[str, object
     crease, border, all_edges = sharp(old, 30) & design_features(old, edge), old.edges.boundary, new.edges.ends
     least, marks = angles(new).min(axis=1), design_features(old, edge)
     bad, corners = new.centroids[least < 20], wedges(old, marks)
-    between = (
-        nearest(bad, corners, np.arange(len(corners)).reshape(-1, 3)).distance if len(corners) else bad[:, 0] + 1e9
-    )
+    triangles = np.arange(len(corners)).reshape(-1, 3)
+    between = nearest(bad, corners, triangles).distance if len(corners) else np.full(len(bad), np.inf)
     same = (
         euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
         and len(new.loops) == len(old.loops)

@@ -66,10 +66,12 @@ def remeshed(
 def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
     """The net after all rounds; edges are wanted `edge` metres long, or as the shortest of the sizes."""
     chords = chord_lengths(curves, edge)
-    finer = [_Carrier(one) for one in sizes if np.ptp(one.length)]
+    finer = [one for one in sizes if np.ptp(one.length)]
+    others = {one.surface for one in finer} - {nearest.surface}
+    trees = [nearest, *map(NearestOnSurface, others)]
     for k in range(ROUNDS):
-        base = np.min([np.full(net.n, edge), *(carrier(net.V) for carrier in finer)], axis=0)
-        net = with_sizes(net, chords, curves, base)
+        base = _shortest(net.V, finer, trees) if finer else edge
+        net = with_sizes(net, chords, curves, np.minimum(base, edge))
         if not k:
             net = _roughly(net, curves, edge)
         for _ in range(2):
@@ -95,17 +97,16 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
     return net
 
 
-class _Carrier:
-    """What carries the lengths of a field to points on its surface."""
-
-    def __init__(self, sizes: SizeField) -> None:
-        self._nearest, self._length = NearestOnSurface(sizes.surface), sizes.length
-
-    def __call__(self, points: Floats) -> Floats:
-        """(k,) at points (k, 3), metres."""
-        face, place = self._nearest(points)
-        F = self._nearest.surface.F[face]
-        return np.asarray(np.einsum("kc,kc->k", barycentric(self._nearest.surface.V[F], place), self._length[F]))
+def _shortest(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
+    """(k,) the shortest of the lengths of fields at points (k, 3), metres; one tree for all fields on a surface."""
+    found = []
+    for tree in trees:
+        if mine := [one.length for one in sizes if one.surface is tree.surface]:
+            face, place = tree(points)
+            F = tree.surface.F[face]
+            weights = barycentric(tree.surface.V[F], place)
+            found += [np.einsum("kc,kc->k", weights, length[F]) for length in mine]
+    return np.asarray(np.min(found, axis=0))
 
 
 def _smoothed(net: Net, surface: Surface, nearest: NearestOnSurface) -> Net:

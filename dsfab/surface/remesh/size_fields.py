@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import eye_array
 
-from dsfab.arrays import Floats, Ints, lengths
+from dsfab.arrays import Floats, Ints, lengths, unfolded
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import adjacency
@@ -50,8 +50,7 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
     """
     at, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
-    turn = _turns(normal[b], normal[a])
-    slope = ((np.einsum("eij,ejk,elk->eil", turn, at[b], turn) - at[a]) ** 2).sum(axis=(1, 2))
+    slope = ((_carried(at[b], normal[b], normal[a]) - at[a]) ** 2).sum(axis=(1, 2))
     beside = np.bincount(surface.edges.of.ravel(), np.repeat(surface.areas / 3, 3), minlength=len(ends))
     square = _mean_around(surface, ends, (slope / surface.edge_lengths**2 * beside / 2)[:, None])[:, 0]
     usual = np.sqrt((surface.areas * (field**2).sum(axis=(1, 2))).sum() / surface.area)
@@ -62,9 +61,8 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
 def _at_vertices(surface: Surface, field: Floats) -> Floats:
     """(n, 3, 3) the means by area around each vertex of tensors (m, 3, 3), turned with the surface into its plane."""
     corner = surface.F.ravel()
-    turn = _turns(np.repeat(surface.normals, 3, axis=0), surface.vertex_normals[corner])
     weighted = np.repeat(surface.areas[:, None, None] / 3 * field, 3, axis=0)
-    carried = np.einsum("cij,cjk,clk->cil", turn, weighted, turn).reshape(-1, 9)
+    carried = _carried(weighted, np.repeat(surface.normals, 3, axis=0), surface.vertex_normals[corner]).reshape(-1, 9)
     total = np.stack([np.bincount(corner, x, minlength=surface.n) for x in carried.T], axis=1)
     return np.asarray(total / np.maximum(surface.vertex_areas, np.finfo(float).tiny)[:, None]).reshape(-1, 3, 3)
 
@@ -90,13 +88,11 @@ def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
     return np.asarray((around @ total) / np.maximum(around @ surface.vertex_areas, np.finfo(float).tiny)[:, None])
 
 
-def _turns(start: Floats, end: Floats) -> Floats:
-    """(e, 3, 3) the least rotations of unit vectors (e, 3) onto others [Rodrigues 1840]."""
-    x, y, z = np.cross(start, end).T
-    zero = np.zeros(len(x))
-    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-    along = np.einsum("ei,ei->e", start, end)
-    return np.asarray(np.eye(3) + K + K @ K / (1 + along)[:, None, None])
+def _carried(tensors: Floats, normal: Floats, onto: Floats) -> Floats:
+    """(k, 3, 3) symmetric tensors in planes with unit normals (k, 3), turned into others: by rows, then by columns."""
+    normal, onto = np.repeat(normal, 3, axis=0), np.repeat(onto, 3, axis=0)
+    rows = unfolded(onto, normal, tensors.reshape(-1, 3)).reshape(-1, 3, 3)
+    return unfolded(onto, normal, rows.transpose(0, 2, 1).reshape(-1, 3)).reshape(-1, 3, 3)
 
 
 def _bends(surface: Surface, shared: Ints) -> Floats:
