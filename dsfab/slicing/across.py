@@ -5,20 +5,18 @@
 ------x------- opposite  distance of its start from the edge that it meets.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
-from dsfab.surface import next_half_edge
-from dsfab.surface.mesh import Surface
+from dsfab.slicing.straight import FarEnds, far_ends
+from dsfab.surface import Surface, next_half_edge
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
 """Where lines start on a wall edge: the shortest way between two polylines leaves from a corner of one of them, and the
 middle stands for the edge in distributions."""
-MOST_STEPS = 2000
-"""Lines that cross more triangles than this run along a member, not across it."""
 OPPOSED = float(np.sin(np.radians(20)))
 """Walls count as opposite where they are parallel to 20 degrees. Walls that meet at a larger angle make a corner: the
 way across goes to zero there, and says nothing about a width."""
@@ -52,22 +50,8 @@ class _Spot:
     edge: Ints
     t: Floats
 
-    def at(self, chosen: Ints) -> "_Spot":
+    def at(self, chosen: Ints | Bools) -> "_Spot":
         return _Spot(self.edge[chosen], self.t[chosen])
-
-
-@dataclass(frozen=True, eq=False)
-class _Rays:
-    """Lines on their way: the half-edge that each came in over, point and unit direction (k, 3), metres behind it."""
-
-    index: Ints
-    came: Ints
-    point: Floats
-    direction: Floats
-    length: Floats
-
-    def at(self, chosen: Bools) -> "_Rays":
-        return _Rays(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def crossings(surface: Surface, walls: Bools, start: Bools | None = None, at: tuple[float, ...] = AT) -> Crossings:
@@ -81,30 +65,23 @@ def crossings(surface: Surface, walls: Bools, start: Bools | None = None, at: tu
     if not starting.any():
         none = np.empty((0, 2), dtype=np.int64)
         return Crossings(np.empty(0), np.empty((0, 3)), none[:, 0], np.empty(0), none)
-    table, outward, twin = surface.edges, _outward(surface), _twins(surface)
-    h = table.order[table.start[:-1][starting]]
-    rays = begun = _started(surface, h, outward, at)
-    met, width, slope, foot = (np.full(len(begun.index), x) for x in (-1, np.inf, 1.0, 0.0))
-    for _ in range(MOST_STEPS):
-        if not len(rays.index):
-            break
-        out, step = _exits(surface, rays, outward)
-        ends = twin[out] < 0
-        here = rays.index[ends]
-        met[here] = out[ends]
-        width[here], slope[here], foot[here] = _distance(surface, rays.at(ends), out[ends], step[ends])
-        rays = _entered(surface, rays.at(~ends), out[~ends], step[~ends], twin, outward)
-    good = np.flatnonzero((met >= 0) & walls[table.of.ravel()[met]] & (np.abs(slope) < OPPOSED))
-    from_, to = _Spot(begun.came, np.repeat(at, len(h))), _Spot(met, foot)
-    good = good[~_tips(surface, from_.at(good), to.at(good), width[good], slope[good])]
-    weight = np.zeros((len(at), len(h)))
-    weight[np.equal(at, MIDDLE)] = np.linalg.norm(_along(surface, h), axis=1)
-    between = table.of.ravel()[np.stack([begun.came[good], met[good]], axis=1)]
-    return Crossings(width[good], begun.point[good], begun.came[good] // 3, weight.ravel()[good], between)
+    h, of = surface.edges.order[surface.edges.start[:-1][starting]], surface.edges.of.ravel()
+    size = np.linalg.norm(_along(surface, h), axis=1)
+    begun = _Spot(np.tile(h, len(at)), np.repeat(at, len(h)))
+    ends = far_ends(surface, begun.edge, begun.t * np.tile(size, len(at)))
+    good = np.flatnonzero((ends.edge >= 0) & walls[of[ends.edge]] & (np.abs(ends.slope) < OPPOSED))
+    met, width = _feet(surface, ends.at(good))
+    on = ~_tips(surface, begun.at(good), met, width, ends.slope[good])
+    good, met, width = good[on], met.at(on), width[on]
+    begun = begun.at(good)
+    weight = np.where(begun.t == MIDDLE, np.tile(size, len(at))[good], 0.0)
+    point = surface.V[surface.F.ravel()[begun.edge]] + begun.t[:, None] * _along(surface, begun.edge)
+    between = of[np.stack([begun.edge, met.edge], axis=1)]
+    return Crossings(width, point, begun.edge // 3, weight, between)
 
 
-def _distance(surface: Surface, rays: _Rays, out: Ints, step: Floats) -> tuple[Floats, Floats, Floats]:
-    """(k,) metres from where lines started to the half-edges over which they leave; the cosine to these; the foot's t.
+def _feet(surface: Surface, ends: FarEnds) -> tuple[_Spot, Floats]:
+    """Where the half-edges that lines meet are nearest to their starts, and how far that is, metres.
 
           o start
          /|           The foot of the start on the line of the edge, or the end of the edge nearest to it.
@@ -112,15 +89,11 @@ def _distance(surface: Surface, rays: _Rays, out: Ints, step: Floats) -> tuple[F
     ---x--+----x---
      met  foot
     """
-    along = _along(surface, out)
-    size = np.linalg.norm(along, axis=1)
-    along /= size[:, None]
-    length = rays.length + step
-    slope = np.einsum("ki,ki->k", rays.direction, along)
-    met = rays.point + step[:, None] * rays.direction - surface.V[surface.F.ravel()[out]]
-    foot = np.einsum("ki,ki->k", met, along) - length * slope
+    size = np.linalg.norm(_along(surface, ends.edge), axis=1)
+    foot = ends.place - ends.length * ends.slope
     nearest = np.clip(foot, 0, size)
-    return np.hypot(length * np.sqrt(1 - np.minimum(slope**2, 1)), foot - nearest), slope, nearest / size
+    width = np.hypot(ends.length * np.sqrt(1 - np.minimum(ends.slope**2, 1)), foot - nearest)
+    return _Spot(ends.edge, nearest / size), width
 
 
 def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats) -> Bools:
@@ -168,19 +141,20 @@ def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
     """The loop of each edge (e,) by its ends (e, 2), the edges loop by loop in their order, and the number of loops."""
-    beside: list[list[int]] = [[] for _ in range(len(ends))]
-    at = np.argsort(ends.ravel(), kind="stable") // 2  # edges by vertex: an even number at each
-    for i, j in at.reshape(-1, 2).tolist():
-        beside[i].append(j)
-        beside[j].append(i)
+    slot = np.argsort(ends.ravel(), kind="stable")  # 2 i + s is end s of edge i; by vertex, an even number at each
+    onward = np.empty_like(slot)
+    onward[slot] = (
+        slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1
+    )  # who leaves by an end leaves the next edge by its other end
+    after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
-    for start in range(len(ends)):
-        step = start if label[start] < 0 else -1
-        loops += step >= 0
-        while step >= 0:
-            label[step] = loops - 1
-            chain.append(step)
-            step = next((k for k in beside[step] if label[k] < 0), -1)
+    for start, state in enumerate(leaving):
+        edge, loops = start, loops + (label[start] < 0)
+        while label[edge] < 0:
+            label[edge] = loops - 1
+            chain.append(edge)
+            state = after[state]
+            edge = state >> 1
     return np.array(label, dtype=np.int64), np.array(chain, dtype=np.int64), loops
 
 
@@ -188,52 +162,3 @@ def _along(surface: Surface, h: Ints) -> Floats:
     """(k, 3) from the first to the last vertex of half-edges."""
     F = surface.F.ravel()
     return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
-
-
-def _outward(surface: Surface) -> Floats:
-    """(3 m, 3) unit vectors in each face, square to each of its half-edges, pointing out of it."""
-    every = np.arange(3 * surface.m)
-    out = np.cross(_along(surface, every), np.repeat(surface.normals, 3, axis=0))
-    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
-
-
-def _twins(surface: Surface) -> Ints:
-    """(3 m,) the half-edge on the other side, -1 on the boundary."""
-    twin = np.full(3 * surface.m, -1)
-    one, two = surface.edges.pairs.T
-    twin[one], twin[two] = two, one
-    return twin
-
-
-def _started(surface: Surface, h: Ints, outward: Floats, at: tuple[float, ...]) -> _Rays:
-    """Lines from the points `at` of half-edges h, square to them: all first points, then all second ones."""
-    first, along = surface.V[surface.F.ravel()[h]], _along(surface, h)
-    point = np.concatenate([first + t * along for t in at])
-    came, count = np.tile(h, len(at)), len(at) * len(h)
-    return _Rays(np.arange(count), came, point, -outward[came], np.zeros(count))
-
-
-def _exits(surface: Surface, rays: _Rays, outward: Floats) -> tuple[Ints, Floats]:
-    """The half-edge over which each line leaves its face, one of the two that it did not come in over; and how far."""
-    options = np.stack([next_half_edge(rays.came), next_half_edge(rays.came, 2)], axis=1)
-    normal = outward[options]
-    corner = surface.V[surface.F.ravel()[options]]
-    speed = np.einsum("kci,ki->kc", normal, rays.direction)
-    gap = np.einsum("kci,kci->kc", normal, corner - rays.point[:, None])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        step = np.where(speed > 0, np.maximum(gap, 0) / speed, np.inf)
-    pick = step.argmin(axis=1)
-    rows = np.arange(len(pick))
-    return options[rows, pick], step[rows, pick]
-
-
-def _entered(surface: Surface, rays: _Rays, out: Ints, step: Floats, twin: Ints, outward: Floats) -> _Rays:
-    """The lines in the next faces, as if these were unfolded into the plane of the last ones."""
-    edge = _along(surface, out)
-    edge /= np.linalg.norm(edge, axis=1, keepdims=True)
-    along = np.einsum("ki,ki->k", rays.direction, edge)
-    through = np.einsum("ki,ki->k", rays.direction, outward[out])
-    came = twin[out]
-    direction = along[:, None] * edge - through[:, None] * outward[came]
-    point = rays.point + step[:, None] * rays.direction
-    return _Rays(rays.index, came, point, direction, rays.length + step)

@@ -56,8 +56,8 @@ def half_edges(F: Ints) -> tuple[Ints, Ints]:
     return F.ravel(), np.roll(F, -1, axis=1).ravel()
 
 
-def next_half_edge(h: Ints, steps: int = 1) -> Ints:
-    """(...) the half-edges so many steps on from half-edges h (...), around their faces."""
+def next_half_edge(h: Ints, steps: int | Ints = 1) -> Ints:
+    """(...) the half-edges so many steps, for all or (...), on from half-edges h (...), around their faces."""
     return h - h % 3 + (h + steps) % 3
 
 
