@@ -273,6 +273,20 @@ def test_the_factor_for_a_share_is_found_in_few_steps(share, wanted):
     assert len(asked) < 28
 
 
+@pytest.mark.parametrize(
+    "share",
+    [lambda f: min(0.45 * f, 1), lambda f: 1 - np.exp(-0.6 * f), lambda f: 0.3 + 0.15 * f**3, lambda f: 0.4 * f**0.5],
+)
+@pytest.mark.parametrize("off", [0.8, 0.97, 1.0, 1.04, 1.3])
+@pytest.mark.parametrize("slope", [0.2, 0.4, 0.8])
+def test_near_a_guess_it_is_found_in_fewer(share, off, slope):
+    """The share is wanted that a factor near 1 gives; the slope is a rough one."""
+    asked = []
+    factor = solved_factor(lambda f: asked.append(f) or share(f), share(off), 4e-4, slope)
+    assert share(factor) == pytest.approx(share(off), abs=4e-4)
+    assert len(asked) <= (1 if off == 1 else 6)
+
+
 def test_a_share_out_of_reach_is_refused_with_what_can_be_reached():
     for wanted, says in ((0.1, "at least 20.0%"), (0.95, "at most 90.0%")):
         with pytest.raises(PatternError, match=f"cannot keep {wanted:.1%} of the surface: {says}"):

@@ -16,6 +16,8 @@ from dsfab.errors import PatternError
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
 
+_End = tuple[float, float]
+"""Of an interval: a factor, and by how much its share is more than the wanted one."""
 Rule = Literal["plain", "constant", "graded", "stressed"]
 
 SOLID = 0.5
@@ -26,6 +28,8 @@ ROUNDS = (2, 60)
 """Fewest and most rounds in which values are averaged."""
 JUMP = 5e-3
 """A share may jump past the wanted one by this much, where tidied ends come and go: the nearest there is will do."""
+FEELERS = 5
+"""Secants from a factor that is about right, before the answer is looked for between 0 and what is too much."""
 STEPS = 30
 """Several times what the search needs on a share without jumps."""
 
@@ -152,32 +156,22 @@ def relative_stresses(surface: Surface, principal: Floats) -> Floats:
 def solved_factor(share: Callable[[float], float], wanted: float, tolerance: float, slope: float = 0.0) -> float:
     """The factor at which share(factor), which never falls, is `wanted` to `tolerance`.
 
-    slope : what is known of its derivative where the factor is known to be about 1: then 1 and one step of Newton's
-            are tried first.
+    slope : about its derivative, where the factor is known to be about 1: then the search begins there.
 
     The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
     [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share, but for a jump within `JUMP`.
     """
-    high = (1.0, share(1.0) - wanted)
-    if slope > 0:
-        if _miss(high) <= tolerance:
-            return 1.0
-        near = 1 - high[1] / slope
-        if near > 0 and abs(share(near) - wanted) <= tolerance:
-            return near
-    low = (0.0, share(0.0) - wanted)
-    if low[1] > tolerance:
-        raise _unreachable(wanted, f"at least {low[1] + wanted:.1%}")
-    if high[1] < -tolerance and (most := share(LARGEST_FACTOR)) < wanted - tolerance:
-        raise _unreachable(wanted, f"at most {most:.1%}")
-    while high[1] < -tolerance:
-        low, high = high, (4 * high[0], share(4 * high[0]) - wanted)
+
+    def at(factor: float) -> _End:
+        return factor, share(factor) - wanted
+
+    low, high = _ends(at, wanted, tolerance, slope)
     best, kept = min(low, high, key=_miss), 0
     for _ in range(STEPS):
         if _miss(best) <= tolerance:
             return best[0]
         x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
-        new = (x, share(x) - wanted)
+        new = at(x)
         best = min(best, new, key=_miss)
         if new[1] < 0:
             low, high, kept = new, (high[0], high[1] / (2 if kept == 1 else 1)), 1
@@ -191,7 +185,33 @@ def solved_factor(share: Callable[[float], float], wanted: float, tolerance: flo
     )
 
 
-def _miss(end: tuple[float, float]) -> float:
+def _ends(at: Callable[[float], _End], wanted: float, tolerance: float, slope: float) -> tuple[_End, _End]:
+    """An interval that holds the answer, or the answer twice; from 1, and along secants where the slope is known."""
+    one = at(1.0)
+    for _ in range(FEELERS if slope > 0 else 0):
+        if _miss(one) <= tolerance or one[0] * slope <= one[1]:
+            break
+        new = at(one[0] - one[1] / slope)
+        if new[1] * one[1] <= 0:
+            return (one, new) if one[1] < new[1] else (new, one)
+        slope, one = max((new[1] - one[1]) / (new[0] - one[0]), slope / 4), new
+    if _miss(one) <= tolerance:
+        return one, one
+    if one[1] > 0:
+        low = at(0.0)
+        if low[1] > tolerance:
+            raise _unreachable(wanted, f"at least {low[1] + wanted:.1%}")
+        return low, one
+    most = at(LARGEST_FACTOR)
+    if most[1] < -tolerance:
+        raise _unreachable(wanted, f"at most {most[1] + wanted:.1%}")
+    low = one
+    while (high := at(4 * low[0]))[1] < -tolerance:
+        low = high
+    return low, high
+
+
+def _miss(end: _End) -> float:
     return abs(end[1])
 
 

@@ -41,6 +41,9 @@ CORRECTIONS = 3
 COUNTED = 2
 """Points along each side of a face, by which the search for it begins."""
 
+GROWTH = 0.85
+"""By about how much of itself a share grows when widths do so by themselves: crossings are shared by both families."""
+
 CLOSINGS = (1.0, 0.97, 1.03)
 """Openings between members that crowd close as for so many times the widths that are about right."""
 
@@ -148,7 +151,8 @@ def solved_layers(
 
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
-        wanted, slope = width.solid_fraction - added, 0.0
+        wanted = width.solid_fraction - added
+        slope = GROWTH * wanted if guess else 0.0
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
             counted = counted_share(surface, kept, COUNTED)  # which openings close must be known before
         if counted is not None:
