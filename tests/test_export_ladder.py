@@ -1,6 +1,7 @@
 """`--step auto`: the best way within the budget, told in one line; a refusal with the costs only when there is none."""
 
 import re
+from contextlib import suppress
 from functools import partial
 
 import pytest
@@ -103,6 +104,16 @@ def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_pat
         assert words in said
     assert not any(tmp_path.iterdir())
     assert chosen(solid, step=StepOptions(faces=10)) is None
+
+
+def test_quick_simplifies_no_further_what_is_far_over_the_budget(tmp_path, unread, monkeypatch):
+    tried, true = [], ladder.simplified_part
+    monkeypatch.setattr(ladder, "simplified_part", lambda part, by: tried.append(by) or true(part, by))
+    for faces, times in ((10, 1), (500, 2)):
+        tried.clear()
+        with suppress(ExportError):
+            write(saddle(), tmp_path / "a.step", step=StepOptions("quick", faces=faces))
+        assert len(tried) == times
 
 
 def test_a_tolerance_that_was_asked_for_is_not_exceeded_to_keep_to_the_budget(tmp_path, unread):

@@ -1,10 +1,11 @@
 """Programs of ours in processes of their own, started before they are asked."""
 
 import subprocess
+import time
 
 import pytest
 
-from dsfab.export.program import Ahead, ProgramError
+from dsfab.export.program import Ahead, ProgramError, last_line, meanwhile
 
 ECHO = "import json, sys\nprint('loaded')\nprint(*reversed(json.loads(sys.stdin.readline())))\n"
 
@@ -41,3 +42,43 @@ def test_one_that_does_not_end_is_ended(tmp_path):
     with program(tmp_path, "import time; time.sleep(60)") as ahead, pytest.raises(subprocess.TimeoutExpired):
         ahead.last_line("a.step", seconds=0.2)
     assert ahead._run.returncode is not None
+
+
+WAITS = "import json, pathlib, sys, time\n" + (
+    "path = pathlib.Path(json.loads(sys.stdin.readline())[0])\n"
+    "while not path.exists(): time.sleep(0.01)\n"
+    "print('seen')\n"
+)
+
+
+def test_other_work_is_done_while_a_program_is_waited_for(tmp_path):
+    """The program ends only once that is done, and says so; it is done once."""
+    path, done = tmp_path / "done", []
+    with meanwhile(lambda: done.append(path.touch())), program(tmp_path, WAITS) as ahead:
+        assert not done
+        assert ahead.last_line(str(path), seconds=30) == "seen"
+        (tmp_path / "b.py").write_text("print('b')")
+        assert last_line(str(tmp_path / "b.py"), seconds=30) == "b"
+    assert len(done) == 1
+
+
+def test_a_program_gets_its_answer_in_when_other_work_took_longer_than_it_may(tmp_path):
+    with meanwhile(lambda: time.sleep(1.5)), program(tmp_path, ECHO) as ahead:
+        assert ahead.last_line("a", seconds=0.5) == "a"
+
+
+def test_other_work_is_done_at_the_end_if_nothing_was_waited_for():
+    done = []
+    with meanwhile(lambda: done.append(1)):
+        assert not done
+    assert done == [1]
+
+
+def test_other_work_fails_for_who_asked_for_it_and_not_for_who_waits(tmp_path):
+    def fail():
+        raise ValueError("no picture")
+
+    with pytest.raises(ValueError, match="no picture"), meanwhile(fail), program(tmp_path, ECHO) as ahead:
+        assert ahead.last_line("a", seconds=30) == "a"
+    with pytest.raises(KeyError), meanwhile(fail):
+        raise KeyError

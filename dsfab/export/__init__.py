@@ -4,6 +4,7 @@ from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
+from dsfab.export.program import meanwhile
 
 __all__ = [
     "FORMATS",
@@ -12,6 +13,7 @@ __all__ = [
     "Estimate",
     "StepOptions",
     "Written",
+    "meanwhile",
     "replacing",
     "step_estimates",
     "write",

@@ -34,6 +34,9 @@ LONGER = 3
 FURTHER = 2
 """Times the usual tolerance, the last way of all to come within the budget."""
 
+FAR = 2
+"""Times the faces of the budget: what has more is not halved by simplifying it further."""
+
 
 def prepare(part: Part) -> Part:
     """The part rounded to the file's decimals; raises ExportError where an edge has more than two triangles."""
@@ -75,16 +78,22 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
         else:
             yield faceted
     if chosen:
-        yield from _last(faceted, curved and part.step == "auto")
+        yield from _last(faceted, curved and part.step == "auto", part.step == "quick")
 
 
-def _last(part: Part, curved: bool) -> Iterator[Part | BudgetError]:
-    """What is left for a faceted part that was refused; smooth, however long that takes, if `curved`."""
+def _last(part: Part, curved: bool, quick: bool) -> Iterator[Part | BudgetError]:
+    """What is left for a faceted part that was refused; smooth, however long that takes, if `curved`.
+
+    quick : whether nothing more is tried where the first simplification is far over the budget.
+    """
+    far = False
     if not part.tolerance:
-        yield from _simpler(part, usual_tolerance(part))
+        for simple in _simpler(part, usual_tolerance(part)):
+            far = isinstance(simple, BudgetError) and simple.faces > FAR * part.step_faces
+            yield simple
     if curved:
         yield replace(part, step="smooth")
-    if not part.tolerance:
+    if not part.tolerance and not (quick and far):
         yield from _simpler(part, FURTHER * usual_tolerance(part))
 
 

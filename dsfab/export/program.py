@@ -3,11 +3,56 @@
 import json
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from types import TracebackType
+
+LEAST = 1.0
+"""Seconds that a program is given when other work took longer than it may."""
 
 
 class ProgramError(RuntimeError):
     """A program that ended badly or said nothing; its text is the last line of its complaint."""
+
+
+class _Work:
+    """Something to do once, while a program is waited for."""
+
+    def __init__(self, work: Callable[[], None]) -> None:
+        self._work, self._done = work, False
+        self._error: Exception | None = None
+
+    def do(self) -> None:
+        """Now, if it is not done; what it raises is kept, for whoever waits here did not ask for it."""
+        if not self._done:
+            self._done = True
+            try:
+                self._work()
+            except Exception as error:
+                self._error = error
+
+    def end(self) -> None:
+        """It is done after this; raises what it raised."""
+        self.do()
+        if self._error:
+            raise self._error
+
+
+_WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
+
+
+@contextmanager
+def meanwhile(work: Callable[[], None]) -> Iterator[None]:
+    """`work` is done in here, once: as soon as a program is waited for, or at the end. Not after an error in here."""
+    waiting = _Work(work)
+    token = _WAITING.set(waiting)
+    try:
+        yield
+    finally:
+        _WAITING.reset(token)
+    waiting.end()
 
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
@@ -15,9 +60,11 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
     Raises subprocess.TimeoutExpired after `seconds`, and ProgramError when it does not end with 0.
     """
-    command = [sys.executable, "-P", program, *arguments]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=seconds, check=False)
-    return _said(run.returncode, run.stdout, run.stderr)
+    with _started(program, *arguments, stdin=None) as run:
+        try:
+            return _answer(run, seconds)
+        finally:
+            run.kill()
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
@@ -32,13 +79,7 @@ class Ahead:
     """
 
     def __init__(self, program: str) -> None:
-        self._run = subprocess.Popen(
-            [sys.executable, "-P", program],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self._run = _started(program, stdin=subprocess.PIPE)
 
     def __enter__(self) -> "Ahead":
         return self
@@ -50,13 +91,27 @@ class Ahead:
 
     def last_line(self, *arguments: str, seconds: float) -> str:
         """The last line that it prints when it is asked, once; raises as `last_line`."""
-        out, complaint = self._run.communicate(json.dumps(arguments) + "\n", timeout=seconds)
-        return _last(_said(self._run.returncode, out, complaint))
+        if self._run.stdin:
+            with suppress(BrokenPipeError):  # it has ended: its complaint says more
+                self._run.stdin.write(json.dumps(arguments) + "\n")
+                self._run.stdin.flush()
+        return _last(_answer(self._run, seconds))
 
 
-def _said(code: int, out: str, complaint: str) -> str:
-    if code:
-        raise ProgramError((complaint.strip().splitlines() or [f"exit code {code}"])[-1])
+def _started(program: str, *arguments: str, stdin: int | None) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-P", program, *arguments]
+    return subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:
+    """What it prints until it ends; other work is done first, if there is any."""
+    begin = time.monotonic()
+    if waiting := _WAITING.get():
+        waiting.do()
+    left = seconds - (time.monotonic() - begin)
+    out, complaint = run.communicate(timeout=left if left > 0 else LEAST)
+    if run.returncode:
+        raise ProgramError((complaint.strip().splitlines() or [f"exit code {run.returncode}"])[-1])
     return out
 
 

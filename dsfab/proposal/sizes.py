@@ -11,7 +11,7 @@ MEMBERS = 16
 """Members across the shorter side of the plan."""
 MEMBERS_AROUND = 18
 """Members along the side of a square of the area of a closed surface."""
-CELLS = 1200
+CELLS = 550
 """Openings between members at most, about: more are no pattern any more, and take long."""
 COARSEST, FINEST = 2.5, 3.5
 """Edges of the mesh from one member to the next: fewer draw no clean stripes, more only take longer."""

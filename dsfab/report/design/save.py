@@ -3,13 +3,15 @@
 import json
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from dsfab.delivery.archive import with_mesh, write_archive
 from dsfab.delivery.files import deliverable
 from dsfab.errors import ExportError
-from dsfab.export import write
+from dsfab.export import meanwhile, write
 from dsfab.export.folder import whole_or_nothing
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress, silent
@@ -53,24 +55,24 @@ def save(
     marked  : also fabrication.png: where the smallest member, gap and wall are.
     Raises ExportError for a folder that cannot be written; a STEP file that is too large is told instead.
     """
-    with whole_or_nothing(Path(folder)) as partial:
+    with whole_or_nothing(Path(folder)) as here:
         progress("fabrication", "measuring members, gaps and walls")
         made = fabrication(design)
         measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
         if marked:
-            _mark(design, made, partial / "fabrication.png")
-        start = time.perf_counter()
-        files = _written(design, partial, progress)
-        write(design.sheet.surface, partial / "sheet.ply")
-        preset = with_mesh(design.settled, partial, Path(folder))
-        write_archive(design, partial, preset)
-        seconds = {**design.seconds, "export": time.perf_counter() - start}
-        if picture:
-            progress("preview", "drawing preview.png")
-            _draw(design, partial / "preview.png")
-        (partial / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
+            _mark(design, made, here / "fabrication.png")
+        start, image = time.perf_counter(), here / "preview.png"
+        with meanwhile(partial(_draw, design, image)) if picture else nullcontext():
+            files = _written(design, here, progress)
+            write(design.sheet.surface, here / "sheet.ply")
+            preset = with_mesh(design.settled, here, Path(folder))
+            write_archive(design, here, preset)
+            seconds = {**design.seconds, "export": time.perf_counter() - start}
+            if picture and not image.exists():  # else it was drawn while OCCT read a file
+                progress("preview", "drawing preview.png")
+        (here / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
         told = facts(design, seconds, files.names, files.refused, files.notes) | measured
-        (partial / "design.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        (here / "design.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     return Saved(told, (*files.reports, *files.notes), "; ".join(files.refused))
 
 
