@@ -161,6 +161,14 @@ def _missing() -> str:
     return ""
 
 
+def test_loads_and_supports_say_where_they_are_and_nothing_that_was_not_given(read):
+    table = read.rows[next(i for i, row in enumerate(read.rows) if "Where and how much" in row) :]
+    said = [row[-1] for row in table if row[0].startswith(("Load", "Support"))][:3]
+    assert len(said) == 3
+    assert said[-1].startswith("side (axis x, end min")
+    assert not any(word in text for text in said for word in ("name", "relative", "False", "None"))
+
+
 def test_numbers_are_those_of_results_json(told, read):
     results = json.loads((told / "results.json").read_text())
     rows = {row["name"]: row for row in results["competitors"]}

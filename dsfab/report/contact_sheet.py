@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.render.palette import Palette
+from dsfab.report.html import html_page, image, why
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -146,9 +147,8 @@ def _wrapped(text: str, room: float, font: Any) -> list[str]:
 def page(tiles: Sequence[Tile], title: str, line: str, across: int, palette: Palette) -> str:
     """The same as HTML with relative links to the tiles' files: each picture, its parameters, its command."""
     figures = "\n".join(_figure(tile) for tile in tiles)
-    paper, text = (f"rgb{colour}" for colour in (palette.paper, palette.text))
-    style = _STYLE.replace("PAPER", paper).replace("TEXT", text).replace("ACROSS", str(_on_page(across)))
-    return _PAGE.format(title=escape(title), line=escape(line), style=style, figures=figures)
+    body = f"<header><h1>{escape(title)}</h1><p>{escape(line)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
+    return html_page(title, body, _STYLE.replace("ACROSS", str(_on_page(across))))
 
 
 def _on_page(across: int) -> int:
@@ -158,15 +158,11 @@ def _on_page(across: int) -> int:
 
 def _figure(tile: Tile) -> str:
     terms = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in tile.parameters)
-    alt = escape(f"Variant {tile.number}: {tile.label()}", quote=True)
     if (picture := tile.picture) is None:
-        shown = f'<p class="why">{escape(tile.error)}</p>'
+        shown = why(tile.error)
     else:
-        wide, high = picture.size
-        shown = (
-            f'<a href="{tile.file}"><img src="{tile.file}" alt="{alt}" width="{wide}" height="{high}" '
-            'loading="lazy"></a>'
-        )
+        inside = image(tile.file, f"Variant {tile.number}: {tile.label()}", picture.size)
+        shown = f'<a href="{tile.file}">{inside}</a>'
     return (
         f'<figure id="v{tile.number:03}">{shown}<figcaption><span class="number">{tile.number:03}</span>'
         f"<dl>{terms}</dl><code>{escape(tile.command)}</code></figcaption></figure>"
@@ -189,45 +185,18 @@ def save(tiles: Sequence[Tile], folder: Path) -> None:
 
 
 _STYLE = """
-:root { color-scheme: light; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; padding: 3.5rem 2.5rem 4rem; max-width: 116rem; background: PAPER; color: TEXT;
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
-h1 { margin: 0; font-size: 2.1rem; font-weight: 600; letter-spacing: -0.02em; }
-header p { margin: 0.35rem 0 2.6rem; opacity: 0.72; }
+body { max-width: 116rem; } header p { margin: 0.35rem 0 2.6rem; color: var(--quiet); }
 main { display: grid; gap: 2.6rem 1.8rem; grid-template-columns: repeat(ACROSS, minmax(0, 1fr)); }
 @media (max-width: 72rem) { main { grid-template-columns: repeat(auto-fill, minmax(19rem, 1fr)); } }
-figure { margin: 0; display: flex; flex-direction: column; }
-img { display: block; width: 100%; height: auto; }
-a { border-radius: 4px; } a:focus-visible { outline: 3px solid rgb(32, 84, 168); outline-offset: 3px; }
-.why { margin: 0; aspect-ratio: 4 / 3; display: grid; place-content: center; text-align: center; padding: 0 12%;
-  border: 1px solid rgba(86, 80, 76, 0.2); border-radius: 4px; opacity: 0.75; }
-figcaption { position: relative; border-top: 1px solid rgba(86, 80, 76, 0.2); margin-top: 0.5rem; padding-top: 0.6rem; }
-.number { position: absolute; right: 0; font-size: 0.85rem; opacity: 0.7; font-variant-numeric: tabular-nums; }
+figure { display: flex; flex-direction: column; }
+figcaption { position: relative; border-top: 1px solid var(--hair); margin-top: 0.5rem; padding-top: 0.6rem; }
+.number { position: absolute; right: 0; font-size: 0.85rem; color: var(--quiet); font-variant-numeric: tabular-nums; }
 dl { margin: 0 3rem 0.55rem 0; display: flex; flex-wrap: wrap; gap: 0 1.3rem; }
-dl div { display: flex; gap: 0.45rem; } dt { opacity: 0.72; } dd { margin: 0; font-weight: 600; }
-code { display: block; padding: 0.5rem 0.7rem; border-radius: 4px; background: rgba(120, 100, 80, 0.08);
-  font: 12.5px/1.55 ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; overflow-wrap: anywhere;
-  user-select: all; }
-footer { margin-top: 3.5rem; font-size: 0.9rem; opacity: 0.72; }
-@media print { main { grid-template-columns: repeat(3, 1fr); } figure { break-inside: avoid; } }
+dl div { display: flex; gap: 0.45rem; } dd { font-weight: 600; }
+code { display: block; padding: 0.5rem 0.7rem; overflow-wrap: anywhere; user-select: all; }
+footer { margin-top: 3.5rem; font-size: 0.9rem; color: var(--quiet); }
+@media print { main { grid-template-columns: repeat(3, 1fr); } }
 """
 
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>{style}</style>
-</head>
-<body>
-<header><h1>{title}</h1><p>{line}</p></header>
-<main>
-{figures}
-</main>
-<footer>A picture opens at full size; a click on a command selects all of it. Pictures show the pattern before
-it is cut: pieces that reach no support may still be there, and the thickness is not drawn.</footer>
-</body>
-</html>
-"""
+_FOOT = """<footer>A picture opens at full size; a click on a command selects all of it. Pictures show the pattern
+before it is cut: pieces that reach no support may still be there, and the thickness is not drawn.</footer>"""

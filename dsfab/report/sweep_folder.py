@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from dsfab.export import replacing, write_chunks
 from dsfab.render.palette import PAPER
 from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
+from dsfab.report.html import style
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Plan
@@ -150,7 +151,11 @@ def page(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) ->
     facts = json.dumps(_facts(folder, rows, stiff, heavy), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")
     title = escape(f"{folder.preset.name}, {len(rows)} runs")
-    return template.replace("{{title}}", title).replace("{{facts}}", facts.replace("</", "<\\/"))
+    return (
+        template.replace("{{title}}", title)
+        .replace("{{style}}", style())
+        .replace("{{facts}}", facts.replace("</", "<\\/"))
+    )
 
 
 def _facts(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> dict[str, Any]:

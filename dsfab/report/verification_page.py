@@ -9,6 +9,7 @@ from pathlib import Path
 
 from dsfab import __version__
 from dsfab.export.folder import whole_or_nothing
+from dsfab.report.html import html_page
 from dsfab.report.verification_plots import COLOURS, curves, drawing
 from dsfab.statics import REPORTED, USES, elements_of
 from dsfab.study.verification import Standing, Test, VerificationRow, pattern_spread, shortfalls, standings
@@ -17,24 +18,19 @@ PAIR = str(elements_of("displacement"))
 """The pair that targets and published values are about."""
 
 STYLE = """
-:root { color-scheme: light dark; --ink: #262626; --paper: #fdfcf9; --faint: #9a9a9a; --line: #d9d6cf; --good: #1d7a48;
-  --bad: #b3401f; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e4e2dc; --paper: #17181a; --faint: #84878b; --line: #3a3c40;
-  --good: #58c48a; --bad: #f0815a; } }
-body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 72rem;
-  margin: 2rem auto; padding: 0 1rem; }
-h1, h2 { font-weight: 600; line-height: 1.2; } h2 { margin: 2.4rem 0 .3rem; font-size: 1.15rem; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; margin: .6rem 0; }
-th, td { text-align: right; padding: .1rem .4rem; border-bottom: 1px solid var(--line); font-weight: 400;
-  white-space: nowrap; } td.left { white-space: normal; }
-th { font-weight: 600; } th:first-child, td:first-child, th.left, td.left { text-align: left; }
+:root { --faint: rgb(138, 134, 128); }
+@media screen and (prefers-color-scheme: dark) { :root { color-scheme: dark; --text: rgb(228, 226, 220);
+  --paper: rgb(23, 24, 26); --quiet: rgb(150, 153, 157); --faint: rgb(132, 135, 139); --hair: rgb(58, 60, 64);
+  --tint: rgb(36, 38, 41); --good: rgb(88, 196, 138); --bad: rgb(240, 129, 90); } }
+body { font-size: 15px; max-width: 76rem; } h2 { margin: 2.4rem 0 .3rem; font-size: 1.15rem; }
+table { margin: .6rem 0; } th, td { padding: .1rem .4rem; }
+th:first-child, td:first-child, .left { text-align: left; } td.left { white-space: normal; }
 .ok, .better, .met { color: var(--good); } .off, .refused, .worse, .missed { color: var(--bad); }
-.quiet, .coarse { color: var(--faint); }
-figure { display: flex; flex-wrap: wrap; gap: 1rem; align-items: center; margin: .4rem 0; } svg { max-width: 100%;
-  height: auto; font-family: system-ui, sans-serif; } a { color: inherit; }
+.coarse { color: var(--quiet); }
+figure { display: flex; flex-wrap: wrap; gap: 1rem; align-items: center; margin: .4rem 0; }
+svg { max-width: 100%; height: auto; font-family: var(--sans); } a { color: inherit; }
 .wide { overflow-x: auto; }
-@media print { :root { --ink: #000; --paper: #fff; --faint: #888; --line: #ccc; } body { margin: 0; max-width: none;
-  font-size: 10pt; } section { break-inside: avoid; } }
+@media print { section { break-inside: avoid; } }
 """
 
 
@@ -50,18 +46,9 @@ def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     """The whole page. Two calls with equal rows give equal text: no clock is in it."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
-    parts = [
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>dsfab verify</title>',
-        '<meta name="viewport" content="width=device-width">',
-        f"<style>{STYLE}</style></head><body>",
-        _head(tests, rows),
-        _uses(),
-        _summary(tests, rows),
-        _field(against),
-        *(_section(test, rows, against, short) for test in tests),
-        "</body></html>\n",
-    ]
-    return "\n".join(parts)
+    parts = [_head(tests, rows), _uses(), _summary(tests, rows), _field(against)]
+    parts += [_section(test, rows, against, short) for test in tests]
+    return html_page("dsfab verify", "\n".join(parts), STYLE)
 
 
 def _head(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:

@@ -18,21 +18,16 @@ from dsfab.report.compliance.document import (
     Scale,
     Table,
 )
+from dsfab.report.html import html_page, image, why
 
 
 def page(document: Document) -> str:
     """The whole file."""
-    title = escape(f"{document.title}: {document.subject}")
-    style = STYLE.replace("RUNNING", _css_text(f"{document.title} · {document.subject}"))
-    style = style.replace("FOOTER", _css_text(document.footer))
-    head = (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head><body>'
-    )
-    parts = [head, _title(document)]
-    parts += [_section(number, section) for number, section in enumerate(document.sections, start=1)]
-    parts.append(f"<footer>{escape(document.footer)}</footer></body></html>\n")
-    return "\n".join(parts)
+    own = STYLE.replace("RUNNING", _css_text(f"{document.title} · {document.subject}"))
+    own = own.replace("FOOTER", _css_text(document.footer))
+    sections = [_section(number, section) for number, section in enumerate(document.sections, start=1)]
+    body = [_title(document), *sections, f"<footer>{escape(document.footer)}</footer>"]
+    return html_page(f"{document.title}: {document.subject}", "\n".join(body), own)
 
 
 def _css_text(text: str) -> str:
@@ -92,15 +87,12 @@ def _kind(cell: str, left: bool) -> str:
 def _figure(figure: ReportFigure) -> str:
     caption = f"<figcaption>{figure.caption}</figcaption>"
     if figure.missing:
-        return f'<figure><p class="missing">{escape(figure.missing)}</p>{caption}</figure>'
-    wide, high = figure.size
+        return f"<figure>{why(figure.missing)}{caption}</figure>"
     data = base64.b64encode(figure.image).decode("ascii")
-    style = "" if figure.width == 1 else f' style="width: {100 * figure.width:.0f}%"'
+    inside = image(f"data:image/{figure.kind};base64,{data}", _plain(figure.caption), figure.size, lazy=False)
+    width = "" if figure.width == 1 else f' style="width: {100 * figure.width:.0f}%"'
     scale = _scale(figure.scale) if figure.scale else ""
-    return (
-        f'<figure{style}><img src="data:image/{figure.kind};base64,{data}" width="{wide}" height="{high}" '
-        f'alt="{escape(_plain(figure.caption), quote=True)}">{scale}{caption}</figure>'
-    )
+    return f"<figure{width}>{inside}{scale}{caption}</figure>"
 
 
 def _plain(markup: str) -> str:
@@ -116,52 +108,46 @@ def _scale(scale: Scale) -> str:
 
 
 STYLE = """
-:root { color-scheme: light; --ink: #1f2328; --soft: #5d6570; --line: #cfd4da; --band: #f3f5f7; --good: #1c6e42;
-  --bad: #a8321a; --open: #8a5a00; --accent: #2054a8; }
-* { box-sizing: border-box; }
-html { background: #e9ebee; }
-body { margin: 2rem auto; padding: 18mm 20mm; max-width: 210mm; background: #fff; color: var(--ink);
-  font: 10pt/1.45 "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif;
+:root { --paper: white; } html { background: rgb(236, 233, 228); }
+body { margin: 2rem auto; padding: 18mm 20mm; max-width: 210mm; font-size: 10pt; line-height: 1.45;
   box-shadow: 0 1px 8px rgba(0, 0, 0, .14); font-variant-numeric: tabular-nums; }
-header { border-top: 3px solid var(--accent); padding-top: 4mm; margin-bottom: 7mm; }
-.over { margin: 0; color: var(--soft); font-size: 9pt; letter-spacing: .08em; text-transform: uppercase; }
-h1 { margin: 0 0 4mm; font-size: 22pt; line-height: 1.15; font-weight: 600; letter-spacing: -.01em; }
+header { border-top: 3px solid var(--blue); padding-top: 4mm; margin-bottom: 7mm; }
+.over { margin: 0; color: var(--quiet); font-size: 9pt; letter-spacing: .08em; text-transform: uppercase; }
+h1 { margin: 0 0 4mm; font-size: 22pt; line-height: 1.15; }
 dl { display: grid; grid-template-columns: repeat(4, auto); gap: 1.5mm 6mm; margin: 0;
-  border-top: 1px solid var(--line); border-bottom: 1px solid var(--line); padding: 2.5mm 0; }
-dt { color: var(--soft); font-size: 7.5pt; } dd { margin: 0; }
-h2 { margin: 9mm 0 2.5mm; font-size: 13.5pt; line-height: 1.25; font-weight: 600; break-after: avoid; }
-h2 .no { display: inline-block; min-width: 9mm; color: var(--accent); }
+  border-top: 1px solid var(--hair); border-bottom: 1px solid var(--hair); padding: 2.5mm 0; }
+dt { font-size: 7.5pt; }
+h2 { margin: 9mm 0 2.5mm; font-size: 13.5pt; break-after: avoid; }
+h2 .no { display: inline-block; min-width: 9mm; color: var(--blue); }
 section:first-of-type h2 { margin-top: 0; }
-p { margin: 0 0 2.5mm; } .lead { font-size: 11.5pt; line-height: 1.45; } .quiet, .note { color: var(--soft); }
-.note { font-size: 8pt; margin: 1.2mm 0 0; } ul { margin: 0 0 2.5mm; padding-left: 5mm; } li { margin: 0 0 1mm; }
-.banner { border-left: 4px solid var(--open); background: var(--band); padding: 3mm 4mm; margin: 0 0 4mm; }
+p { margin: 0 0 2.5mm; } .lead { font-size: 11.5pt; } .note { color: var(--quiet); font-size: 8pt; margin: 1.2mm 0 0; }
+ul { margin: 0 0 2.5mm; padding-left: 5mm; } li { margin: 0 0 1mm; }
+.banner { border-left: 4px solid var(--open); background: var(--tint); padding: 3mm 4mm; margin: 0 0 4mm; }
 .banner b { font-size: 13pt; color: var(--open); } .banner p { margin: .8mm 0 0; }
 .banner.pass { border-color: var(--good); } .banner.fail { border-color: var(--bad); }
 .banner.pass b, td.pass { color: var(--good); } .banner.fail b, td.fail { color: var(--bad); }
 td.unknown { color: var(--open); } td.pass, td.fail, td.unknown { font-weight: 600; }
 .table { margin: 3mm 0 4.5mm; overflow-x: auto; break-inside: avoid; }
-table { border-collapse: collapse; width: 100%; font-size: 8.5pt; }
-caption, figcaption { text-align: left; font-size: 8.5pt; color: var(--ink); padding: 0 0 1.5mm; }
-figcaption { padding: 1.5mm 0 0; }
-thead { display: table-header-group; } tr { break-inside: avoid; }
-th, td { text-align: right; padding: .9mm 1.6mm; vertical-align: top; border-bottom: 1px solid var(--line); }
-th { font-weight: 600; border-top: 1px solid var(--ink); border-bottom: 1px solid var(--ink); vertical-align: bottom; }
-td { white-space: nowrap; } .left { text-align: left; white-space: normal; }
-.strong td { background: var(--band); font-weight: 600; }
-tbody tr:last-child td { border-bottom: 1px solid var(--ink); }
-figure { margin: 3mm 0 4.5mm; break-inside: avoid; } img { display: block; width: 100%; height: auto; }
+table { width: 100%; font-size: 8.5pt; }
+caption, figcaption { text-align: left; font-size: 8.5pt; font-weight: 400; padding: 0 0 1.5mm; }
+figcaption { padding: 1.5mm 0 0; } thead { display: table-header-group; }
+th, td { padding: .9mm 1.6mm; vertical-align: top; }
+th { border-top: 1px solid var(--text); border-bottom: 1px solid var(--text); vertical-align: bottom; }
+.left { text-align: left; white-space: normal; } .strong td { background: var(--tint); font-weight: 600; }
+tbody tr:last-child td { border-bottom: 1px solid var(--text); }
+figure { margin: 3mm 0 4.5mm; }
 .across { display: grid; grid-template-columns: repeat(2, 1fr); gap: 0 6mm; } .across figure { width: auto !important; }
-.missing { border: 1px solid var(--line); padding: 8mm; color: var(--soft); text-align: center; }
+.why { aspect-ratio: auto; padding: 8mm; }
 .scale { font-size: 8pt; margin: 1mm 0; } .scale p { margin: 0 0 .6mm; } .scale div { display: flex; }
 .scale i { flex: 1; height: 3.2mm; print-color-adjust: exact; -webkit-print-color-adjust: exact; }
-.scale .labels { justify-content: space-between; color: var(--soft); padding-top: .5mm; }
-code { font: 8.5pt ui-monospace, Menlo, Consolas, "Liberation Mono", monospace; }
-pre { font: 7.5pt/1.4 ui-monospace, Menlo, Consolas, "Liberation Mono", monospace; background: var(--band);
+.scale .labels { justify-content: space-between; color: var(--quiet); padding-top: .5mm; }
+code { font-size: 8.5pt; padding: 0 .8mm; }
+pre { font: 7.5pt/1.4 var(--mono); background: var(--tint);
   padding: 3mm; white-space: pre-wrap; overflow-wrap: anywhere; margin: 0 0 4mm; }
-footer { border-top: 1px solid var(--line); margin-top: 8mm; padding-top: 2mm; color: var(--soft); font-size: 8pt; }
+footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; color: var(--quiet); font-size: 8pt; }
 @page { size: A4; margin: 20mm 18mm 18mm;
-  @top-left { content: "RUNNING"; font: 7.5pt Helvetica, Arial, sans-serif; color: #5d6570; }
-  @bottom-left { content: "FOOTER"; font: 7.5pt Helvetica, Arial, sans-serif; color: #5d6570; }
+  @top-left { content: "RUNNING"; font: 7.5pt Helvetica, Arial, sans-serif; }
+  @bottom-left { content: "FOOTER"; font: 7.5pt Helvetica, Arial, sans-serif; }
   @bottom-right { content: counter(page) " / " counter(pages); font: 7.5pt Helvetica, Arial, sans-serif; } }
 @media print { html { background: none; } body { margin: 0; padding: 0; max-width: none; box-shadow: none; }
   .banner, .strong td, pre { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
@@ -169,4 +155,4 @@ footer { border-top: 1px solid var(--line); margin-top: 8mm; padding-top: 2mm; c
 @media screen and (max-width: 60rem) { body { padding: 1.2rem; margin: 0; } dl { grid-template-columns: 1fr 1fr; }
   .across { grid-template-columns: 1fr; } }
 """
-"""How the report looks, on a screen and on A4 paper; RUNNING and FOOTER stand at the edges of printed pages."""
+"""What is its own: an A4 sheet, on a screen and on paper; RUNNING and FOOTER stand at the edges of printed pages."""

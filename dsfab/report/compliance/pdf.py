@@ -97,8 +97,8 @@ def _canvas(document: Document, styles: Styles, *given: Any, **named: Any) -> An
 
 def _edges(canvas: Any, document: Document, styles: Styles, number: int, count: int) -> None:
     canvas.setFont(styles.regular, 7.5)
-    canvas.setFillColor(colour(COLOURS["soft"]))
-    canvas.setStrokeColor(colour(COLOURS["line"]))
+    canvas.setFillColor(colour(COLOURS["quiet"]))
+    canvas.setStrokeColor(colour(COLOURS["hair"]))
     if number > 1:
         canvas.drawString(18 * MM, 284 * MM, f"{document.title} · {document.subject}")
         canvas.line(18 * MM, 282 * MM, 192 * MM, 282 * MM)
@@ -110,7 +110,7 @@ def _edges(canvas: Any, document: Document, styles: Styles, number: int, count: 
 def _title(document: Document, styles: Styles) -> list[Any]:
     from reportlab.platypus import HRFlowable, Spacer
 
-    rule = HRFlowable(width="100%", thickness=2, color=colour(COLOURS["accent"]), spaceAfter=3 * MM)
+    rule = HRFlowable(width="100%", thickness=2, color=colour(COLOURS["blue"]), spaceAfter=3 * MM)
     words = [styles.text(escaped(document.title.upper()), "over"), styles.text(escaped(document.subject), "title")]
     cells = [
         [styles.text(escaped(name), "fact_name"), styles.text(escaped(value), "fact")] for name, value in document.facts
@@ -129,7 +129,7 @@ def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequenc
     """Cells without more lines than are named, millimetres wide."""
     from reportlab.platypus import Table as Cells
 
-    drawn = [(*line, 0.5, colour(COLOURS["line"])) for line in lines]
+    drawn = [(*line, 0.5, colour(COLOURS["hair"])) for line in lines]
     look = [("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (-1, -1), 0), *drawn]
     return Cells([list(row) for row in rows], [width * MM for width in widths], style=look, hAlign="LEFT")
 
@@ -137,7 +137,7 @@ def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequenc
 def _section(number: int, section: ReportSection, styles: Styles) -> list[Any]:
     from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
 
-    accent = hexed(COLOURS["accent"])
+    accent = hexed(COLOURS["blue"])
     head = styles.text(f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped(section.title)}', "heading")
     begin = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
     first, *rest = [_block(block, styles) for block in section.blocks]
@@ -180,7 +180,7 @@ def _banner(banner: Banner, styles: Styles) -> Any:
         styles.text(banner.text, "body"),
     ]
     look = [
-        ("BACKGROUND", (0, 0), (-1, -1), colour(COLOURS["band"])),
+        ("BACKGROUND", (0, 0), (-1, -1), colour(COLOURS["tint"])),
         ("LINEBEFORE", (0, 0), (0, -1), 3, shade),
         ("LEFTPADDING", (0, 0), (-1, -1), 10),
         ("TOPPADDING", (0, 0), (-1, -1), 7),
@@ -198,7 +198,7 @@ def _table(table: Table, styles: Styles) -> list[Any]:
     body = [line(row, "strong" if i in table.strong else "cell") for i, row in enumerate(table.rows)]
     shares = table.widths or [1.0] * len(table.head)
     widths = [WIDTH * MM * share / sum(shares) for share in shares]
-    ink, faint = colour(COLOURS["ink"]), colour(COLOURS["line"])
+    ink, faint = colour(COLOURS["text"]), colour(COLOURS["hair"])
     look: list[Any] = [
         ("VALIGN", (0, 0), (-1, -1), "TOP"),
         ("VALIGN", (0, 0), (-1, 0), "BOTTOM"),
@@ -208,7 +208,7 @@ def _table(table: Table, styles: Styles) -> list[Any]:
         ("LINEBELOW", (0, -1), (-1, -1), 0.7, ink),
         *((f"{side}PADDING", (0, 0), (-1, -1), pad) for side, pad in (("LEFT", 2), ("RIGHT", 3))),
         *((f"{side}PADDING", (0, 0), (-1, -1), 2.2) for side in ("TOP", "BOTTOM")),
-        *(("BACKGROUND", (0, i + 1), (-1, i + 1), colour(COLOURS["band"])) for i in table.strong),
+        *(("BACKGROUND", (0, i + 1), (-1, i + 1), colour(COLOURS["tint"])) for i in table.strong),
     ]
     cells = Cells([line(table.head, "head"), *body], widths, style=look, repeatRows=1, hAlign="LEFT")
     after = [styles.text(table.note, "note")] if table.note else [styles.gap(4)]

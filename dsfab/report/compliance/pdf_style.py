@@ -7,20 +7,17 @@ from typing import Any, Self
 
 from dsfab.limits import MARKS
 from dsfab.report.compliance.document import Colour
+from dsfab.report.html import COLOURS as PAGE
 
 MM = 72 / 25.4
 """Points."""
 
 COLOURS: Mapping[str, Colour] = {
-    "ink": (31, 35, 40),
-    "soft": (93, 101, 112),
-    "line": (207, 212, 218),
-    "band": (243, 245, 247),
-    "accent": (32, 84, 168),
-    "pass": (28, 110, 66),
-    "fail": (168, 50, 26),
-    "unknown": (138, 90, 0),
-    "note": (93, 101, 112),
+    **PAGE,
+    "pass": PAGE["good"],
+    "fail": PAGE["bad"],
+    "unknown": PAGE["open"],
+    "note": PAGE["quiet"],
 }
 """Those of the page on a screen."""
 
@@ -96,7 +93,7 @@ def _styles(regular: str, bold: str, typed: str) -> dict[str, Any]:
     from reportlab.lib.enums import TA_CENTER, TA_RIGHT
     from reportlab.lib.styles import ParagraphStyle
 
-    ink, soft = colour(COLOURS["ink"]), colour(COLOURS["soft"])
+    ink, soft = colour(COLOURS["text"]), colour(COLOURS["quiet"])
     base = ParagraphStyle("body", fontName=regular, fontSize=9.5, leading=13.2, textColor=ink, spaceAfter=2.4 * MM)
     small = ParagraphStyle("small", base, fontSize=8, leading=10.2, spaceAfter=0)
 

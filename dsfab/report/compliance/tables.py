@@ -160,7 +160,7 @@ def _places(thing: Any) -> str:
     told: list[str] = []
     for one in fields(thing):
         value = getattr(thing, one.name)
-        if one.name in ("kind", "case", "hold") or value is None or value is False:
+        if one.name in ("kind", "case", "hold", "name") or value is None or value is False:
             continue
         if one.name == "at":
             told.insert(0, _picker(value))
@@ -170,8 +170,8 @@ def _places(thing: Any) -> str:
 
 
 def _picker(at: Any) -> str:
-    parts = [f"{one.name} {_value(getattr(at, one.name))}" for one in fields(at) if one.name != "pick"]
-    kept = [part for part in parts if not part.endswith(" None")]
+    given = [(one.name, getattr(at, one.name)) for one in fields(at) if one.name != "pick"]
+    kept = [f"{name} {_value(value)}" for name, value in given if value is not None and value is not False]
     return f"{at.pick} ({', '.join(kept)})" if kept else str(at.pick)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dsfab.render.colouring import Bar
-from dsfab.render.palette import PAPER
+from dsfab.report.html import html_page, image, why
 from dsfab.report.paper.comparisons import PaperComparison
 from dsfab.report.paper.drawing import PaperPicture
 from dsfab.report.paper.figures import FigurePictures
@@ -47,26 +47,10 @@ class PageFacts:
 
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
     """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
-
-    paper, text = (f"rgb{colour}" for colour in (PAPER.paper, PAPER.text))
-    style = STYLE.replace("PAPER", paper).replace("TEXT", text)
-    compared = [one for figure in figures for one in figure.comparisons]
-    head = (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>The paper\'s figures, made again</title>'
-        f'<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head><body>'
-    )
+    compared = [_comparison(one) for figure in figures for one in figure.comparisons]
     sections = [_section(figure, about.coarser) for figure in figures]
-    return "\n".join(
-        [
-            head,
-            _header(about),
-            _overview(figures),
-            *sections,
-            *map(_comparison, compared),
-            _claim(volumes),
-            "</body></html>\n",
-        ]
-    )
+    body = [_header(about), _overview(figures), *sections, *compared, _claim(volumes)]
+    return html_page("The paper's figures, made again", "\n".join(body), STYLE)
 
 
 def pictures_of(folder: Path) -> set[str]:
@@ -95,7 +79,7 @@ def _overview(figures: Sequence[FigurePictures]) -> str:
     tiles = []
     for made in figures:
         shown, name = made.structure, made.figure.preset
-        inside = _image(shown, f"{name}, structure") if shown and shown.file else '<p class="why">not made</p>'
+        inside = image(shown.file, f"{name}, structure", shown.size) if shown and shown.file else why("not made")
         tiles.append(f'<a href="#{name}">{inside}<span>{escape(made.figure.label)}</span> {escape(name)}</a>')
     return f'<nav aria-label="All figures">{"".join(tiles)}</nav>'
 
@@ -107,25 +91,19 @@ def _section(made: FigurePictures, coarser: float) -> str:
         f"<p>{escape(figure.caption)}</p>"
     )
     if made.error:
-        return f'{head}<p class="why">Not made: {escape(made.error)}</p></section>'
+        return f"{head}{why(f'Not made: {made.error}')}</section>"
     shown = [_figure(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
     cells = "".join([*shown[:FACTS_AT], _facts(made, coarser), *shown[FACTS_AT:]])
     return f'{head}<div class="steps">{cells}</div>{_tables(made)}</section>'
 
 
 def _figure(shown: PaperPicture, name: str, kind: str = "") -> str:
-    inside = _image(shown, f"{name}: {shown.title}") if shown.file else f'<p class="why">{escape(shown.words)}</p>'
+    inside = image(shown.file, f"{name}: {shown.title}", shown.size) if shown.file else why(shown.words)
     if shown.file:
         inside = f'<a href="{shown.file}">{inside}</a>'
     words = f"<small>{escape(shown.words)}</small>" if shown.file and shown.words else ""
     bar = _bar(shown.bar) if shown.bar else ""
     return f'<figure class="{kind}">{inside}<figcaption><b>{escape(shown.title)}</b>{bar}{words}</figcaption></figure>'
-
-
-def _image(shown: PaperPicture, alt: str) -> str:
-    wide, high = shown.size
-    alt = escape(alt, quote=True)
-    return f'<img src="{shown.file}" alt="{alt}" width="{wide}" height="{high}" loading="lazy">'
 
 
 def _bar(bar: Bar) -> str:
@@ -201,40 +179,25 @@ def _comparison(one: PaperComparison) -> str:
 
 
 STYLE = """
-:root { color-scheme: light; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; padding: 3.5rem 2.5rem 5rem; max-width: 96rem; background: PAPER; color: TEXT;
-  font: 16px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", sans-serif; }
-h1 { margin: 0 0 .6rem; font-size: 2.1rem; font-weight: 600; letter-spacing: -0.02em; }
-h2 { margin: 0; font-size: 1.45rem; font-weight: 600; letter-spacing: -0.01em; }
-h2 span, nav span { font-weight: 400; opacity: .6; } h2 span { margin-left: .5rem; font-size: 1rem; }
+body { max-width: 96rem; } h1 { margin: 0 0 .6rem; }
+h2 span, nav span { font-weight: 400; color: var(--quiet); } h2 span { margin-left: .5rem; font-size: 1rem; }
 header p, section > p { max-width: 54rem; margin: .35rem 0 1rem; }
-.quiet, small { opacity: .72; } .quiet { font-size: .9rem; }
+.quiet { font-size: .9rem; } small { color: var(--quiet); }
 nav { display: grid; grid-template-columns: repeat(auto-fill, minmax(12.5rem, 1fr)); gap: 1.2rem; margin: 2rem 0; }
 nav a { color: inherit; text-decoration: none; font-size: .9rem; } nav a:hover { text-decoration: underline; }
-img { display: block; width: 100%; height: auto; } a { border-radius: 4px; }
-a:focus-visible { outline: 3px solid rgb(32, 84, 168); outline-offset: 3px; }
-section { border-top: 1px solid rgba(86, 80, 76, .25); padding-top: 1.6rem; margin-top: 3rem; }
+section { border-top: 1px solid var(--hair); padding-top: 1.6rem; margin-top: 3rem; }
 .steps, .compared { display: grid; gap: 1.4rem 1.2rem; grid-template-columns: repeat(4, minmax(0, 1fr)); }
 .compared { grid-template-columns: repeat(var(--across), minmax(0, 24rem)); margin-top: 1rem; }
 .large { grid-column: span 2; grid-row: span 2; }
-@media (max-width: 60rem) { body { padding: 1.5rem 1rem; }
-  .steps { grid-template-columns: repeat(2, minmax(0, 1fr)); } }
-figure { margin: 0; } figcaption { font-size: .86rem; line-height: 1.4; padding-top: .35rem; }
+@media (max-width: 60rem) { .steps { grid-template-columns: repeat(2, minmax(0, 1fr)); } }
+figcaption { font-size: .86rem; line-height: 1.4; padding-top: .35rem; }
 figcaption b { display: block; font-weight: 600; } small { display: block; }
 .bar { display: flex; gap: .5rem; align-items: center; margin: .15rem 0; font-variant-numeric: tabular-nums; }
 .bar i { flex: 0 1 7rem; height: .5rem; }
-.why { margin: 0; aspect-ratio: 4 / 3; display: grid; place-content: center; text-align: center; padding: 0 10%;
-  border: 1px solid rgba(86, 80, 76, .25); border-radius: 4px; opacity: .75; font-size: .9rem; }
 section > .why { aspect-ratio: auto; padding: 2rem; }
 .facts { font-size: .92rem; padding-top: .4rem; } .facts p { margin: 0 0 .55rem; }
-code { font: 13px/1.5 ui-monospace, SFMono-Regular, Menlo, Consolas, monospace; background: rgba(120, 100, 80, .08);
-  padding: .15rem .45rem; border-radius: 4px; }
 .tables { margin-top: 1.6rem; display: flex; flex-wrap: wrap; gap: 1rem 3rem; overflow-x: auto; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
-caption { text-align: left; font-weight: 600; padding: .2rem 0; }
-th, td { text-align: right; padding: .15rem .6rem; border-bottom: 1px solid rgba(86, 80, 76, .2); white-space: nowrap; }
-th { font-weight: 600; } th:first-child, td:first-child { padding-left: 0; } td + td { padding-left: .6rem; }
-@media print { body { max-width: none; padding: 0; font-size: 10pt; } section, figure { break-inside: avoid; } }
+.tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
+@media print { section { break-inside: avoid; } }
 """
-"""How the page looks: white paper, four pictures in a row, the structure as large as four."""
+"""What is its own: four pictures in a row, the structure as large as four."""

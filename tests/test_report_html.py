@@ -1,0 +1,36 @@
+"""The kit of all pages: one frame, one style, and colours that can be read."""
+
+import pytest
+
+from dsfab.report.html import COLOURS, html_page, image, style, why
+
+
+def luminance(colour):
+    """Relative luminance of sRGB [WCAG 2.2]."""
+    parts = [c / 255 for c in colour]
+    r, g, b = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts)
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b
+
+
+@pytest.mark.parametrize("name", ["text", "quiet", "blue", "good", "bad", "open"])
+@pytest.mark.parametrize("under", ["paper", "tint"])
+def test_words_stand_out_from_the_paper(name, under):
+    """At least 4.5 : 1, which WCAG asks of small text (level AA)."""
+    light, dark = luminance(COLOURS[under]), luminance(COLOURS[name])
+    assert (light + 0.05) / (dark + 0.05) >= 4.5
+
+
+def test_a_page_is_one_file_with_the_style_of_all_and_its_own_after_it():
+    text = html_page("a < b", "<p>body</p>", "p { margin: 0; }")
+    assert "<title>a &lt; b</title>" in text
+    assert f"<style>{style()}p {{ margin: 0; }}</style>" in text
+    assert "<p>body</p>" in text
+    assert "http" not in text
+    assert all(f"--{name}: rgb{colour};" in text for name, colour in COLOURS.items())
+
+
+def test_words_beside_a_picture_or_instead_of_it_cannot_become_markup():
+    assert image("a.png", 'wide "vault" <b>', (3, 2)) == (
+        '<img src="a.png" alt="wide &quot;vault&quot; &lt;b&gt;" width="3" height="2" loading="lazy">'
+    )
+    assert why("no <mesh>") == '<p class="why">no &lt;mesh&gt;</p>'
