@@ -75,16 +75,16 @@ def _left(lines: _Lines, frame: Floats) -> _Lines:
     """The lines where they leave their triangles, seen from the half-edges over which they do, y outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    fast, slow = by * x - bx * y, cy * x - cx * y  # outward speeds over both
+    over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both
     with np.errstate(divide="ignore", invalid="ignore"):
-        one = np.where(fast > 0, np.maximum(by * (length - s), 0) / fast, np.inf)
-        two = np.where(slow > 0, np.maximum(-cy * s, 0) / slow, np.inf)
-        second = two < one
-        step = np.where(second, two, one)
+        to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
+        to_last = np.where(over_last > 0, np.maximum(-cy * s, 0) / over_last, np.inf)
+        second = to_last < to_next
+        step = np.where(second, to_last, to_next)
         ux, uy = np.where(second, cx, bx), np.where(second, cy, by)
         at = (s + step * x - np.where(second, ax, length)) * ux + (step * y - np.where(second, ay, 0)) * uy
     edge = next_half_edge(lines.edge, 1 + second)
-    return _Lines(lines.number, edge, at, x * ux + y * uy, np.where(second, slow, fast), lines.way + step)
+    return _Lines(lines.number, edge, at, x * ux + y * uy, np.where(second, over_last, over_next), lines.way + step)
 
 
 def _frames(surface: Surface) -> Floats:
