@@ -12,10 +12,10 @@ LONG, WIDE = 3.0, 0.7
 
 
 def strip(seed: int, nx: int = 12, ny: int = 5) -> Surface:
-    """A flat strip of shaken vertices and random diagonals."""
+    """A flat strip of shaken vertices and random diagonals; shaken by more, a face could be turned over."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.linspace(0, LONG, nx), np.linspace(0, WIDE, ny), indexing="ij")
-    shake = rng.uniform(-0.3, 0.3, (nx, ny, 2)) * [LONG / (nx - 1), WIDE / (ny - 1)]
+    shake = rng.uniform(-0.2, 0.2, (nx, ny, 2)) * [LONG / (nx - 1), WIDE / (ny - 1)]
     shake[[0, -1], :, 0] = shake[:, [0, -1], 1] = 0
     V = np.stack([x, y], axis=-1) + shake
     k = np.arange(nx * ny).reshape(nx, ny)
