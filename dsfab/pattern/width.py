@@ -6,6 +6,7 @@ the faces like z, so that the edges z + d = k and z - d = k are still cut exactl
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -153,19 +154,23 @@ def relative_stresses(surface: Surface, principal: Floats) -> Floats:
     return np.asarray(size / mean)
 
 
-def solved_factor(share: Callable[[float], float], wanted: float, tolerance: float, slope: float = 0.0) -> float:
+def solved_factor(
+    share: Callable[[float], float], wanted: float, tolerance: float, slope: float = 0.0, near: bool = False
+) -> float:
     """The factor at which share(factor), which never falls, is `wanted` to `tolerance`.
 
-    slope : about its derivative, where the factor is known to be about 1: then the search begins there.
+    slope : about its derivative, where the factor may be about 1: then that and one step of Newton's are tried first.
+    near  : whether the factor is known to be about 1: then secants are followed from there.
 
     The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
     [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share, but for a jump within `JUMP`.
     """
 
+    @cache
     def at(factor: float) -> _End:
         return factor, share(factor) - wanted
 
-    low, high = _ends(at, wanted, tolerance, slope)
+    low, high = (_felt(at, tolerance, slope, near) if slope > 0 else None) or _ends(at, wanted, tolerance)
     best, kept = min(low, high, key=_miss), 0
     for _ in range(STEPS):
         if _miss(best) <= tolerance:
@@ -185,16 +190,22 @@ def solved_factor(share: Callable[[float], float], wanted: float, tolerance: flo
     )
 
 
-def _ends(at: Callable[[float], _End], wanted: float, tolerance: float, slope: float) -> tuple[_End, _End]:
-    """An interval that holds the answer, or the answer twice; from 1, and along secants where the slope is known."""
+def _felt(at: Callable[[float], _End], tolerance: float, slope: float, near: bool) -> tuple[_End, _End] | None:
+    """An interval that holds the answer, or the answer twice, by secants from 1; None where they do not lead to it."""
     one = at(1.0)
-    for _ in range(FEELERS if slope > 0 else 0):
+    for _ in range(FEELERS if near else 1):
         if _miss(one) <= tolerance or one[0] * slope <= one[1]:
             break
         new = at(one[0] - one[1] / slope)
-        if new[1] * one[1] <= 0:
+        if near and new[1] * one[1] <= 0:
             return (one, new) if one[1] < new[1] else (new, one)
         slope, one = max((new[1] - one[1]) / (new[0] - one[0]), slope / 4), new
+    return (one, one) if _miss(one) <= tolerance else None
+
+
+def _ends(at: Callable[[float], _End], wanted: float, tolerance: float) -> tuple[_End, _End]:
+    """An interval that holds the answer, or the answer twice, between 0 and what is too much."""
+    one = at(1.0)
     if _miss(one) <= tolerance:
         return one, one
     if one[1] > 0:

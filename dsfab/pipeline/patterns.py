@@ -159,7 +159,7 @@ def solved_layers(
             with suppress(PatternError):  # the search below says it better
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
-        return _reached(layers, share, factor, wanted, tolerance, slope)
+        return _reached(layers, share, factor, wanted, tolerance, slope, bool(guess))
     return layers(factor), factor
 
 
@@ -170,6 +170,7 @@ def _reached(
     wanted: float,
     tolerance: float,
     slope: float,
+    near: bool,
 ) -> tuple[list[Layer], float]:
     """The layers that keep a share, and their factor, near the given one: that one says which openings close.
 
@@ -178,7 +179,7 @@ def _reached(
     refused = list[PatternError]()
     for closing in (factor * shift for shift in CLOSINGS):
         try:
-            relative = solved_factor(lambda x: share(layers(factor * x, closing)), wanted, tolerance, slope)  # noqa: B023
+            relative = solved_factor(lambda x: share(layers(factor * x, closing)), wanted, tolerance, slope, near)  # noqa: B023
         except PatternError as error:
             refused.append(error)
         else:
