@@ -305,7 +305,7 @@ def test_sizes_are_read_as_width_and_height() -> None:
 
 def test_text_on_a_page_cannot_become_markup() -> None:
     tile = Tile(1, (("name", '"<b>"'),), "dsfab build '<i>'", None, "bad <script> & more")
-    text = page([tile], "<dome>", "a < b", 1, PAPER)
+    text = page([tile], "<dome>", "a < b", 1)
     assert "<script>" not in text
     assert "<b>" not in text
     assert "<i>" not in text

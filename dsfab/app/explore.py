@@ -121,7 +121,7 @@ def _write(tiles: "list[Tile]", variants: "Variants", folder: Path) -> None:
     title = f"{variants.preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"
     line = "   ·   ".join(f"{key} = {', '.join(map(spelled_value, listed))}" for key, listed in values.items())
     contact_sheet(tiles, title, line, across, SHOWN_WIDE, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
-    (folder / PAGE_NAME).write_text(page(tiles, title, line, across, PAPER), encoding="utf-8")
+    (folder / PAGE_NAME).write_text(page(tiles, title, line, across), encoding="utf-8")
     save(tiles, folder)
 
 

@@ -144,7 +144,7 @@ def _wrapped(text: str, room: float, font: Any) -> list[str]:
     return lines
 
 
-def page(tiles: Sequence[Tile], title: str, line: str, across: int, palette: Palette) -> str:
+def page(tiles: Sequence[Tile], title: str, line: str, across: int) -> str:
     """The same as HTML with relative links to the tiles' files: each picture, its parameters, its command."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(line)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"

@@ -50,7 +50,8 @@ class _Lines(NamedTuple):
 
 def far_ends(surface: Surface, start: Ints, place: Floats) -> FarEnds:
     """Where lines end that begin on half-edges (k,), so many metres (k,) along them, and run square to these."""
-    frames, twin, against = _frames(surface), *_twins(surface)
+    frames, twin, first = _frames(surface), surface.edges.twins, surface.F.ravel()
+    against = first != first[twin]  # the twin runs the other way
     count = len(start)
     found = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
@@ -95,11 +96,3 @@ def _frames(surface: Surface) -> Floats:
     ax, ay = np.einsum("hi,hi->h", apex, along) / size, 2 * np.repeat(surface.areas, 3) / size
     after, last = (np.roll(size.reshape(-1, 3), -k, axis=1).ravel() for k in (1, 2))
     return np.stack([size, ax, ay, (ax - size) / after, ay / after, -ax / last, -ay / last], axis=1)
-
-
-def _twins(surface: Surface) -> tuple[Ints, Bools]:
-    """(3 m,) the half-edge on the other side, -1 on the boundary; and whether it runs the other way."""
-    twin, first = np.full(3 * surface.m, -1), surface.F.ravel()
-    one, two = surface.edges.pairs.T
-    twin[one], twin[two] = two, one
-    return twin, first != first[twin]

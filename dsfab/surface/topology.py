@@ -50,6 +50,14 @@ class EdgeTable:
         at = self.start[:-1][self.count == 2]
         return np.stack([self.order[at], self.order[at + 1]], axis=1)
 
+    @cached_property
+    def twins(self) -> Ints:
+        """(3 m,) the half-edge on the other side of each; -1 where there is none, or more than one."""
+        twin = np.full(self.of.size, -1)
+        one, two = self.pairs.T
+        twin[one], twin[two] = two, one
+        return twin
+
 
 def half_edges(F: Ints) -> tuple[Ints, Ints]:
     """(3 m,) first and last vertex of every half-edge."""
@@ -179,10 +187,7 @@ def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
     start[F] = np.arange(3 * len(F)).reshape(-1, 3)
     alone = edges.order[edges.start[:-1][edges.boundary]]
     start[F.ravel()[alone]] = alone
-    h0, h1 = edges.pairs.T
-    twin = np.full(3 * len(F), -1)
-    twin[h0], twin[h1] = h1, h0
-    onward = np.ascontiguousarray(twin.reshape(-1, 3)[:, [2, 0, 1]]).ravel()
+    onward = np.ascontiguousarray(edges.twins.reshape(-1, 3)[:, [2, 0, 1]]).ravel()
     start = start[start >= 0]
     at, met = start, 0
     while len(at):

@@ -18,13 +18,13 @@ from dsfab.report.compliance.document import (
     Scale,
     Table,
 )
-from dsfab.report.html import html_page, image, why
+from dsfab.report.html import COLOURS, html_page, image, why
 
 
 def page(document: Document) -> str:
     """The whole file."""
-    own = STYLE.replace("RUNNING", _css_text(f"{document.title} · {document.subject}"))
-    own = own.replace("FOOTER", _css_text(document.footer))
+    running, footer = _css_text(f"{document.title} · {document.subject}"), _css_text(document.footer)
+    own = STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}").replace("RUNNING", running).replace("FOOTER", footer)
     sections = [_section(number, section) for number, section in enumerate(document.sections, start=1)]
     body = [_title(document), *sections, f"<footer>{escape(document.footer)}</footer>"]
     return html_page(f"{document.title}: {document.subject}", "\n".join(body), own)
@@ -146,8 +146,8 @@ pre { font: 7.5pt/1.4 var(--mono); background: var(--tint);
   padding: 3mm; white-space: pre-wrap; overflow-wrap: anywhere; margin: 0 0 4mm; }
 footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; color: var(--quiet); font-size: 8pt; }
 @page { size: A4; margin: 20mm 18mm 18mm;
-  @top-left { content: "RUNNING"; font: 7.5pt Helvetica, Arial, sans-serif; }
-  @bottom-left { content: "FOOTER"; font: 7.5pt Helvetica, Arial, sans-serif; }
+  @top-left { content: "RUNNING"; font: 7.5pt Helvetica, Arial, sans-serif; color: QUIET; }
+  @bottom-left { content: "FOOTER"; font: 7.5pt Helvetica, Arial, sans-serif; color: QUIET; }
   @bottom-right { content: counter(page) " / " counter(pages); font: 7.5pt Helvetica, Arial, sans-serif; } }
 @media print { html { background: none; } body { margin: 0; padding: 0; max-width: none; box-shadow: none; }
   .banner, .strong td, pre { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
@@ -155,4 +155,5 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
 @media screen and (max-width: 60rem) { body { padding: 1.2rem; margin: 0; } dl { grid-template-columns: 1fr 1fr; }
   .across { grid-template-columns: 1fr; } }
 """
-"""What is its own: an A4 sheet, on a screen and on paper; RUNNING and FOOTER stand at the edges of printed pages."""
+"""What is its own: an A4 sheet, on a screen and on paper; RUNNING and FOOTER stand at the edges of printed pages, which
+know no variables, in QUIET."""
