@@ -214,6 +214,27 @@ def test_noise_makes_no_creases_and_coarsens():
     assert (design_features(folded(), 0.5) & ~folded().edges.boundary).sum() == 8
 
 
+def test_a_scan_has_no_creases_at_its_own_scale_either():
+    """A plate of 33 800 triangles with noise of a tenth of its edges; new edges are a half and the whole of these."""
+    rough = grid(130, 130, 1.0, 1.0)
+    lift = 0.1 * rough.mean_edge * np.random.default_rng(1).normal(size=rough.n)
+    rough = Surface(np.c_[rough.V[:, :2], lift], rough.F)
+    sharp = feature_edges(rough) & ~rough.edges.boundary
+    assert sharp.sum() > 3000
+    for edge in (rough.mean_edge, 0.5 * rough.mean_edge):
+        assert (design_features(rough, edge) & sharp).sum() < 10
+
+
+def test_a_small_step_of_a_drawn_plate_stays_though_its_faces_are_long():
+    """Two terraces of 4 m with a step of 0.1 m between, of six quads: the step is a 25th of a face."""
+    x, z = np.array([0, 4, 4, 8.0]), np.array([0, 0, 0.1, 0.1])
+    V = np.array([[x[i], y, z[i]] for y in (0.0, 3.0, 6.0) for i in range(4)])
+    quads = [(r * 4 + i, r * 4 + i + 1, r * 4 + i + 5, r * 4 + i + 4) for r in range(2) for i in range(3)]
+    step = Surface(V, [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))])
+    for edge in (0.5, 0.1, 0.02):
+        assert (design_features(step, edge) & ~step.edges.boundary).sum() == 4
+
+
 MESHES = ["Botanic", "BubbleShell", "barrel_vault", "bob", "canopy_quad", "halftunnel", "hypar"]
 MESHES += ["monkey_saddle_control", "roof_with_opening", "shell_tube", "torus"]
 

@@ -20,10 +20,18 @@ DULL = 0.6 * CREASE
 """Degrees between the mean normals on both sides of a crease below which that is one of a few faces only."""
 
 FRAGMENT = 2.0
-"""Times the edge: shorter creases that are dull are slivers or noise. A longer one is a small step of the design."""
+"""Times that length: shorter creases that are dull are slivers or noise. A longer one is a small step of the design."""
 
 AROUND = 128
 """How many faces within the length of an edge, at most, make the mean normals."""
+
+NOISY = 2.0
+"""Times the mean edge of the file: normals are averaged over as much, however short the new edges are, for noise is as
+wide as the file's own faces."""
+
+FINE = 1 / 80
+"""Of the box's diagonal, which `NOISY` does not go beyond: a file of longer edges is drawn, not scanned, and a bend
+between two of its faces is meant."""
 
 
 class Passes(NamedTuple):
@@ -52,12 +60,13 @@ def smooth_passes(V: Floats, ends: Ints) -> Passes:
 
 def design_features(surface: Surface, edge: float) -> Bools:
     """(e,) boundaries, seams and creases, without short pieces of creases that are sharp on a few faces only: the edges
-    of slivers and the noise of scans, at the scale of new edges of `edge` metres."""
+    of slivers and the noise of scans, at the scale of new edges of `edge` metres or of a scan's own."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
-    short = crease[_stretches(surface, crease) < FRAGMENT * edge]
-    marks[short[_mean_bends(surface, short, edge) < np.radians(DULL)]] = False
+    scale = max(edge, min(NOISY * surface.mean_edge, FINE * surface.size))
+    short = crease[_stretches(surface, crease) < FRAGMENT * scale]
+    marks[short[_mean_bends(surface, short, scale) < np.radians(DULL)]] = False
     return marks
 
 
