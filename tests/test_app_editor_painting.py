@@ -69,6 +69,20 @@ LEFT, RIGHT, LOW = (-1.5, -3.0, 0.9), (1.5, -3.0, 0.9), (1.5, -4.5, -0.6)
 
 
 @seen_in_a_page
+def test_a_quick_stroke_has_no_gaps(tab):
+    """The pointer comes to the end at once, as a quick hand's does: 3 m, with a brush of half a metre."""
+    form(tab, "paint-do", "keep")
+    form(tab, "paint-radius", "0.5")
+    tab.run("document.getElementById('paint-brush').click()")
+    stroke(tab, LEFT, RIGHT, steps=1)
+    tab.run("document.getElementById('paint-brush').click()")
+    points = np.array(tab.run("dsfab.state.changes['pattern.region'][0].at.points"))
+    apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert apart.sum() > 2.5
+    assert apart.max() <= 0.25 + 1e-6
+
+
+@seen_in_a_page
 @pytest.mark.slow
 def test_an_opening_is_painted(tab, server):
     area = tab.run("dsfab.model.facts.area")

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 
 import dsfab
 from dsfab.errors import PresetError, SurfaceError
 from dsfab.surface import Ball, Box, Brush, ClosedCurves, PlanPolygon, Side, Surface
 from dsfab.surface.extent import pierced
+from dsfab.surface.outline_cut import with_outline
 from dsfab.surface.picker import extent_of
 from dsfab.surface.plane_loops import depth_in, enclosed_area, self_crossing
 from tests.presets import DOME_MODES
@@ -121,10 +123,33 @@ def test_a_polygon_beside_the_surface_says_how_far():
 # ------------------------------------------------------------------------------------------------------- the brush
 
 
-def test_a_brush_picks_what_is_near_any_of_its_points():
+def test_a_brush_picks_what_is_near_its_points_and_the_ways_of_its_strokes():
+    """Three dots of two strokes: the first two are joined, the third is further off than the radius."""
     stroke = Brush(((0.2, 0.2, 0.0), (0.3, 0.2, 0.0), (0.8, 0.8, 0.0)), 0.1)
-    away = np.min([np.linalg.norm(PLATE.V - p, axis=1) for p in stroke.points], axis=0)
+    on_the_way = np.clip(PLATE.V, (0.2, 0.2, 0), (0.3, 0.2, 0))
+    away = np.min([np.linalg.norm(PLATE.V - p, axis=1) for p in (on_the_way, (0.8, 0.8, 0.0))], axis=0)
     assert np.array_equal(stroke.vertices(PLATE), away <= 0.1 + 1e-6 * PLATE.size)
+    assert Brush(((0.8, 0.8, 0.0),) * 2, 0.1).vertices(PLATE).sum() == (away[PLATE.V[:, 1] > 0.5] <= 0.1 + 1e-6).sum()
+
+
+@given(st.floats(0.05, 0.2), st.floats(-1.5, 1.5), st.floats(0.5, 2.5))
+@settings(max_examples=25, deadline=None)
+def test_the_outline_of_a_stroke_has_no_scallops(radius, turn, bend):
+    """Dots a third of the radius apart, as the editor paints them, straight and along an arc: what is cut ends a radius
+    from the stroke, within 0.6 % of it. Balls alone would be 1.4 % off."""
+    way = np.linspace(-0.4, 0.4, int(0.8 / (radius / 3)) + 2)
+    for x, y in ((way, 0 * way), (np.sin(bend * way) / bend, (1 - np.cos(bend * way)) / bend)):
+        P = np.stack([x, y], axis=1) @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        plate = Surface(PLATE.V * 2 - (1, 1, 0), PLATE.F)
+        extent = Brush(tuple((x, y, 0.0) for x, y in P.tolist()), radius).extent(plate)
+        made = with_outline(plate, extent, np.zeros(plate.n, dtype=bool)).surface
+        within = (extent.depth(made.centroids) > 0)[made.edges.pairs // 3]
+        ends = made.V[made.edges.ends[made.edges.count == 2][within[:, 0] != within[:, 1]]]
+        shown = np.concatenate([ends[:, 0], ends.mean(axis=1)])[:, :2]
+        every = np.linspace(0, len(P) - 1, 2001)
+        stroke = np.stack([np.interp(every, np.arange(len(P)), c) for c in P.T], axis=1)
+        away = cKDTree(stroke).query(shown)[0]
+        assert np.abs(away - radius).max() < 6e-3 * radius
 
 
 # ------------------------------------------------------------------------------------------------------- drawings

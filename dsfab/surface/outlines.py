@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Gt, MinLen
 from pydantic import ConfigDict
 
-from dsfab.arrays import Bools, Floats, closed_length
+from dsfab.arrays import Bools, Floats, closed_length, lengths
 from dsfab.errors import SurfaceError
 from dsfab.surface.drawing_files import closed_curves
 from dsfab.surface.extent import Extent, pierced
@@ -126,7 +126,8 @@ class ClosedCurves:
 
 @dataclass(frozen=True)
 class Brush:
-    """The vertices within `radius` of any of the points, metres: what a brush has painted."""
+    """What lies within `radius` of any of the points, metres, or of the way from one to the next where that is no
+    longer: what a brush has painted. Points further apart begin another stroke."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -134,12 +135,14 @@ class Brush:
     pick: Literal["brush"] = "brush"
 
     def extent(self, surface: Surface) -> Extent:
-        """The balls around the points."""
+        """The balls around the points, and the tubes between those that are one stroke."""
         points, radius = np.array(self.points, dtype=np.float64), self.radius
-        dots = np.arange(len(points))[:, None]
+        step, dots = lengths(np.diff(points, axis=0)), np.arange(len(points))
+        ways = np.stack([dots[:-1], dots[1:]], axis=1)[(step > 0) & (step <= radius)]
 
         def depth(P: Floats) -> Floats:
-            return radius - nearest(P, points, dots).distance
+            off = nearest(P, points, dots[:, None]).distance
+            return radius - (np.minimum(off, nearest(P, points, ways).distance) if len(ways) else off)
 
         return Extent(depth, np.empty((0, 2, 3)), radius)
 

@@ -4,6 +4,7 @@ import * as THREE from 'three';
 
 const DIGITS = 5;
 const LASSO = 5; // pixels between its corners
+const LEAP = 8; // radii of a brush: a quick hand comes so far between two events; further is a jump to another part
 
 export class Picking {
   /** viewer; path: the SVG path of the lasso; done(picker, places): what was picked, and where (k, 3) in the view. */
@@ -188,20 +189,27 @@ export class Picking {
   }
 }
 
-/** Places of a brush, a third of its radius apart, and the vertices that it has painted. */
+/** Places of a brush, a third of its radius apart or a bit more, and the vertices that it has painted. */
 class Stroke {
   constructor(picking, at) {
-    Object.assign(this, { picking, points: [], painted: new Set() });
+    Object.assign(this, { picking, points: [], painted: new Set(), left: true });
     this.to(at);
   }
 
   to(at) {
-    const { picking } = this;
+    const { picking, left } = this;
     const last = this.points.at(-1);
-    if (!at || last?.distanceTo(at) < picking.radius / 3) return;
-    this.points.push(at);
-    for (const i of picking.within(at, picking.radius)) this.painted.add(i);
+    this.left = !at;
+    const way = at && last ? last.distanceTo(at) / picking.radius : 0;
+    if (!at || (last && way < 1 / 3)) return;
+    const steps = left || way > LEAP ? 1 : Math.ceil(2 * way);
+    for (let k = 1; k <= steps; k += 1) this.dot(steps === 1 ? at : last.clone().lerp(at, k / steps));
     picking.mark([...this.painted]);
+  }
+
+  dot(at) {
+    this.points.push(at);
+    for (const i of this.picking.within(at, this.picking.radius)) this.painted.add(i);
   }
 }
 
