@@ -124,9 +124,9 @@ def test_a_polygon_beside_the_surface_says_how_far():
 
 
 def test_a_brush_picks_what_is_near_its_points_and_the_ways_of_its_strokes():
-    """Three dots of two strokes: the first two are joined, the third is further off than the radius."""
-    stroke = Brush(((0.2, 0.2, 0.0), (0.3, 0.2, 0.0), (0.8, 0.8, 0.0)), 0.1)
-    on_the_way = np.clip(PLATE.V, (0.2, 0.2, 0), (0.3, 0.2, 0))
+    """Three dots of two strokes: the first two are joined, the third is further off than two radii."""
+    stroke = Brush(((0.2, 0.2, 0.0), (0.35, 0.2, 0.0), (0.8, 0.8, 0.0)), 0.1)
+    on_the_way = np.clip(PLATE.V, (0.2, 0.2, 0), (0.35, 0.2, 0))
     away = np.min([np.linalg.norm(PLATE.V - p, axis=1) for p in (on_the_way, (0.8, 0.8, 0.0))], axis=0)
     assert np.array_equal(stroke.vertices(PLATE), away <= 0.1 + 1e-6 * PLATE.size)
     assert Brush(((0.8, 0.8, 0.0),) * 2, 0.1).vertices(PLATE).sum() == (away[PLATE.V[:, 1] > 0.5] <= 0.1 + 1e-6).sum()

@@ -126,8 +126,8 @@ class ClosedCurves:
 
 @dataclass(frozen=True)
 class Brush:
-    """What lies within `radius` of any of the points, metres, or of the way from one to the next where that is no
-    longer: what a brush has painted. Points further apart begin another stroke."""
+    """What lies within `radius` of any of the points, metres, or of the way from one to the next where the balls around
+    them overlap: what a brush has painted. Points further apart begin another stroke."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -138,7 +138,7 @@ class Brush:
         """The balls around the points, and the tubes between those that are one stroke."""
         points, radius = np.array(self.points, dtype=np.float64), self.radius
         step, dots = lengths(np.diff(points, axis=0)), np.arange(len(points))
-        ways = np.stack([dots[:-1], dots[1:]], axis=1)[(step > 0) & (step <= radius)]
+        ways = np.stack([dots[:-1], dots[1:]], axis=1)[(step > 0) & (step <= 2 * radius)]
 
         def depth(P: Floats) -> Floats:
             off = nearest(P, points, dots[:, None]).distance
