@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from dsfab.errors import SurfaceError
@@ -128,6 +130,19 @@ def test_loops_of_a_surface_are_sorted_by_length_not_by_vertices():
     two = Surface(np.array(V, dtype=float), [[0, 1, 2], [3, 4, 5], [3, 5, 6]])
     assert [sorted(loop.tolist()) for loop in two.loops] == [[0, 1, 2], [3, 4, 5, 6]]
     assert len(boundary_loops(two.F, two.edges)[0]) == 4
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(*[st.integers(0, 11)] * 3), min_size=1, max_size=60), st.integers(0, 3))
+def test_edges_are_in_ascending_order_and_their_half_edges_too(faces, gap):
+    """Also of repeated and crumpled faces, and with vertices that none has: numpy's own unique rows and stable sort."""
+    F = np.array(faces) * (1 + gap)
+    table, (a, b) = edge_table(F), half_edges(F)
+    ends, of = np.unique(np.sort(np.stack([a, b], axis=1), axis=1), axis=0, return_inverse=True)
+    assert_array_equal(table.ends, ends)
+    assert_array_equal(table.of.ravel(), of.ravel())
+    assert_array_equal(table.order, np.argsort(of.ravel(), kind="stable"))
+    assert_array_equal(table.count, np.bincount(of.ravel()))
 
 
 def test_loops_at_a_pinch_stay_with_their_fan():

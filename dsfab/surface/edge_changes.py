@@ -51,7 +51,13 @@ def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
 def contracted(F: Ints, onto: Ints) -> Ints:
     """Faces F (m, 3) where each vertex has become another one, onto (n,), without those that lost a corner."""
     F = onto[F]
-    return np.asarray(F[(np.roll(F, 1, axis=1) != F).all(axis=1)])
+    return np.asarray(F[has_three_corners(F)])
+
+
+def has_three_corners(F: Ints) -> Bools:
+    """(m,) whether the corners of faces F (m, 3) differ."""
+    a, b, c = F.T
+    return np.asarray((a != b) & (b != c) & (c != a))
 
 
 def winners(order: Ints, touched: Ints, n: int, beside: Ints | None = None) -> Bools:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.arrays import Bools, Ints, first, grouped
+from dsfab.arrays import Bools, Ints, first
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +74,21 @@ def edge_table(F: Ints) -> EdgeTable:
     a, b = half_edges(F)
     n = int(F.max()) + 1
     low, high = np.minimum(a, b), np.maximum(a, b)
-    order, begins, of = grouped(low * n + high)
-    one = order[begins]
-    ends = np.stack([low[one], high[one]], axis=1)
-    return EdgeTable(ends, of.reshape(-1, 3), order, np.append(begins, len(order)))
+    by_high = _counted_order(high, n)
+    order = by_high[_counted_order(low[by_high], n)]
+    key = (low * n + high)[order]
+    new = np.concatenate([[True], key[1:] != key[:-1]])
+    of = np.empty(len(key), dtype=np.int64)
+    of[order] = np.cumsum(new) - 1
+    ends = np.stack(np.divmod(key[new], n), axis=1)
+    return EdgeTable(ends, of.reshape(-1, 3), order, np.append(np.flatnonzero(new), len(key)))
+
+
+def _counted_order(keys: Ints, count: int) -> Ints:
+    """The order that sorts integers (k,) below `count`, equal ones in their order: a counting sort, which transposing a
+    sparse matrix is [Gustavson 1978]; two of them sort pairs in half the time of sorting their numbers."""
+    rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
+    return rows.tocsc().indices.astype(np.int64)
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:

@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths
-from dsfab.surface.edge_changes import contracted, meets_link_condition
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths, row_max, row_min
+from dsfab.surface.edge_changes import contracted, has_three_corners, meets_link_condition
+from dsfab.surface.neighbours import faces_at
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
-from dsfab.surface.remesh.net import FIXED, FREE, ON_CURVE, Net, edges_of, independent
+from dsfab.surface.remesh.net import FIXED, FREE, ON_CURVE, Net, NetFaces, independent
 from dsfab.surface.remesh.split import LONGEST
-from dsfab.surface.topology import EdgeTable
 
 SHORTEST = 4 / 5
 """Times the wanted length, below which an edge is collapsed [Botsch and Kobbelt 2004]."""
@@ -37,11 +37,9 @@ class _Collapses:
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int) -> Net:
     """The net with its short edges collapsed in so many batches; `edge`, metres, is what the tolerance refers to."""
     for batch in range(batches):
-        edges = edges_of(net)
-        cost = edge_lengths(net.V, edges.ends) / net.size[edges.ends].mean(axis=1)
-        collapses, cost = _candidates(net, curves, edges, cost, edge, backwards=batch % 2 == 1)
+        collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
-        collapses = collapses.only(independent(pairs, cost, net.n, beside=edges.ends))
+        collapses = collapses.only(independent(pairs, cost, net.n, beside=net.edges.ends))
         collapses = collapses.only(_keeps_faces(net, collapses))
         if not len(collapses.kept):
             break
@@ -49,17 +47,16 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
     return net.without_lost()
 
 
-def _candidates(
-    net: Net, curves: FeatureCurves, edges: EdgeTable, cost: Floats, edge: float, backwards: bool
-) -> tuple[_Collapses, Floats]:
+def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
     """Collapses of short edges that keep topology and curves, and their costs (c,).
 
     A free vertex goes to any other, two to their middle, one on a curve along that only, a fixed one nowhere.
     """
-    along = net.along_curves(edges)
-    lower = net.kind[edges.ends].min(axis=1)
-    short = (cost < SHORTEST) & (lower < FIXED) & (along | (lower == FREE))
-    chosen = np.flatnonzero(short)
+    edges = net.edges
+    cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
+    chosen = np.flatnonzero(cost < SHORTEST)
+    lower = row_min(net.kind[edges.ends[chosen]])
+    chosen = chosen[(lower < FIXED) & (net.along_curves[chosen] | (lower == FREE))]
     chosen = chosen[meets_link_condition(edges, chosen, net.n)]
     ends = edges.ends[chosen]
     a, b = ends.T
@@ -96,11 +93,11 @@ def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
     of[collapses.kept] = of[collapses.gone] = np.arange(len(collapses.kept))
     V = net.V.copy()
     V[collapses.kept] = collapses.goal
-    face = np.flatnonzero((of[net.F] >= 0).any(axis=1))
-    before, after, which = net.F[face], onto[net.F[face]], of[net.F[face]].max(axis=1)
+    face = np.flatnonzero(faces_at(net.F, of >= 0))
+    before, after, which = net.F[face], onto[net.F[face]], row_max(of[net.F[face]])
     count = len(collapses.kept)
     least = _least(_roundness(net.V, before), which, count)
-    stays = (after != np.roll(after, 1, axis=1)).all(axis=1)
+    stays = has_three_corners(after)
     before, after, which = before[stays], after[stays], which[stays]
     old, new = area_vectors(net.V, before), area_vectors(V, after)
     turned = np.einsum("mi,mi->m", old, new) < TURN * lengths(old) * lengths(new)
@@ -124,8 +121,8 @@ def _roundness(V: Floats, F: Ints) -> Floats:
 
 def _longest(V: Floats, F: Ints) -> Floats:
     """(m,) the longest edge of each face, metres."""
-    P = V[F]
-    return np.asarray(lengths(np.roll(P, -1, axis=1) - P).max(axis=1))
+    a, b, c = V[F.T]
+    return row_max(np.stack([lengths(b - a), lengths(c - b), lengths(a - c)], axis=1))
 
 
 def _merged(net: Net, collapses: _Collapses) -> Net:
@@ -138,4 +135,6 @@ def _merged(net: Net, collapses: _Collapses) -> Net:
     size[kept] = (size[kept] + size[gone]) / 2
     stays = ~np.isin(net.node, collapses.gone)
     F = contracted(net.F, onto)
-    return replace(net, V=V, F=F, size=size, node=net.node[stays], at=net.at[stays], curve=net.curve[stays])
+    return replace(
+        net, V=V, faces=NetFaces(F), size=size, node=net.node[stays], at=net.at[stays], curve=net.curve[stays]
+    )

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, area_vectors, lengths
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, lengths, row_min
 from dsfab.surface.edge_changes import has_new_diagonal, quads, with_other_diagonals
 from dsfab.surface.neighbours import on_boundary
-from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of, independent
-from dsfab.surface.topology import EdgeTable
+from dsfab.surface.remesh.net import FIXED, FREE, Net, NetFaces, independent
+from dsfab.surface.topology import next_half_edge
 
 FLAT = 0.8
 """Both new faces turn by less than the angle of this cosine, about 37 degrees, from the two old ones."""
@@ -19,38 +19,49 @@ SOUND = np.radians(25)
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
     """The net with edges that are not along curves turned; in so many rounds at most."""
-    V, F = net.V, net.F
+    angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
-        net = replace(net, F=F)
-        edges = edges_of(net)
-        pairs = edges.pairs[~net.along_curves(edges)[edges.count == 2]]
-        quad = quads(F, pairs)
-        gain = _valence_gain(net, quad, edges) if by_valence else _delaunay_gain(V, quad)
-        good = np.flatnonzero(gain > 0)
-        good = good[has_new_diagonal(quad[good], edges, net.n)]
-        good = good[_sound(V, quad[good])]
+        edges = net.edges
+        pairs = edges.pairs[~net.along_curves[edges.count == 2]]
+        gain = _valence_gain(net, quads(net.F, pairs)) if by_valence else _delaunay_gain(angles, pairs)
+        pairs, gain = pairs[gain > 0], gain[gain > 0]
+        quad = quads(net.F, pairs)
+        good = np.flatnonzero(has_new_diagonal(quad, edges, net.n))
+        good = good[_sound(net.V, quad[good])]
         good = good[independent(quad[good], -gain[good], net.n)]
         if not len(good):
             break
-        F = with_other_diagonals(F, pairs[good], quad[good])
-    return replace(net, F=F)
+        net = replace(net, faces=NetFaces(with_other_diagonals(net.F, pairs[good], quad[good])))
+        if not by_valence:
+            turned = pairs[good].ravel() // 3
+            angles[turned] = _face_angles(net.V, net.F[turned])
+    return net
 
 
-def _valence_gain(net: Net, quad: Ints, edges: EdgeTable) -> Floats:
+def _valence_gain(net: Net, quad: Ints) -> Floats:
     """(q,) by how much the squared differences from the best number of edges shrink, of vertices that are free."""
+    edges = net.edges
     valence = np.bincount(edges.ends.ravel(), minlength=net.n)
     best = np.where(net.kind == FREE, 6, valence)
     best[(net.kind > FREE) & (net.kind < FIXED)] = 6
     best[on_boundary(edges, net.n) & (net.kind < FIXED)] = 4
-    off = (valence - best)[quad]
-    change = np.where((net.kind == FIXED)[quad], 0, np.array([-1, -1, 1, 1]))
-    return np.asarray((off**2 - (off + change) ** 2).sum(axis=1), dtype=np.float64)
-
-
-def _delaunay_gain(V: Floats, quad: Ints) -> Floats:
-    """(q,) by how much the angles opposite an edge exceed half a turn together, radians."""
+    off, free = valence - best, net.kind < FIXED
+    less = np.where(free, 2 * off - 1, 0)  # off^2 - (off - 1)^2
+    more = np.where(free, -2 * off - 1, 0)
     a, b, c, d = quad.T
-    return np.asarray(_angle(V, c, a, b) + _angle(V, d, a, b) - np.pi - 1e-6)
+    return np.asarray(less[a] + less[b] + more[c] + more[d], dtype=np.float64)
+
+
+def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
+    """(q,) by how much the angles opposite edges exceed half a turn together, radians; of faces with angles (m, 3), the
+    edges having half-edges pairs (q, 2)."""
+    one, two = angles.ravel()[next_half_edge(pairs.T, 2)]
+    return np.asarray(one + two - np.pi - 1e-6)
+
+
+def _face_angles(V: Floats, F: Ints) -> Floats:
+    """(m, 3) the angles at the corners of faces F (m, 3), radians."""
+    return np.stack([_angle(V, F[:, c], F[:, (c + 1) % 3], F[:, (c + 2) % 3]) for c in range(3)], axis=1)
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
@@ -62,13 +73,8 @@ def _sound(V: Floats, quad: Ints) -> Bools:
     for face in new:
         after = area_vectors(V, np.stack(face, axis=1))
         fine &= np.einsum("qi,qi->q", before, after) > FLAT * lengths(before) * lengths(after)
-    least = [np.minimum(*(_least_angle(V, *face) for face in faces)) for faces in (old, new)]
+    least = [np.minimum(*(row_min(_face_angles(V, np.stack(face, axis=1))) for face in faces)) for faces in (old, new)]
     return np.asarray(fine & (least[1] > np.minimum(SOUND, least[0])))
-
-
-def _least_angle(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:
-    """(q,) radians."""
-    return np.minimum(np.minimum(_angle(V, a, b, c), _angle(V, b, c, a)), _angle(V, c, a, b))
 
 
 def _angle(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:

@@ -1,6 +1,7 @@
 """`Net`: the mesh while it is remeshed, with the vertices on its curves, and the choice of changes made at once."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -16,15 +17,27 @@ FREE, ON_CURVE, FIXED = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
+class NetFaces:
+    """Faces F (m, 3) of a net, and their edges, which last as long as no face changes."""
+
+    F: Ints
+
+    @cached_property
+    def edges(self) -> EdgeTable:
+        """Every edge once."""
+        return edge_table(self.F)
+
+
+@dataclass(frozen=True, eq=False)
 class Net:
-    """Vertices V (n, 3), metres, of kind (n,), faces F (m, 3), and the nodes on the curves.
+    """Vertices V (n, 3), metres, of kind (n,), the faces between them, and the nodes on the curves.
 
     node  : (k,) the vertices along each curve, curve after curve.     at : (k,) their places on the curves' axis, m.
     curve : (k,) the curve of each.     size : (n,) the wanted length of edges, metres.
     """
 
     V: Floats
-    F: Ints
+    faces: NetFaces
     kind: Ints
     node: Ints
     at: Floats
@@ -38,12 +51,28 @@ class Net:
         kind[curves.vertex] = ON_CURVE
         kind[curves.fixed] = FIXED
         sizes = np.full(surface.n, size)
-        return cls(surface.V, surface.F, kind, curves.vertex, curves.at, curves.curve, sizes)
+        return cls(surface.V, NetFaces(surface.F), kind, curves.vertex, curves.at, curves.curve, sizes)
 
     @property
     def n(self) -> int:
         """Number of vertices."""
         return len(self.V)
+
+    @property
+    def F(self) -> Ints:  # noqa: N802, the field's letter
+        """(m, 3) the faces."""
+        return self.faces.F
+
+    @property
+    def edges(self) -> EdgeTable:
+        """Every edge of the net once."""
+        return self.faces.edges
+
+    @property
+    def edge_sizes(self) -> Floats:
+        """(e,) the wanted lengths of the edges, metres."""
+        a, b = self.edges.ends.T
+        return np.asarray((self.size[a] + self.size[b]) / 2)
 
     @property
     def links(self) -> Ints:
@@ -55,15 +84,17 @@ class Net:
         """(l, 2) the vertices of the edges along curves."""
         return np.stack([self.node[self.links], self.node[self.links + 1]], axis=1)
 
-    def link_edges(self, edges: EdgeTable) -> Ints:
+    @property
+    def link_edges(self) -> Ints:
         """(l,) which edges of the net those along curves are."""
         ends = np.sort(self.link_ends, axis=1)
-        return np.searchsorted(edges.ends @ (self.n, 1), ends @ (self.n, 1))
+        return np.searchsorted(self.edges.ends @ (self.n, 1), ends @ (self.n, 1))
 
-    def along_curves(self, edges: EdgeTable) -> Bools:
+    @property
+    def along_curves(self) -> Bools:
         """(e,) whether an edge is along a curve."""
-        marks = np.zeros(len(edges.ends), dtype=bool)
-        marks[self.link_edges(edges)] = True
+        marks = np.zeros(len(self.edges.ends), dtype=bool)
+        marks[self.link_edges] = True
         return marks
 
     def without_lost(self) -> "Net":
@@ -73,14 +104,10 @@ class Net:
         if used.all():
             return self
         new = np.cumsum(used) - 1
+        faces = NetFaces(new[self.F])
         return replace(
-            self, V=self.V[used], F=new[self.F], kind=self.kind[used], node=new[self.node], size=self.size[used]
+            self, V=self.V[used], faces=faces, kind=self.kind[used], node=new[self.node], size=self.size[used]
         )
-
-
-def edges_of(net: Net) -> EdgeTable:
-    """Every edge of the net once."""
-    return edge_table(net.F)
 
 
 LEVELS = 8

@@ -7,8 +7,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints, edge_lengths
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
-from dsfab.surface.remesh.net import FIXED, FREE, Net, edges_of
-from dsfab.surface.topology import EdgeTable
+from dsfab.surface.remesh.net import FIXED, FREE, Net
 
 GRADE = 0.3
 """Metres by which the wanted length grows in a metre: neighbours differ by less than 1.3 times."""
@@ -32,11 +31,10 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
     if len(net.node):
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
-    edges = edges_of(net)
-    for vertex, width in _narrow(net, edges):
+    for vertex, width in _narrow(net):
         wide = width > TOLERANCE * edge  # less is a sliver
         np.minimum.at(size, vertex[wide], np.maximum(NARROW * width[wide], least))
-    return replace(net, size=graded_sizes(net.V, edges.ends, size))
+    return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
@@ -53,14 +51,13 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
         size = lower
 
 
-def _narrow(net: Net, edges: EdgeTable) -> list[tuple[Ints, Floats]]:
+def _narrow(net: Net) -> list[tuple[Ints, Floats]]:
     """Vertices (k,) of kinds that do not leave their curves, and how wide (k,) the surface is there, metres.
 
     That is an edge from curve to curve, the height of a face between them, or an edge between corners. What lies in
     the angle of a corner is left out: it is narrow at any size.
     """
-    held = net.kind > FREE
-    along = net.along_curves(edges)
+    held, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     on = along[edges.of]
     ear = (on.sum(axis=1) >= 2)[:, None] & ~on

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, area_vectors, edge_lengths, lengths
+from dsfab.arrays import Bools, Floats, area_vectors, edge_lengths, lengths, row_max
+from dsfab.surface.neighbours import faces_at
 from dsfab.surface.refine import halved
 from dsfab.surface.remesh.curves import FeatureCurves
 from dsfab.surface.remesh.features import TOLERANCE
-from dsfab.surface.remesh.net import FREE, ON_CURVE, Net, edges_of
-from dsfab.surface.topology import EdgeTable
+from dsfab.surface.remesh.net import FREE, ON_CURVE, Net, NetFaces
 
 LONGEST = 4 / 3
 """Times the wanted length, from which an edge is halved: its halves are nearer to it [Botsch and Kobbelt 2004]."""
@@ -27,35 +27,34 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
     edge : metres, to which the tolerance is relative.
     """
-    edges = edges_of(net)
-    length = edge_lengths(net.V, edges.ends)
-    link = net.link_edges(edges)
+    length = edge_lengths(net.V, net.edges.ends)
     deviation, most = curves.deviation(net.at[net.links], net.at[net.links + 1])
     missing = deviation > TOLERANCE * edge
-    long = length > LONGEST * net.size[edges.ends].mean(axis=1)
-    long[link[missing]] = True
-    long = _leading(net, long, length, edges)
-    return _halved(net, curves, edges, long, np.where(missing, most, np.nan)) if long.any() else net
+    long = length > LONGEST * net.edge_sizes
+    long[net.link_edges[missing]] = True
+    long = _leading(net, long, length)
+    return _halved(net, curves, long, np.where(missing, most, np.nan)) if long.any() else net
 
 
-def _leading(net: Net, long: Bools, length: Floats, edges: EdgeTable) -> Bools:
+def _leading(net: Net, long: Bools, length: Floats) -> Bools:
     """(e,) the long edges that are among the longest of their faces."""
-    of = np.where(long, length, -1.0)[edges.of]
-    longest = of.max(axis=1)
-    flat = lengths(area_vectors(net.V, net.F)) < NEEDLE * length[edges.of].max(axis=1) ** 2
-    behind = long[edges.of] & (of < (np.where(flat, 1.0, COMPARABLE) * longest)[:, None])
+    faces = np.flatnonzero(faces_at(net.edges.of, long))
+    edge = net.edges.of[faces]
+    of = np.where(long, length, -1.0)[edge]
+    flat = lengths(area_vectors(net.V, net.F[faces])) < NEEDLE * row_max(length[edge]) ** 2
+    behind = long[edge] & (of < (np.where(flat, 1.0, COMPARABLE) * row_max(of))[:, None])
     leading = long.copy()
-    leading[edges.of[behind]] = False
+    leading[edge[behind]] = False
     return leading
 
 
-def _halved(net: Net, curves: FeatureCurves, edges: EdgeTable, halves: Bools, most: Floats) -> Net:
+def _halved(net: Net, curves: FeatureCurves, halves: Bools, most: Floats) -> Net:
     """Marked edges (e,) halved; those along curves at places (l,) of the axis, or in the middle where these are nan."""
-    V, F, _ = halved(net.V, net.F, edges, halves)
+    V, F, _ = halved(net.V, net.F, net.edges, halves)
     new = len(V) - net.n
-    size = np.concatenate([net.size, net.size[edges.ends[halves]].mean(axis=1)])
+    size = np.concatenate([net.size, net.edge_sizes[halves]])
     kind = np.concatenate([net.kind, np.full(new, FREE)])
-    link = net.link_edges(edges)
+    link = net.link_edges
     on = halves[link]
     before = net.links[on]
     at = np.where(np.isnan(most[on]), (net.at[before] + net.at[before + 1]) / 2, most[on])
@@ -65,7 +64,7 @@ def _halved(net: Net, curves: FeatureCurves, edges: EdgeTable, halves: Bools, mo
     return replace(
         net,
         V=V,
-        F=F,
+        faces=NetFaces(F),
         kind=kind,
         size=size,
         node=np.insert(net.node, before + 1, vertex),
