@@ -4,7 +4,7 @@ The models below are the one place where keys, units, defaults and allowed range
 from TOML, overridden and written back is in `dsfab.preset_file`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -16,11 +16,20 @@ from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import Guide, Rule, Stripes, Widths
-from dsfab.preset_cases import case_mistakes, combines, follow_weights
+from dsfab.preset_cases import case_mistakes, combines, follow_weights, judged_names
 from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
-from dsfab.surface import Combination, Load, PatternRegion, Vertices, region_key, self_contained
+from dsfab.surface import (
+    Combination,
+    LimitState,
+    Load,
+    PatternRegion,
+    Vertices,
+    action_mistakes,
+    region_key,
+    self_contained,
+)
 from dsfab.thickening import Extra, Side
 from dsfab.units import GRAVITY
 
@@ -474,7 +483,9 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _names_cases(self) -> "Preset":
-        if wrong := list(case_mistakes(*self._cases)):
+        given = self.surface
+        wrong = list(action_mistakes(given.load, given.actions, given.combinations))
+        if wrong := wrong or list(case_mistakes(*self._cases)):
             raise ValueError("; ".join(wrong))
         return self
 
@@ -499,7 +510,12 @@ class Preset(Section):
 
     @property
     def _cases(self) -> tuple[tuple[Load, ...], tuple[Combination, ...], str | None, dict[str, float]]:
-        return self.surface.load, self.surface.combination, self.diffusion.follow, self.diffusion.weights
+        return self.surface.load, self.surface.sums, self.diffusion.follow, self.diffusion.weights
+
+    def judged_in(self, state: LimitState, names: Iterable[str]) -> list[str]:
+        """Those of some cases and combinations in which stress and buckling (`ULS`) or displacements (`SLS`) are
+        judged: all of them where no combination is of a limit state."""
+        return judged_names(names, self.surface.sums, state)
 
     @property
     def followed(self) -> dict[str, float]:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from dsfab.errors import did_you_mean
 from dsfab.surface import Combination, Load
-from dsfab.surface.cases import COMBINED, case_names
+from dsfab.surface.cases import COMBINED, LimitState, case_names
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
@@ -27,8 +27,21 @@ def follow_weights(
 
 
 def members(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """The names that a combined pattern follows: the combinations, or the cases when there are none."""
-    return [combination.name for combination in combinations] or list(cases)
+    """The names that a combined pattern follows: the combinations, but those that are judged by their displacements
+    alone where there are others; or the cases when there are none."""
+    strong = [one.name for one in combinations if one.limit_state != "SLS"]
+    return strong or [one.name for one in combinations] or list(cases)
+
+
+def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
+    """Those of the cases and combinations that are judged in a limit state: of it where there is any combination of
+    it, else those of none, else all."""
+    of = {one.name: one.limit_state for one in combinations}
+    names = list(names)
+    for wanted in (state, ""):
+        if found := [name for name in names if of.get(name, "") == wanted]:
+            return found
+    return names
 
 
 def case_mistakes(

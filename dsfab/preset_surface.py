@@ -27,12 +27,17 @@ from dsfab.errors import PresetError
 from dsfab.preset_errors import mistakes
 from dsfab.surface import (
     SHAPES,
+    ActionKind,
+    CaseName,
     Combination,
+    CombinationRule,
+    DesignFactors,
     Load,
     SizeField,
     Support,
     Surface,
     Up,
+    en1990_combinations,
     normalized,
     read_surface,
     refined,
@@ -62,11 +67,29 @@ class Given(Section):
     load: tuple[Load, ...] = ()
     combination: tuple[Combination, ...] = ()
     """Sums of load cases (`case` of a load), each case multiplied with its factor."""
+    combinations: CombinationRule | None = None
+    """Sums of load cases after a standard, beside those that are listed."""
+    actions: dict[CaseName, ActionKind] = {}
+    """What a case is to the standard, where its loads do not tell: weight is permanent, snow is snow, wind wind."""
+    factors: DesignFactors | None = None
+    """Factors of the standard that a national annex says otherwise."""
     refine: Annotated[float, Ge(0)] = 0.0
     """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
     smooth: bool = False
     """Whether refining rounds the facets (Loop subdivision), or the vertices of a mesh made anew lie on the smooth
     surface through the old ones; boundaries and creases stay as they are."""
+
+    @property
+    def sums(self) -> tuple[Combination, ...]:
+        """All combinations: those that are listed, then those after the standard."""
+        return (*self.combination, *self.standard_sums)
+
+    @property
+    def standard_sums(self) -> tuple[Combination, ...]:
+        """The combinations after the standard; none where none is asked for."""
+        if self.combinations is None:
+            return ()
+        return tuple(en1990_combinations(self.load, self.actions, self.combinations, self.factors or DesignFactors()))
 
     @property
     def by_stress(self) -> bool:

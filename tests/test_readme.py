@@ -117,11 +117,16 @@ def test_the_table_of_materials_is_that_of_dsfab():
 
 
 def test_the_preset_of_the_readme_builds(tmp_path):
-    text, steered, drawn = blocks("toml")
+    text, combined, steered, drawn = blocks("toml")
     (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
     design = dsfab.run(dsfab.load_preset(tmp_path / "canopy.toml"))
     assert len(design.slicing.pieces) == 1
     assert design.preset.name == "canopy"
+    people = {"kind": "force", "at": {"pick": "all"}, "force": [0, 0, -1000.0], "case": "people"}
+    given = {f"surface.{key}": value for key, value in tomllib.loads(combined)["surface"].items()}
+    loads = [*tomllib.loads(text)["surface"]["load"], people]
+    sums = dsfab.load_preset(tmp_path / "canopy.toml", {"surface.load": loads, **given}).surface.sums
+    assert "1.35 dead + 1.6 people + 0.96 snow" in [one.formula for one in sums]
     more = {f"pattern.{key}": value for key, value in tomllib.loads(steered)["pattern"].items()}
     guided = dsfab.revise(design, dsfab.load_preset(tmp_path / "canopy.toml", more))
     assert len(guided.preset.pattern.guide) == 2

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from dsfab.limits import FACETS
 from dsfab.pipeline.loadings import Loading
 from dsfab.pipeline.log import Log
-from dsfab.preset import Statics
+from dsfab.preset import Preset, Statics
 from dsfab.statics import (
     Answers,
     Elements,
@@ -24,7 +24,7 @@ from dsfab.surface import Surface
 
 
 def answers_step(
-    sheet: Statics,
+    preset: Preset,
     surface: Surface,
     solved: Sequence[tuple[Loading, Equilibrium]],
     plane: bool,
@@ -38,6 +38,7 @@ def answers_step(
     made  : stiffnesses by their elements; others that are needed are added to it.
     """
 
+    sheet = preset.statics
     model = sheet.sheet().on(surface)
 
     def stiffness(elements: Elements) -> csr_array:
@@ -57,7 +58,8 @@ def answers_step(
             one = sheet_answers(model, case, stiffness, asked, again)
             found.append(replace(one, vibration=found[0].vibration) if found else one)
     told = [(loading.name, answers) for (loading, _), answers in zip(solved, found, strict=True)]
-    _note([(name, answers) for name, answers in told if name], sheet, surface, log)
+    strong = preset.judged_in("ULS", [name for name, _ in told if name])
+    _note([(name, answers) for name, answers in told if name in strong], sheet, surface, log)
     return found
 
 

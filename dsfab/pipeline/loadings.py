@@ -33,7 +33,7 @@ def loadings(preset: Preset, surface: Surface) -> list[Loading]:
     loads = load_cases(surface, on.support, on.load, weight)
     parts = {name: spread_load(surface, [ld for ld in on.load if ld.case == name], weight) for name in loads}
     cases = [Loading(name, load, parts[name]) for name, load in loads.items()]
-    sums = [(combination.name, dict(combination.factors)) for combination in given.combination]
+    sums = [(combination.name, dict(combination.factors)) for combination in given.sums]
     if len(loads) > 1:
         sums.append(("", dict.fromkeys(loads, 1.0)))
     return cases + [

@@ -93,7 +93,7 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
         found = equilibria(surface, K, loads, elements, spreads=spreads, sums=sums, factor_of=factor_of)
     with log.row("stress"):
         sigma = [stress(surface, sheet.elastic, a.u, sheet.law, a.bubbles) for a in found]
-    answers = answers_step(sheet, surface, list(zip(acting, found, strict=True)), plane, {elements: K}, factor_of, log)
+    answers = answers_step(preset, surface, list(zip(acting, found, strict=True)), plane, {elements: K}, factor_of, log)
     if not plane and only_bends(surface, answers):
         sigma = bending_stress(sheet, surface, acting, answers)
         log.note("statics", "the sheet is flat and bends: the pattern follows the stress at its lower side")

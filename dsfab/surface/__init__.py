@@ -1,8 +1,9 @@
 """Stage 1, what is given: the mesh, its supports and its loads."""
 
-from dsfab.surface.cases import Combination, load_cases, together
+from dsfab.surface.cases import Combination, LimitState, load_cases, together
 from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.divided import DividedField
+from dsfab.surface.en1990 import ActionKind, CombinationRule, DesignFactors, action_mistakes, en1990_combinations
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
@@ -14,7 +15,7 @@ from dsfab.surface.nearest import NearestPlaces, nearest
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
 from dsfab.surface.picker import Picker
-from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Side, Vertices
+from dsfab.surface.pickers import All, Ball, Boundary, Box, CaseName, Facing, Nearest, Side, Vertices
 from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import (
@@ -37,17 +38,22 @@ __all__ = [
     "FIGURES",
     "MESH_SUFFIXES",
     "SHAPES",
+    "ActionKind",
     "All",
     "Ball",
     "Boundary",
     "Box",
     "Brush",
+    "CaseName",
     "ClosedCurves",
     "Combination",
+    "CombinationRule",
+    "DesignFactors",
     "Distances",
     "DividedField",
     "Facing",
     "Force",
+    "LimitState",
     "Line",
     "Load",
     "LoadCase",
@@ -70,11 +76,13 @@ __all__ = [
     "Up",
     "Vertices",
     "Wind",
+    "action_mistakes",
     "box",
     "change_sizes",
     "coincident",
     "connected",
     "describe",
+    "en1990_combinations",
     "finite_faces",
     "geodesic_distances",
     "load_cases",

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import ConfigDict
@@ -13,6 +13,9 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, CaseName, Real
 from dsfab.surface.supports import Support
 
+LimitState = Literal["ULS", "SLS", ""]
+"""Ultimate and serviceability limit state."""
+
 COMBINED = "combined"
 """What [diffusion] follow says for all cases at once; no case and no combination may have this name."""
 
@@ -21,12 +24,19 @@ COMBINED = "combined"
 class Combination:
     """A sum of cases: `[[surface.combination]]  name = "uls"  factors = { dead = 1.35, snow = 1.5 }`.
 
-    factors : case -> what its loads are multiplied with; cases that are not named take no part.
+    factors     : case -> what its loads are multiplied with; cases that are not named take no part.
+    limit_state : ULS, what stress and buckling are judged in; SLS, displacements; empty: both.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     name: CaseName
     factors: dict[CaseName, Real]
+    limit_state: LimitState = ""
+
+    @property
+    def formula(self) -> str:
+        """The sum in words: '1.35 dead + 1.5 snow'."""
+        return " + ".join(f"{factor:.5g} {case}" for case, factor in self.factors.items())
 
 
 def case_names(loads: Sequence[Load]) -> list[str]:

@@ -1,11 +1,12 @@
 """What a report is about: a comparison, what it says of its design, and whether that is good."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from dsfab.limits import BALANCE, CONVERGED, FACETS, RESIDUAL, Mark, Status, worst
+from dsfab.report.compliance.document import escaped
 from dsfab.report.compliance.words import length, percent, quantity, share_of, times, within
 from dsfab.statics import flat_axis
 from dsfab.study import Comparison
@@ -13,6 +14,7 @@ from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.competitors import Competitor
 from dsfab.study.judging import Answered, Carried, Judgement, solved_loads
 from dsfab.study.verdict import rules
+from dsfab.surface import LimitState
 from dsfab.wording import mass
 
 KNOCKED_DOWN = 5.0
@@ -117,6 +119,26 @@ class Findings:
         """The answer to the governing case."""
         return self.judged.cases[self.cases[0]]
 
+    def decisive(self, answer: str) -> tuple[str, Carried]:
+        """Where displacement or stress is largest, or the buckling factor least, of the limit state that it is judged
+        in: the case or combination, and its answer."""
+        state: LimitState = "SLS" if answer == "displacement" else "ULS"
+        return max(
+            ((name, self.judged.cases[name]) for name in self.task.preset.judged_in(state, self.judged.cases)),
+            key=lambda one: _size(one[1], answer),
+        )
+
+    def detailed(self, names: Iterable[str]) -> list[str]:
+        """Those of the cases and combinations that are shown one by one: of the combinations after a standard only
+        those in which something is largest."""
+        made = {one.name for one in self.task.preset.surface.standard_sums}
+        most = {self.cases[0], self.decisive("displacement")[0], self.decisive("stress")[0]} if self.carries else set()
+        return [name for name in names if name not in made or name in most]
+
+    def _under(self, answer: str) -> str:
+        """Of which case or combination an answer is, where there are several."""
+        return f", {escaped(self.decisive(answer)[0])}" if len(self.judged.cases) > 1 else ""
+
     def gain(self, rival: Competitor) -> tuple[float, float, float]:
         """How many times as stiff as a competitor of the same mass the design is: at least, probably, at most."""
         assert rival.judgement is not None
@@ -190,21 +212,21 @@ class Findings:
         )
 
     def _strong(self) -> CheckLine | None:
-        shares = [case.utilisation for case in self.judged.cases.values() if case.utilisation]
+        cases = self.task.preset.judged_in("ULS", self.judged.cases)
+        shares = [share for name in cases if (share := self.judged.cases[name].utilisation)]
         if not shares:
             return None
         usual, peak = max(share[0] for share in shares), max(share[1] for share in shares)
         status: Status = "fail" if usual > 1 else "pass" if peak <= 1 else "unknown"
-        told = f"{usual:.0%} on 99.9 % of the area, {peak:.0%} at the peak"
+        told = f"{usual:.0%} on 99.9 % of the area, {peak:.0%} at the peak{self._under('stress')}"
         return CheckLine("Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa"))
 
     def _buckles(self) -> CheckLine | None:
-        factors = [case.buckling for case in self.judged.cases.values() if case.buckling is not None]
-        if not factors:
+        least = self.decisive("buckling")[1].buckling
+        if least is None:
             return None
-        least = min(factors)
         status: Status = "fail" if least < 1 else "pass" if least >= KNOCKED_DOWN else "unknown"
-        told = f"{least:.3g} times the load (linear, perfect shape)"
+        told = f"{least:.3g} times the load (linear, perfect shape){self._under('buckling')}"
         return CheckLine("Buckling", status, told, f"{KNOCKED_DOWN:g} or more")
 
     @cached_property
@@ -227,3 +249,10 @@ class Findings:
         """Mass, share of the surface and thickness."""
         made = self.design
         return f"{mass(made.mass)}, {share_of(made.area_fraction)} of the surface, {length(made.thickness)} thick"
+
+
+def _size(case: Carried, answer: str) -> float:
+    """How grave an answer is: metres, pascals, or the buckling factor's distance below infinity."""
+    if answer == "buckling":
+        return -math.inf if case.buckling is None else -case.buckling
+    return float(getattr(case, answer).value)

@@ -61,7 +61,7 @@ def subject(found: Findings, number: Numbers) -> ReportSection:
 
 def loads(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     """Loads and supports, drawn for each case."""
-    names = tables.found_order(found)
+    names = found.detailed(tables.found_order(found))
     several = len(names) > 1
     figures = []
     for name in names:
@@ -162,7 +162,9 @@ def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
 
 def reactions(found: Findings, number: Numbers) -> ReportSection:
     """Of each support, in each case."""
-    return ReportSection("Reactions and balance", [tables.reactions_table(found, name, number) for name in found.cases])
+    return ReportSection(
+        "Reactions and balance", [tables.reactions_table(found, name, number) for name in found.detailed(found.cases)]
+    )
 
 
 def scope(found: Findings) -> list[ReportSection]:
@@ -190,7 +192,7 @@ def scope(found: Findings) -> list[ReportSection]:
         "" if any(case.frequency for case in cases) else "Vibration: not asked for (<code>--frequency</code>).",
         "Imperfections, cracks, fatigue, creep, temperature, shrinkage, moisture, fire and corrosion.",
         "Connections, joints between parts, bearings, foundations, assembly and erection.",
-        "Partial factors and load combinations of any code, except those that the preset names as cases.",
+        "Partial factors and load combinations of any code, except those of the preset.",
         "Orthotropy of the material (timber, printed layers); the numbers hold for the two constants given.",
         "The part as it is made, and the file that it is made from (<code>dsfab check</code> measures that).",
     ]

@@ -26,18 +26,24 @@ def checks_table(checks: list[CheckLine], number: Numbers, caption: str) -> Tabl
 
 def key_table(found: Findings, number: Numbers) -> Table:
     """The numbers of the first page."""
-    case = found.governing
+    (moved, moves), (strained, strains) = found.decisive("displacement"), found.decisive("stress")
+    several = len(found.cases) > 1
     rows = [
         ("Mass", mass(found.design.mass), f"{share_of(found.design.area_fraction)} of the surface kept"),
         ("Compliance", within(found.judged.compliance, found.judged.bound, "J"), _over_full(found)),
-        ("Largest displacement", length(case.displacement.value), f"at {point(case.displacement.place)}"),
+        (
+            "Largest displacement",
+            length(moves.displacement.value),
+            f"at {point(moves.displacement.place)}{f', {escaped(moved)}' if several else ''}",
+        ),
         (
             "Largest von Mises stress",
-            quantity(case.stress.quantile, "Pa"),
-            f"on 99.9 % of the area; peak {quantity(case.stress.value, 'Pa')} at {point(case.stress.place)}",
+            quantity(strains.stress.quantile, "Pa"),
+            f"on 99.9 % of the area; peak {quantity(strains.stress.value, 'Pa')} at {point(strains.stress.place)}"
+            + (f", {escaped(strained)}" if several else ""),
         ),
     ]
-    if len(found.cases) > 1:
+    if several:
         rows.insert(0, ("Governing load case", escaped(found.cases[0]), f"of {len(found.cases)}"))
     return Table(number.table("Key results."), ("Result", "Value", "Remark"), rows, 3, "", (2.2, 2.2, 5))
 
@@ -100,23 +106,27 @@ def _kept(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(found: Findings, number: Numbers) -> Table:
-    """The sum of the forces of each case, and where it acts."""
+    """The sum of the forces of each case and combination, and what is judged in it."""
     task, rows = found.task, []
     surface, cases = task.surface, task.statics.cases
     sums = {name: resultant(surface, case.load.force).force for name, case in cases.items()}
     factor, unit = unit_for(max(float(np.abs(force).max()) for force in sums.values()), "N")
     combined = any(case.factors for case in cases.values())
+    states = {one.name: one.limit_state for one in task.preset.surface.sums}
+    asked = {"ULS": "stress, buckling", "SLS": "displacement", "": "all" if any(states.values()) else "yes"}
     for name in found_order(found):
         case = cases[name]
         made = " + ".join(f"{k:g} {escaped(part)}" for part, k in case.factors.items()) if case.factors else ""
         followed = "yes" if name in task.preset.followed else "no"
-        judged = "yes" if name in found.cases else "no"
+        judged = "no" if name not in found.cases else asked[states.get(name, "")]
         made_of = (made,) if combined else ()
         rows.append((escaped(name), *made_of, *(_small(x / factor) for x in sums[name]), followed, judged))
     more, wide = (("Made of",), (2.4,)) if combined else ((), ())
     head = ("Load case", *more, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "Checked")
     widths = (2, *wide, 1.3, 1.3, 1.3, 1.5, 1.2)
-    return Table(number.table("Sums of the loads."), head, rows, 2 if combined else 1, "", widths)
+    rule = task.preset.surface.combinations
+    note = f"Combined after {rule}, with its factors where surface.factors gives no others." if rule else ""
+    return Table(number.table("Sums of the loads."), head, rows, 2 if combined else 1, note, widths)
 
 
 def found_order(found: Findings) -> list[str]:

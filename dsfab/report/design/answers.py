@@ -43,8 +43,9 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 def answer_lines(design: "Design") -> list[str]:
     """The same for people, of the case or combination where it is worst; `hinge` stress is left to `design.json`."""
-    told = {name: case.answers for name, case in design.statics.cases.items()}
-    under = {name: f", {name}" if len(told) > 1 else "" for name in told}
+    cases = design.statics.cases
+    told = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
+    under = {name: f", {name}" if len(cases) > 1 else "" for name in told}
     lines = []
     worst = max(told, key=lambda name: told[name].stress.peak.stress)
     if told[worst].elements.bending != "hinge":

@@ -64,12 +64,30 @@ def case_lines(design: "Design") -> list[str]:
     if len(cases) == 1:
         (case,) = cases.values()
         return [f"uncut sheet: {_answered(case.equilibrium)}", _carried(design, case.load, case.equilibrium)]
-    followed = design.preset.followed
-    return [
+    followed, rule = design.preset.followed, design.preset.surface.combinations
+    governing = _governing(design)
+    made = {one.name for one in design.preset.surface.standard_sums}
+    lines = [
         f"uncut sheet, {name}{'*' if name in followed else ''}: {_answered(case.equilibrium)}; "
         f"{_carried(design, case.load, case.equilibrium)}"
         for name, case in cases.items()
-    ] + [f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
+        if name not in made or name in governing
+    ]
+    if rule:
+        told = "; ".join(f"{what}: {name} = {formula}" for name, (what, formula) in governing.items())
+        return [*lines, f"{len(made)} combinations after {rule}, the pattern follows those of ULS together; {told}"]
+    return [*lines, f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
+
+
+def _governing(design: "Design") -> dict[str, tuple[str, str]]:
+    """The combinations in which stress and displacement are largest, of the limit states that they are judged in: by
+    name, what is largest, and the sum in words."""
+    cases, preset = design.statics.cases, design.preset
+    formulas = {one.name: one.formula for one in preset.surface.sums}
+    strained = max(preset.judged_in("ULS", cases), key=lambda name: cases[name].answers.stress.peak.stress)
+    moved = max(preset.judged_in("SLS", cases), key=lambda name: cases[name].equilibrium.largest_displacement)
+    named = {strained: "stress is largest in", moved: "displacement in"}
+    return {name: (what, formulas.get(name, name)) for name, what in named.items()}
 
 
 def _answered(answer: "Equilibrium") -> str:
