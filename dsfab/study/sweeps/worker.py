@@ -44,6 +44,7 @@ class Outcome:
     """How a run ended: what was measured, why it failed ('' if it did not) and the log of that, files by name.
 
     seconds : of the worker. peak : largest memory of its process so far, bytes (0 where the system does not say).
+    killed  : whether its worker was, each time: then the error says nothing of the design.
     """
 
     number: int
@@ -53,6 +54,7 @@ class Outcome:
     files: Mapping[str, bytes] = field(default_factory=dict)
     seconds: float = 0.0
     peak: int = 0
+    killed: bool = False
 
 
 _alone = threading.Lock()
