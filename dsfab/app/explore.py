@@ -100,15 +100,12 @@ def _drawn(variants: "Variants", folder: Path, film: FilmOptions, yes: bool, rep
     from dsfab.report.film import write_film
 
     name = variants.preset.name
-    with whole_or_nothing(folder) as partial:
+    with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
         tiles = variants.tiles(reporter, yes)
         _write(tiles, variants, partial)
         if film.animate:
             reporter("preview", f"making {name}.{film.animate}")
             write_film(tiles, partial / f"{name}.{film.animate}", name, film.fps, PAPER)
-        stale = pictures_of(folder) - pictures_of(partial)
-    for picture in stale:
-        (folder / picture).unlink(missing_ok=True)
     return tiles
 
 
