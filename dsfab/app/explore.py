@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, picture_size
 from dsfab.app.terminal import Reporter, out
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 from dsfab.preset_file import overridden
 from dsfab.render.answers import asking
 from dsfab.render.palette import PAPER

@@ -52,7 +52,7 @@ def built_folder(name: str) -> Path | None:
 
     Raises PresetError for a folder that it did not write.
     """
-    from dsfab.export.folder import complete
+    from dsfab.export import complete
     from dsfab.preset_file import shipped_presets
 
     folder = Path(name)

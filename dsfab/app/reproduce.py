@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from dsfab.app.options import Quiet
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError, did_you_mean
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 from dsfab.report.design.facts import versions
 from dsfab.wording import size
 

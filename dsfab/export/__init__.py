@@ -2,6 +2,7 @@
 
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate
+from dsfab.export.folder import complete, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.program import meanwhile
@@ -13,9 +14,11 @@ __all__ = [
     "Estimate",
     "StepOptions",
     "Written",
+    "complete",
     "meanwhile",
     "replacing",
     "step_estimates",
+    "whole_or_nothing",
     "write",
     "write_chunks",
 ]

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from dsfab.delivery.archive import with_mesh, write_archive
 from dsfab.delivery.files import deliverable
 from dsfab.errors import ExportError
-from dsfab.export import meanwhile, write
-from dsfab.export.folder import DESIGN, MANIFEST, manifest, whole_or_nothing
+from dsfab.export import meanwhile, whole_or_nothing, write
+from dsfab.export.folder import DESIGN, MANIFEST, manifest
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress, silent
 from dsfab.preset import Preset
