@@ -5,6 +5,7 @@ from dsfab.export.estimate import Estimate
 from dsfab.export.folder import complete, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
+from dsfab.export.partial import temporary_folder
 from dsfab.export.program import meanwhile
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "meanwhile",
     "replacing",
     "step_estimates",
+    "temporary_folder",
     "whole_or_nothing",
     "write",
     "write_chunks",

@@ -1,7 +1,9 @@
 """Names of what is not whole yet, which tell whose it is, so that the next run may remove what a dead process left.
 
-.partial-HOST-PID-START-RANDOM     HOST: the machine and, in a container, its numbering of processes
-                                   START: when that process began, for numbers of processes are given again
+    .partial-HOST-PID-START-RANDOM     HOST: the machine and, in a container, its numbering of processes
+                                       START: when that process began, for numbers of processes are given again
+
+Folders for temporary files are called so too, with a word of their own in the first place.
 """
 
 import hashlib
@@ -10,31 +12,39 @@ import platform
 import re
 import secrets
 import shutil
+import tempfile
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-_NAME = re.compile(r"\.partial-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-f]+(\..*)?")
+PARTIAL = ".partial"
+_WHOSE = re.compile(r"-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-z_]+(\..*)?")
 _STATE, _BEGAN = 0, 19
 """Words of /proc/PID/stat behind the name of the program: its state, and its first tick."""
 
 
 def partial_name(suffix: str = "") -> str:
     """A new name for a file or a folder that this process is going to make whole."""
-    pid = os.getpid()
-    return f".partial-{_host()}-{pid}-{_began(pid) or 0}-{secrets.token_hex(6)}{suffix}"
+    return f"{PARTIAL}-{_owner()}-{secrets.token_hex(6)}{suffix}"
 
 
-def abandoned(name: str) -> bool:
+def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
+    """A folder of this process among the system's temporary files; those of dead ones with that word are removed."""
+    for path in abandoned_in(Path(tempfile.gettempdir()), word):
+        remove(path)
+    return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
+
+
+def abandoned(name: str, word: str = PARTIAL) -> bool:
     """Whether a name is of ours, and its process has ended on this machine; of other machines nobody here knows."""
-    found = _NAME.fullmatch(name)
+    found = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return found is not None and found[1] == _host() and not _alive(int(found[2]), int(found[3]))
 
 
-def abandoned_in(folder: Path) -> list[Path]:
+def abandoned_in(folder: Path, word: str = PARTIAL) -> list[Path]:
     """What dead processes left in a folder, if there is one."""
     try:
-        return sorted(path for path in folder.iterdir() if abandoned(path.name))
+        return sorted(path for path in folder.iterdir() if abandoned(path.name, word))
     except OSError:
         return []
 
@@ -54,6 +64,12 @@ def remove_abandoned_files(folder: Path) -> None:
     for path in abandoned_in(folder):
         if path.is_file():
             remove(path)
+
+
+def _owner() -> str:
+    """This process."""
+    pid = os.getpid()
+    return f"{_host()}-{pid}-{_began(pid) or 0}"
 
 
 @cache

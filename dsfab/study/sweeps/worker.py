@@ -105,7 +105,9 @@ def _base(job: Job) -> Preset:
     """The base preset; its mesh file is written down here where it came along."""
     values = dict(job.preset)
     if job.mesh is not None:
-        _memory.folder = tempfile.TemporaryDirectory(prefix="dsfab-")
+        from dsfab.export import temporary_folder
+
+        _memory.folder = temporary_folder("dsfab-sweep")
         mesh = Path(_memory.folder.name) / Path(values["surface"]["file"]).name
         mesh.write_bytes(job.mesh)
         values["surface"] = {**values["surface"], "file": str(mesh)}
