@@ -15,6 +15,7 @@ from dsfab.pattern import (
     EvenFamily,
     Layer,
     ModeFamily,
+    ShareJumpError,
     Stripes,
     Widths,
     counted_share,
@@ -195,6 +196,8 @@ def _reached(
             refused.append(error)
         else:
             return layers(factor * relative, closing), factor * relative
+    if isinstance(refused[0], ShareJumpError):
+        raise PatternError(f"{refused[0]}, or allow more with pattern.width.solid_fraction_tolerance")
     raise refused[0]
 
 
