@@ -21,6 +21,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+from dsfab.errors import DsfabError
 from dsfab.study.sweeps.folder import SweepFolder
 from tests.presets import DOME_MODES
 
@@ -39,6 +40,8 @@ pattern.major.phase = [{PHASES}]
 COMMAND = [sys.executable, "-m", "dsfab.app.cli", "sweep"]
 OF_WORKERS = 0.6
 """Share of the kills that hit a worker."""
+BETWEEN = (0, 0, 1, 1, 1, 2)
+"""How many runs end from one kill to the next: so the kills spread over a sweep on a fast and on a busy machine."""
 MISSING = 3
 """Exit code of a sweep with runs that are missing."""
 
@@ -60,18 +63,22 @@ def workers(scheduler: int) -> list[int]:
     return found
 
 
-def pace(folder: Path, kills: int) -> float:
-    """Seconds at most from one kill to the next, beside what processes need to begin: so that there is work for all."""
-    return sum(row.seconds or 0.0 for row in SweepFolder.at(folder).rows()) / 2 / kills
+def done(folder: Path) -> int:
+    """How many runs are done so far."""
+    try:
+        return sum(row.state == "done" for row in SweepFolder.at(folder).rows())
+    except DsfabError:  # it has not begun
+        return 0
 
 
 def disturbed(words: tuple[str, ...], kills: int, longest: float, dice: random.Random) -> tuple[int, int, int]:
     """Run a sweep to its end under kills; how many hit workers, how many the scheduler, and how often it began."""
-    hit, ended, starts = 0, 0, 1
+    hit, ended, starts, folder = 0, 0, 1, Path(words[-1])
     scheduler = start(*words)
     while hit + ended < kills:
-        while scheduler.poll() is None and not workers(scheduler.pid):
-            time.sleep(0.02)
+        wanted = done(folder) + dice.choice(BETWEEN)
+        while scheduler.poll() is None and not (workers(scheduler.pid) and done(folder) >= wanted):
+            time.sleep(0.05)
         time.sleep(dice.uniform(0, longest))
         code = scheduler.poll()
         if code == 0:
@@ -121,7 +128,8 @@ def main() -> int:
         plan.write_text(PLAN)
         if start(str(plan), "-o", f"{home}/calm").wait():
             raise SystemExit("the undisturbed sweep failed")
-        calm, longest = content(Path(home) / "calm"), pace(Path(home) / "calm", asked.kills)
+        calm = content(Path(home) / "calm")
+        longest = sum(row.seconds or 0.0 for row in SweepFolder.at(Path(home) / "calm").rows()) / 60
         for seed in range(asked.seed, asked.seed + asked.rounds):
             folder = Path(home) / f"seed-{seed}"
             begun = time.monotonic()
