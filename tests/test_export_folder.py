@@ -154,7 +154,7 @@ def test_what_is_saved_in_the_moment_of_the_exchange_is_not_lost(tmp_path, monke
     assert held(place) == {**NEW, "late.txt": "late", "notes.txt": "second"}
 
 
-@pytest.mark.parametrize("able", ["_linked", "_exchange"])
+@pytest.mark.parametrize("able", ["_link", "_exchange"])
 def test_where_disk_or_system_cannot_the_journal_does_it(place, monkeypatch, able):
     monkeypatch.setattr(folders, able, lambda *_: False)
     delivered(place, NEW)

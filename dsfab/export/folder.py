@@ -107,7 +107,7 @@ def _put_in_place(partial: Path, target: Path, outdated: Outdated) -> None:
         except OSError:
             if not target.exists():  # else somebody made it in this moment
                 raise
-        if _exchangeable(target) and _exchanged_with(partial, target, outdated(target, partial)):
+        if _exchangeable(target) and _swap(partial, target, outdated(target, partial)):
             return
         inside = target / partial.name
         os.rename(partial, inside)
@@ -143,12 +143,12 @@ def _exchangeable(target: Path) -> bool:
         return all(entry.is_file(follow_symlinks=False) for entry in entries)
 
 
-def _exchanged_with(partial: Path, target: Path, outdated: set[str]) -> bool:
+def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
     """Whether the two have changed places, in one step; the user's own files are then in both."""
     fresh = {path.name for path in partial.iterdir()}
     known = {path.name for path in target.iterdir()}
     own = known - fresh - outdated
-    if not (_linked(target, partial, own) and _exchange(partial, target)):
+    if not (_link(target, partial, own) and _exchange(partial, target)):
         for name in own:
             (partial / name).unlink(missing_ok=True)
         return False
@@ -156,7 +156,7 @@ def _exchanged_with(partial: Path, target: Path, outdated: set[str]) -> bool:
     return True
 
 
-def _linked(target: Path, partial: Path, own: set[str]) -> bool:
+def _link(target: Path, partial: Path, own: set[str]) -> bool:
     """Whether the user's files are in both folders now; there are disks that know no links."""
     try:
         for name in own:
@@ -190,11 +190,11 @@ def _outdated(target: Path, partial: Path) -> set[str]:
     """Files of the target that its manifest names, as they were then, and that a new design does not have."""
     if not (partial / DESIGN).is_file():
         return set()
-    fresh = {path.name for path in partial.iterdir()}
-    return {name for name, known in _named(target).items() if name not in fresh and _same(target / name, known)}
+    fresh, before = {path.name for path in partial.iterdir()}, _manifest_of(target)
+    return {name for name, known in before.items() if name not in fresh and _unchanged(target / name, known)}
 
 
-def _named(folder: Path) -> Mapping[str, Mapping[str, int | str]]:
+def _manifest_of(folder: Path) -> Mapping[str, Mapping[str, int | str]]:
     """What the manifest of a folder names, or nothing; names that lead elsewhere are none."""
     try:
         told = json.loads((folder / DESIGN).read_text(encoding="utf-8"))
@@ -203,7 +203,7 @@ def _named(folder: Path) -> Mapping[str, Mapping[str, int | str]]:
         return {}
 
 
-def _same(path: Path, known: Mapping[str, int | str]) -> bool:
+def _unchanged(path: Path, known: Mapping[str, int | str]) -> bool:
     """Whether a file is as a manifest says."""
     try:
         return path.stat().st_size == known.get("bytes") and _sha256(path) == known.get("sha256")

@@ -19,7 +19,7 @@ from pathlib import Path
 
 PARTIAL = ".partial"
 _WHOSE = re.compile(r"-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-z_]+(\..*)?")
-_STATE, _BEGAN = 0, 19
+_STATE, _TICK = 0, 19
 """Words of /proc/PID/stat behind the name of the program: its state, and its first tick."""
 
 
@@ -69,7 +69,7 @@ def remove_abandoned_files(folder: Path) -> None:
 def _owner() -> str:
     """This process."""
     pid = os.getpid()
-    return f"{_host()}-{pid}-{_began(pid) or 0}"
+    return f"{_host()}-{pid}-{_start_tick(pid) or 0}"
 
 
 @cache
@@ -92,14 +92,14 @@ def _alive(pid: int, began: int) -> bool:
         return False
     except PermissionError:
         pass
-    now = _began(pid)
+    now = _start_tick(pid)
     return now is None or now == began
 
 
-def _began(pid: int) -> int | None:
+def _start_tick(pid: int) -> int | None:
     """The tick in which a process began, 0 for one that has ended and waits for its parent; None if nobody says."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
-        return 0 if words[_STATE] in "ZX" else int(words[_BEGAN])
+        return 0 if words[_STATE] in "ZX" else int(words[_TICK])
     except (OSError, ValueError, IndexError):
         return None

@@ -20,12 +20,12 @@ OUTPUTS = "outputs"
 
 
 @contextmanager
-def _ends_when_told() -> Iterator[None]:
+def _signals_as_interrupts() -> Iterator[None]:
     """A closed terminal, or a word to end, ends it as Ctrl-C does, so that nothing is left behind."""
-    told = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
-        told = []
-    before = [(number, signal.signal(number, signal.default_int_handler)) for number in told]
+        numbers = []
+    before = [(number, signal.signal(number, signal.default_int_handler)) for number in numbers]
     try:
         yield
     finally:
@@ -55,7 +55,7 @@ def edit(
 
     first = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
-    with _ends_when_told(), Session(first, outputs=outputs) as session:
+    with _signals_as_interrupts(), Session(first, outputs=outputs) as session:
         try:
             server = EditorServer(session, port)
         except OSError as error:

@@ -32,6 +32,10 @@ RENEWING = {"metrics", "keep", "formats", "size", "view"}
 """Keys that ask more of every run: with --extend, all are made again."""
 
 
+TRIED_AGAIN: tuple[State, ...] = ("killed",)
+"""Ends of runs that a new session makes again if nothing else is asked."""
+
+
 @dataclass(frozen=True)
 class SweepFolder:
     """An existing sweep: its folder, its plan (paths settled) and the preset that all runs start from."""
@@ -65,7 +69,7 @@ class SweepFolder:
         self,
         crew: Workers,
         told: Callable[[Progress], None] = lambda progress: None,
-        retry: Collection[State] = ("killed",),
+        retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
         """Make every run that waits, those in progress when it was last stopped, and those that ended as in `retry`.
 
