@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator,
 from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
-from dsfab.pattern import Guide, Rule, Stripes, Widths
+from dsfab.pattern import JUMP, Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, follow_weights, judged_names
 from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
@@ -224,6 +224,9 @@ class Width(Section):
     """Metres; narrower gaps between two stripes of a family are filled. 0 fills none."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface to keep, with keep and rim: widths are scaled until it is met. 0 leaves them as they are."""
+    solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
+    """Where that share jumps past the wanted one, as ends of members come and go, the nearest is taken if it misses by
+    no more than this share of the surface, and told in a note."""
 
     @model_validator(mode="after")
     def _possible(self) -> "Width":

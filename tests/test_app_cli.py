@@ -1,6 +1,7 @@
 """The command line as people use it and mistype it: files, exit codes, one sentence, nothing left behind."""
 
 import csv
+import hashlib
 import json
 import os
 import signal
@@ -70,10 +71,25 @@ def test_the_written_preset_builds_the_same_bytes(capsys, tmp_path):
         assert (first / name).read_bytes() == (second / name).read_bytes()
 
 
+def test_a_build_takes_the_place_of_the_one_before_and_leaves_what_is_not_its_own(capsys, tmp_path):
+    folder = tmp_path / "out"
+    assert run(capsys, "build", DOME_MODES, *QUICK, "-o", str(folder))[0] == 0
+    assert run(capsys, "export", str(folder), "--to", "obj")[0] == 0
+    (folder / "notes.txt").write_text("mine")
+    assert run(capsys, "build", DOME_MODES, *QUICK[:2], "--no-picture", "--format", "off", "-o", str(folder))[0] == 0
+    written = {"dome_modes.off", "sheet.ply", "design.npz", "preset.toml"}
+    assert {path.name for path in folder.iterdir()} == {*written, "design.json", "notes.txt", "dome_modes.obj"}
+    told = json.loads((folder / "design.json").read_text())["manifest"]
+    assert {name: (one["bytes"], one["sha256"]) for name, one in told.items()} == {
+        name: ((folder / name).stat().st_size, hashlib.sha256((folder / name).read_bytes()).hexdigest())
+        for name in written
+    }
+
+
 def test_the_same_preset_gives_the_same_bytes_in_another_process(capsys, tmp_path):
     """Where sets of words are in another order."""
     here, there = tmp_path / "here", tmp_path / "there"
-    formats = [suffix[1:] for suffix in FORMATS if suffix not in (*SLOW, ".3dm")]  # its library makes up ids
+    formats = [suffix[1:] for suffix in FORMATS if suffix not in (*SLOW, ".3dm")]  # slow, and has a test of its own
     asked = ["--set", "surface.edge=0.6", "--no-picture", "--format", ",".join(formats)]
     assert run(capsys, "build", DOME_MODES, *asked, "-o", str(here))[0] == 0
     command = [sys.executable, "-m", "dsfab.app.cli", "build", DOME_MODES, *asked, "-o", str(there), "--quiet"]

@@ -1,6 +1,7 @@
 """The editor without its page: what is opened, jobs, arrays, and a server that answers its own page alone."""
 
 import base64
+import contextlib
 import hashlib
 import http.client
 import json
@@ -8,6 +9,7 @@ import os
 import pickle
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -443,6 +445,71 @@ def serving(first=None, outputs=None):
             server.shutdown()
             thread.join()
             server.server_close()
+
+
+@pytest.fixture
+def idle():
+    """A server that listens and answers nobody yet."""
+    with Session(Opened(load_preset(DOME_MODES, COARSE), ("dome",))) as session, EditorServer(session) as made:
+        yield made
+
+
+def test_fifty_clients_may_wait_at_the_door(idle):
+    """With the library's five places, the sixth waited for its second call, seconds later."""
+    with contextlib.ExitStack() as stack:
+        for _ in range(50):
+            stack.enter_context(socket.create_connection(idle.server_address, timeout=0.5))
+
+
+def test_fifty_clients_at_once_are_answered(server):
+    """Each of them opens the page and listens for news, all of them at the same moment."""
+    server.session.start()
+    door, got, lock = threading.Barrier(50), [], threading.Lock()
+
+    def client():
+        door.wait()
+        status = [ask(server, "GET", path)[0] for path in ("/", "/static/main.js", "/api/start")]
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=10)) as news:
+            news.request("GET", "/api/events", headers={"X-Dsfab-Token": server.token})
+            answer = news.getresponse()
+            status.append(answer.status)
+            assert answer.fp.readline() == b": here\n"
+            with lock:
+                got.append(status)
+            door.wait()  # all of them listen at once
+
+    clients = [threading.Thread(target=client) for _ in range(50)]
+    for one in clients:
+        one.start()
+    for one in clients:
+        one.join()
+    assert got == [[200] * 4] * 50
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="what a process is told, and who is alive, by Linux")
+def test_temporary_folders_are_gone_at_the_end_and_after_a_kill_at_the_next_start(tmp_path):
+    def editor():
+        words = [sys.executable, "-m", "dsfab.app.cli", "edit", DOME_MODES, "--set", "surface.edge=1.5", "--no-open"]
+        process = subprocess.Popen(
+            words, cwd=tmp_path, env={**os.environ, "TMPDIR": str(tmp_path)}, stdout=subprocess.PIPE, text=True
+        )
+        assert "dsfab edit" in process.stdout.readline()
+        assert "Ctrl-C" in process.stdout.readline()
+        return process
+
+    def folders():
+        return [path.name for path in tmp_path.glob("dsfab-edit-*")]
+
+    with editor() as killed:
+        (left,) = folders()
+        killed.kill()
+    assert folders() == [left], "nobody could remove it"
+    with editor() as other:
+        (now,) = folders()
+        assert now != left
+        other.send_signal(signal.SIGTERM)
+        assert other.wait(timeout=30) == 0
+    assert folders() == []
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from dsfab.study.sweeps.plan_file import plan_from
 from dsfab.study.sweeps.scheduler import Progress
 from dsfab.study.sweeps.worker import Outcome
 from tests.presets import DOME_MODES
-from tests.test_study_sweep_folder import Hands
+from tests.test_study_sweep_folder import Hands, deadly
 
 COARSE = ("--set", "surface.edge=1.2", "--set", "pattern.keep=0.5", "--set", "pattern.width={}")
 PHASES = ("--vary", "pattern.major.phase=0.0:0.6:4")
@@ -97,6 +97,38 @@ def test_the_folder_goes_on_and_can_be_extended(here, capsys):
     assert "vary differ" in refused(capsys, "s", "--vary", "pattern.major.phase=0.0:0.6:7")
     assert "7 runs: 7 done" in run(capsys, "s", "--vary", "pattern.major.phase=0.0:0.6:7", "--extend")[1]
     assert "leave -o out" in refused(capsys, "s", "-o", "t")
+
+
+def test_runs_that_are_missing_are_told_and_exit_with_3(here, capsys, monkeypatch):
+    def crew(fate):
+        return lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1, fate=fate)
+
+    monkeypatch.setattr(command, "_crew", crew(deadly(2, 4)))
+    code, out, err = run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s")
+    assert code == 3
+    assert "4 runs: 2 done, 0 failed, 2 killed" in out
+    assert "run 2 was killed: the worker was killed 2 times" in err
+    last = "dsfab: 2 of 4 runs are missing (killed: 2, 4); `dsfab sweep s` tries again"
+    assert err.splitlines()[-1] == last
+    assert run(capsys, "s", "--retry", "failed")[0] == 3, "the killed ones are still missing"
+    monkeypatch.setattr(command, "_crew", crew(deadly()))
+    code, out, err = run(capsys, "s")
+    assert (code, "4 runs: 4 done, 0 failed\n" in out, "missing" in err) == (0, True, False)
+
+
+def test_a_design_that_cannot_be_made_is_not_missing(here, capsys):
+    words = (DOME_MODES, *COARSE, *CHEAP, "--vary", "pattern.major.mode=1,40", "-o", "s")
+    assert run(capsys, *words)[0] == 0
+    code, out, err = run(capsys, "s", "--retry", "all")
+    assert (code, "2 runs: 1 done, 1 failed" in out) == (0, True)
+    assert "run 2 failed" in err
+    assert "unknown" not in refused_usage(capsys, "s", "--retry", "some")
+
+
+def refused_usage(capsys, *words: str) -> str:
+    code, _, err = run(capsys, *words)
+    assert code == 2
+    return err
 
 
 def test_pictures_contact_sheet_and_page(here, capsys):

@@ -2,6 +2,12 @@
 
 import importlib.util
 import json
+import struct
+import subprocess
+import sys
+import time
+import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +19,7 @@ from dsfab.delivery.files import deliverable
 from dsfab.delivery.lines import design_lines
 from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, step, step_check, write
-from dsfab.export.rhino import COLOURS
+from dsfab.export.rhino import COLOURS, without_times
 from dsfab.surface.lines import StructureLine
 from tests.presets import DOME_MODES
 from tests.test_export import box
@@ -60,6 +66,51 @@ def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
         assert np.array(ends) == pytest.approx(1000 * line.points[[0, -1]], abs=1e-9)
         assert curve.Geometry.IsClosed == line.closed
         assert float(curve.Attributes.GetUserString("length_mm")) == pytest.approx(1000 * line.length, abs=1e-3)
+
+
+def test_a_3dm_file_has_the_same_bytes_each_time(tmp_path):
+    """Another second, another folder, another process (the library makes up ids, and wrote time and path)."""
+    rhino3dm = pytest.importorskip("rhino3dm")
+    (tmp_path / "elsewhere").mkdir()
+    code = (
+        "import sys; from dsfab.export import write; from tests.test_export import box\n"
+        "from tests.test_export_lines import ARCHED; write(box(), sys.argv[1], details=ARCHED[1], name='arch')"
+    )
+    subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "elsewhere" / "b.3dm"], check=True, cwd=Path(__file__).parents[1]
+    )
+    time.sleep(1.1)
+    content = write(box(), tmp_path / "a.3dm", details=ARCHED[1], name="arch").read_bytes()
+    assert content == (tmp_path / "elsewhere" / "b.3dm").read_bytes()
+    assert "elsewhere".encode("utf-16-le") not in content
+    model = rhino3dm.File3dm.Read(str(tmp_path / "a.3dm"))
+    ids = [str(item.Attributes.Id) for item in model.Objects] + [str(layer.Id) for layer in model.Layers]
+    assert len(set(ids)) == len(ids) == 1 + len(ARCHED[1].lines) + len(model.Layers)
+    assert (model.Created.year, model.LastEdited.year) == (1980, 1980)
+    other = rhino3dm.File3dm.Read(str(write(box(), tmp_path / "a.3dm", details=ARCHED[1], name="other")))
+    assert {str(item.Attributes.Id) for item in other.Objects}.isdisjoint(ids), "two designs may meet in one model"
+
+
+def test_the_history_of_an_archive_is_found_wherever_it_is_and_its_checksum_is_right():
+    """Names of who made and changed it are kept, whatever their length."""
+    names = [text.encode("utf-16-le") for text in ("Ada\0", "")]
+    parts = [len(name) // 2 for name in names]
+    body = b"\x10" + b"".join(
+        count.to_bytes(4, "little") + name + bytes(range(32)) for count, name in zip(parts, names, strict=True)
+    )
+    body += (7).to_bytes(4, "little")
+    history = struct.pack("<Iq", 0x20008021, len(body) + 4) + body + b"CRC!"
+    inside = struct.pack("<Iq", 0xA0000026, 5) + struct.pack("<Iq", 0x20008024, 2) + b"xy" + history
+    archive = b"3D".ljust(32) + struct.pack("<Iq", 1, 3) + b"abc" + struct.pack("<Iq", 0x10000014, len(inside)) + inside
+    found = without_times(archive + b"rest")
+    at = archive.index(body)
+    assert found[:at] == archive[:at]
+    assert found[at + len(body) + 4 :] == b"rest"
+    changed = found[at : at + len(body)]
+    assert found[at + len(body) :][:4] == zlib.crc32(changed).to_bytes(4, "little")
+    assert changed == body.replace(bytes(range(32)), struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0))
+    with pytest.raises(ExportError, match="in another way than dsfab knows"):
+        without_times(archive[:60])
 
 
 def test_a_3dm_file_that_lost_a_triangle_or_a_curve_is_not_kept(tmp_path, monkeypatch):

@@ -22,6 +22,8 @@ from dsfab.pattern import (
     vertex_means,
     wave,
 )
+from dsfab.pipeline import draft
+from dsfab.preset_file import overridden
 from dsfab.slicing import cut
 from tests.presets import DOME_MODES, GLOBE_MODES, on_modes
 from tests.zoo import ZOO, grid, jittered, zoo
@@ -302,6 +304,66 @@ def test_of_a_share_that_jumps_a_little_the_nearest_is_taken():
         return min(0.5 * f + (0.006 if f > 0.996 else 0.0), 0.9)
 
     assert share(solved_factor(share, 0.5, 4e-4)) == pytest.approx(0.498, abs=1e-4)
+
+
+def test_how_far_a_jump_may_miss_is_asked():
+    """By .6 %, from .2 % under what is wanted: nearer than .1 % there is nothing."""
+
+    def share(f: float) -> float:
+        return min(0.5 * f + (0.006 if f > 0.996 else 0.0), 0.9)
+
+    with pytest.raises(PatternError, match=r"jumps past 50\.0%.*nearest: 49\.80%"):
+        solved_factor(share, 0.5, 4e-4, jump=0.001)
+    assert share(solved_factor(share, 0.5, 4e-4, jump=0.003)) == pytest.approx(0.498, abs=1e-4)
+
+
+JUMPING = {
+    "slicing.loose": "keep",
+    "surface.edge": 0.1,
+    "pattern.tidy": True,
+    "pattern.keep": 0.0,
+    "pattern.rim": 0.0,
+    "pattern.major.frequency": 4.8,
+    "pattern.minor.frequency": 5.7,
+    "pattern.major.phase": 0.59,
+    "pattern.minor.phase": 0.89,
+    "pattern.width": {"rule": "constant", "min_width": 0.012, "min_gap": 0.012, "solid_fraction": 0.311},
+}
+"""A coarse plate on which the end of a member comes as widths grow: from 30.94 % of it to more than 31.1 %."""
+
+
+def test_the_nearest_share_is_delivered_with_a_note():
+    preset = dsfab.load_preset("cantilever", JUMPING)
+    assert preset.pattern.width.solid_fraction_tolerance == 0.005
+    design = draft(preset)
+    share = design.sheet.surface.area / design.surface.area
+    assert share == pytest.approx(0.3094, abs=1e-4)
+    assert [note.text for note in design.notes if "30.94% is the nearest: the share jumps there" in note.text]
+    with pytest.raises(
+        PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow more with .*_tolerance"
+    ):
+        _ = draft(overridden(preset, {"pattern.width.solid_fraction_tolerance": 0.001})).pattern
+
+
+def test_a_small_jump_is_told_too():
+    """30.9 % is wanted, and 30.94 % is the nearest: less than the share may miss anyway is not told, more is."""
+    preset = dsfab.load_preset("cantilever", JUMPING)
+    for wanted, told in ((0.30945, False), (0.3100, True)):
+        notes = draft(overridden(preset, {"pattern.width.solid_fraction": wanted})).notes
+        assert any("is the nearest" in note.text for note in notes) == told
+
+
+def test_competitors_have_the_mass_that_is_there_not_the_one_that_was_asked():
+    """A plate that carries, of which 43.9 % is wanted and 44.14 % the nearest."""
+    from dsfab.study import compare
+
+    spacings = {"pattern.method": "stripes", "pattern.major.spacing": 0.36, "pattern.minor.spacing": 0.22}
+    around = {"pattern.tidy": True, "pattern.keep": 0.1, "pattern.rim": 0.02, "surface.edge": 0.13}
+    asked = {**spacings, **around, "pattern.width.solid_fraction": 0.439}
+    found = compare(draft(dsfab.load_preset("cantilever", asked)), ["thinner", "simp"])
+    own = found["design"].mass
+    assert own / found.full.mass == pytest.approx(0.4415, abs=2e-4)
+    assert [found[name].mass for name in ("thinner", "simp")] == pytest.approx([own, own], rel=1e-3)
 
 
 @pytest.mark.parametrize("name", COARSE)

@@ -215,6 +215,8 @@ def test_a_saved_design_builds_again_with_the_command_line(tmp_path: Path) -> No
         assert (tmp_path / "again" / name).read_bytes() == (moved / name).read_bytes(), name
     assert main(["build", str(moved / "preset.toml"), "-o", str(moved), "-f", "stl", "--no-preview", "-q"]) == 0
     assert 'file = "surface.ply"' in (moved / "preset.toml").read_text()
+    assert np.array_equal(dsfab.load_preset(moved / "preset.toml").surface.build().V, design.surface.V)
+    assert not (moved / "roof.step").exists(), "of the design before"
 
 
 def test_a_mesh_in_memory_is_varied_and_goes_to_other_processes() -> None:

@@ -8,8 +8,9 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -62,7 +63,7 @@ class Hands:
         return execute(self.job, number, changes)
 
     def lost(self, worker):
-        pass
+        return ""
 
     def learn(self, outcome):
         pass
@@ -72,13 +73,13 @@ class Hands:
             pool.shutdown()
 
 
-def swept(folder: Path, asked: Plan, fate=lambda number: None, extend=False) -> list[int]:
+def swept(folder: Path, asked: Plan, fate=lambda number: None, extend=False, retry=("killed",)) -> list[int]:
     """Make a sweep with a crew of threads; returns the numbers of the runs that were begun."""
     with only_coordinator(sweep_folder(folder)):
         found = prepare(asked, folder, extend)
         crew = Hands(found.job(), fate=fate)
         try:
-            found.run(crew)
+            found.run(crew, retry=retry)
         finally:
             crew.close()
     return sorted(crew.begun)
@@ -196,18 +197,125 @@ def test_a_worker_that_dies_once_costs_nothing_but_time(tmp_path):
     assert measured(tmp_path / "a") == measured(tmp_path / "b")
 
 
-def test_a_run_that_kills_its_worker_twice_has_failed(tmp_path):
+def deadly(*numbers: int):
+    """A fate that kills whoever makes one of these runs."""
+
     def fate(number):
-        if number == 3:
+        if number in numbers:
             raise OSError("killed")
 
-    begun = swept(tmp_path, plan(), fate)
+    return fate
+
+
+def states(folder: Path) -> list[str]:
+    return [row.state for row in SweepFolder.at(folder).rows()]
+
+
+def test_a_run_whose_worker_is_killed_twice_is_killed_not_failed_and_made_at_the_next_start(tmp_path):
+    begun = swept(tmp_path / "a", plan(), deadly(3))
     assert begun.count(3) == TRIES == 2
-    rows = SweepFolder.at(tmp_path).rows()
-    assert [row.state for row in rows] == ["done"] * 2 + ["failed"] + ["done"] * 5
-    assert "the worker was killed 2 times" in rows[2].error
-    assert "OSError: killed" in (tmp_path / "logs" / "00003.txt").read_text()
-    assert swept(tmp_path, plan()) == []
+    row = SweepFolder.at(tmp_path / "a").rows()[2]
+    assert states(tmp_path / "a") == ["done"] * 2 + ["killed"] + ["done"] * 5
+    assert row.error == "the worker was killed 2 times while it made this run"
+    log = (tmp_path / "a" / "logs" / "00003.txt").read_text()
+    assert "OSError: killed" in log
+    assert "run 3 of dome_modes was killed" in log
+    assert swept(tmp_path / "a", plan()) == [3]
+    swept(tmp_path / "b", plan())
+    assert measured(tmp_path / "a") == measured(tmp_path / "b")
+
+
+def test_losses_count_anew_in_each_session(tmp_path):
+    """One death in each of three sessions is none too many."""
+    few = {"pattern.major.phase": PHASES}
+    for _ in range(3):
+        deaths = [3]
+
+        def fate(number, deaths=deaths):
+            if number in deaths:
+                deaths.remove(number)
+                raise OSError("killed")
+
+        swept(tmp_path, plan(vary=few), fate)
+        assert states(tmp_path) == ["done"] * 4
+        with Store.open(tmp_path) as store:
+            store.again(("done",))
+    assert SweepFolder.at(tmp_path).rows()[2].lost == 3
+
+
+def test_runs_that_were_killed_twice_are_made_last_and_alone(tmp_path):
+    swept(tmp_path, plan(), deadly(2, 3, 4))
+    with Store.open(tmp_path) as store:
+        store.again(("done",))
+    at_once, most = [0], dict[int, int]()
+    lock = threading.Lock()
+
+    def fate(number):
+        with lock:
+            at_once[0] += 1
+            most[number] = at_once[0]
+        time.sleep(0.05)
+        with lock:
+            at_once[0] -= 1
+
+    swept(tmp_path, plan(), fate)
+    assert states(tmp_path) == ["done"] * 8
+    assert set(list(most)[-3:]) == {2, 3, 4}
+    assert [most[number] for number in (2, 3, 4)] == [1, 1, 1]
+    assert max(most.values()) == 2, "the others are made together"
+
+
+def test_which_runs_are_tried_again(tmp_path):
+    varied = {"vary": {"pattern.major.mode": [1, 40, 2]}}
+    swept(tmp_path, plan(**varied), deadly(3))
+    assert states(tmp_path) == ["done", "failed", "killed"]
+    assert swept(tmp_path, plan(**varied), deadly(3), retry=("failed",)) == [2]
+    assert swept(tmp_path, plan(**varied), deadly(3)) == [3, 3]
+    assert swept(tmp_path, plan(**varied), retry=("failed", "killed")) == [2, 3]
+    assert states(tmp_path) == ["done", "failed", "done"]
+
+
+def test_runs_that_an_earlier_dsfab_took_for_failed_are_made_again(tmp_path):
+    swept(tmp_path, plan())
+    with Store.open(tmp_path) as store:
+        store.finish(3, {}, "the worker was killed 2 times while it made this run (out of memory?)")
+        store.finish(4, {}, "pattern.major.mode = 40 is out of reach")
+    assert swept(tmp_path, plan()) == [3]
+    assert states(tmp_path)[2:4] == ["done", "failed"]
+
+
+def test_a_worker_that_cannot_even_begin_is_a_death_like_any(tmp_path):
+    """A pool whose process was killed as it began refuses work at once."""
+
+    class Stillborn(Hands):
+        born = 0
+
+        def submit(self, worker, number, changes):
+            self.born += 1
+            if self.born == 1:
+                raise BrokenExecutor("killed as it began")
+            return super().submit(worker, number, changes)
+
+    with only_coordinator(sweep_folder(tmp_path)):
+        found = prepare(plan(), tmp_path)
+        crew = Stillborn(found.job())
+        found.run(crew)
+        crew.close()
+    assert states(tmp_path) == ["done"] * 8
+
+
+def test_want_of_memory_is_told_only_where_the_system_says_so(tmp_path, monkeypatch):
+    """No guess: the kernel counts the processes that it ends for want of memory."""
+    kills = [7]
+    monkeypatch.setattr(local, "memory_kills", lambda: kills[0])
+    crew = LocalWorkers(prepare(plan(), sweep_folder(tmp_path)).job(), 1)
+    said = []
+    for more in (0, 1):
+        crew._pools["worker 1"] = ThreadPoolExecutor(1)
+        kills[0] += more
+        said.append(crew.lost("worker 1"))
+    assert said == ["", "the system ended a process for want of memory"]
+    assert crew.lost("nobody") == ""
 
 
 def test_a_design_that_cannot_be_made_is_recorded_with_its_reason(tmp_path):

@@ -1,6 +1,7 @@
 """The command line: `dsfab build`, `preview`, `explore`, `presets` and more. The only place that prints and exits.
 
-Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 130 stopped by Ctrl-C;
+of `dsfab sweep` also 3: runs are missing.
 """
 
 import sys
@@ -12,6 +13,7 @@ from dsfab import __version__
 from dsfab.errors import DsfabError
 
 DONE, REFUSED, WRONG_USAGE, STOPPED = 0, 1, 2, 130
+MISSING = 3
 
 app = App(
     name="dsfab",

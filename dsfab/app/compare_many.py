@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from dsfab.app.compare_one import Task, compare_one
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 from dsfab.report.design.facts import versions
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from dsfab.app.options import Source
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 from dsfab.report.comparison_files import write_results
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, picture_size
 from dsfab.app.terminal import Reporter, out
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 from dsfab.preset_file import overridden
 from dsfab.render.answers import asking
 from dsfab.render.palette import PAPER
@@ -100,15 +100,12 @@ def _drawn(variants: "Variants", folder: Path, film: FilmOptions, yes: bool, rep
     from dsfab.report.film import write_film
 
     name = variants.preset.name
-    with whole_or_nothing(folder) as partial:
+    with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
         tiles = variants.tiles(reporter, yes)
         _write(tiles, variants, partial)
         if film.animate:
             reporter("preview", f"making {name}.{film.animate}")
             write_film(tiles, partial / f"{name}.{film.animate}", name, film.fps, PAPER)
-        stale = pictures_of(folder) - pictures_of(partial)
-    for picture in stale:
-        (folder / picture).unlink(missing_ok=True)
     return tiles
 
 

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from dsfab.app.options import Quiet
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError, did_you_mean
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 from dsfab.report.design.facts import versions
 from dsfab.wording import size
 
@@ -88,7 +88,7 @@ def _write(
     from dsfab.report.paper.page import PAGE_NAME, PageFacts, page, pictures_of
 
     figures: list[FigurePictures] = []
-    with whole_or_nothing(folder) as partial:
+    with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
         for number, figure in enumerate(chosen, start=1):
             reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
             figures.append(make_figure(figure, partial, coarser))
@@ -98,9 +98,6 @@ def _write(
             sphere_volumes(partial, reporter, coarser)
         text = page(figures, PageFacts(coarser, _machine()), _volumes(partial) or _volumes(folder))
         (partial / PAGE_NAME).write_text(text, encoding="utf-8")
-        stale = pictures_of(folder) - pictures_of(partial)
-    for name in stale:
-        (folder / name).unlink(missing_ok=True)
     return figures
 
 

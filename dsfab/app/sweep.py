@@ -1,10 +1,10 @@
 """`dsfab sweep`: thousands of designs of one preset in one folder, which may be stopped and continued at any time."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dsfab.study.sweeps.folder import SweepFolder
     from dsfab.study.sweeps.plan import Plan
     from dsfab.study.sweeps.scheduler import Progress
+    from dsfab.study.sweeps.store import State
     from dsfab.study.sweeps.worker import Drawer
     from dsfab.study.sweeps.workers import Workers
 
@@ -74,6 +75,15 @@ class Work:
     workers: Annotated[int | None, Parameter(help="Processes [cores, as memory allows].")] = None
     scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None
     extend: Annotated[bool, Parameter(negative=(), help="Add what is new to an existing sweep.")] = False
+    retry: Annotated[
+        Literal["killed", "failed", "all"],
+        Parameter(help="Which runs of an existing sweep are tried again: whose worker was killed, failed ones, both."),
+    ] = "killed"
+
+    @property
+    def tried_again(self) -> "tuple[State, ...]":
+        """Ends of runs that are tried again."""
+        return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
         """Where the sweep is kept; None for a new one without --output. Raises DsfabError for two folders."""
@@ -110,7 +120,8 @@ def sweep(
 ) -> int:
     """Make many designs of a preset: numbers, pictures and a page to choose from, in one folder.
 
-    It may be stopped at any time, even by a power cut: the same command, or `dsfab sweep FOLDER`, goes on.
+    It may be stopped at any time, even by a power cut: the same command, or `dsfab sweep FOLDER`, goes on. The exit
+    code is 3 where runs are missing, and the last line says how many.
 
     Parameters
     ----------
@@ -170,8 +181,9 @@ def _is_sweep(path: Path) -> bool:
 
 
 def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
+    from dsfab.app.cli import DONE, MISSING, STOPPED
     from dsfab.app.sweep_progress import SweepProgress
-    from dsfab.report.sweep_folder import headline, summary
+    from dsfab.report.sweep_folder import headline, missing_runs, summary
     from dsfab.study.sweeps.folder import checked_plan, prepare, sweep_folder
     from dsfab.study.sweeps.lock import only_coordinator
     from dsfab.study.sweeps.plan_file import plan_from
@@ -188,15 +200,19 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
         for row in found.rows():
             if row.state == "done":
                 line.knows(row.number, row.metrics)
-        stopped = _run_all(found, _crew(found, draw, work.workers, work.scheduler), line)
+        stopped = _run_all(found, _crew(found, draw, work.workers, work.scheduler), line, work.tried_again)
         if not quiet:
             out(summary(found))
+        missing = missing_runs(found)
     if stopped:
-        line.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {folder}` goes on")
-    return 130 if stopped else 0
+        line.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {folder}` goes on. {missing}".rstrip())
+        return STOPPED
+    if missing:
+        line.say(f"dsfab: {missing}; `dsfab sweep {folder}` tries again")
+    return MISSING if missing else DONE
 
 
-def _run_all(found: "SweepFolder", crew: "Workers", line: Any) -> bool:
+def _run_all(found: "SweepFolder", crew: "Workers", line: Any, retry: "Collection[State]") -> bool:
     """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
     from dsfab.report.sweep_folder import SweepPages
 
@@ -208,7 +224,7 @@ def _run_all(found: "SweepFolder", crew: "Workers", line: Any) -> bool:
 
     try:
         try:
-            found.run(crew, told)
+            found.run(crew, told, retry)
         except KeyboardInterrupt:
             stopped = True
         finally:

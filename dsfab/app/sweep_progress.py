@@ -42,7 +42,8 @@ class SweepProgress:
         outcome = progress.last
         if outcome is not None and outcome.error:
             short = outcome.error if len(outcome.error) <= LONGEST else outcome.error[:LONGEST] + "..."
-            self._console.print(f"run {outcome.number} failed: {short}", markup=False)
+            ended = "was killed" if outcome.killed else "failed"
+            self._console.print(f"run {outcome.number} {ended}: {short}", markup=False)
         elif outcome is not None:
             self.knows(outcome.number, outcome.metrics)
         line = self._line(progress)
@@ -59,7 +60,8 @@ class SweepProgress:
         return status
 
     def _line(self, progress: Progress) -> str:
-        parts = [f"{progress.done} done, {progress.failed} failed, {progress.left} left"]
+        killed = f", {progress.killed} killed" if progress.killed else ""
+        parts = [f"{progress.done} done, {progress.failed} failed{killed}, {progress.left} left"]
         if progress.ended_now:
             parts.append(f"{progress.rate:.3g} runs/min")
             parts += [f"{duration(progress.seconds_left)} left"] if progress.left else []

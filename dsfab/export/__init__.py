@@ -2,8 +2,10 @@
 
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate
+from dsfab.export.folder import complete, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
+from dsfab.export.partial import temporary_folder
 from dsfab.export.program import meanwhile
 
 __all__ = [
@@ -13,9 +15,12 @@ __all__ = [
     "Estimate",
     "StepOptions",
     "Written",
+    "complete",
     "meanwhile",
     "replacing",
     "step_estimates",
+    "temporary_folder",
+    "whole_or_nothing",
     "write",
     "write_chunks",
 ]

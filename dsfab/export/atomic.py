@@ -2,12 +2,12 @@
 
 import errno
 import os
-import secrets
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dsfab.errors import ExportError
+from dsfab.export.partial import partial_name, remove_abandoned_files
 
 _ADVICE = {
     errno.ENOSPC: "the disk is full; free some space or choose another folder",
@@ -31,7 +31,8 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises ExportError in place of OSError.
     """
     target = Path(os.path.realpath(path))  # a link stays a link: the file it points to is replaced
-    temporary = target.with_name(f".{secrets.token_hex(6)}.partial{target.suffix}")
+    temporary = target.with_name(partial_name(target.suffix))
+    remove_abandoned_files(target.parent)
     try:
         _ask(target, temporary)
         yield temporary

@@ -136,9 +136,9 @@ def write(
     note    : called with a line that says how the STEP file was made, and why not otherwise.
     report  : called with what was written: size, seconds, triangles or faces, and how far the volume is off.
 
-    The same thing gives the same bytes, but for .3dm, whose library makes up identifiers. Another reader than the
-    writer must find the same triangles, closed, and the same volume (area of a sheet) to 0.1 %; only then does the file
-    take its name, in one step. After a failure there is no new file, and an older one of that name is as it was.
+    The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
+    same volume (area of a sheet) to 0.1 %; only then does the file take its name, in one step. After a failure there is
+    no new file, and an older one of that name is as it was.
     Raises ExportError: unknown suffix, a library that is not installed, a sheet where the format needs a solid, lines
     where there are none, a shape that the format cannot hold, too many faces for STEP, no permission or space,
     and a file that reads back different.

@@ -4,11 +4,19 @@ Millimetres, and the file says so.
 The library rhino3dm (extra `rhino`) keeps vertices of meshes in single precision; curves are in double. A line is a
 NURBS curve within the tolerance of the lines, or a polycurve where it has corners; straight ones stay polylines. Each
 has its id as its name, and its family, number, length and tolerance as user text.
+
+openNURBS gives all things made-up ids and writes the time into the file. Here ids follow from what the file holds, and
+the time is one that says nothing, as archives that can be made again have it: the same design has the same bytes.
 """
 
+import base64
+import hashlib
 import importlib.util
-import tempfile
-from collections.abc import Iterator
+import struct
+import uuid
+import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +44,13 @@ BLACK, GREY = (0, 0, 0, 255), (150, 150, 150, 255)
 MESH = "sheet"
 """The layer of the mesh."""
 
+_HEADER = 32
+"""Bytes before the first chunk of an archive: a chunk is its code (4 bytes), its length (8), its content."""
+_PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
+"""Codes of chunks: what the file is, who changed it when; a chunk with this bit has a value in place of a length."""
+_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
+"""1 January 1980, a Tuesday, as C's `struct tm`."""
+
 
 def ready() -> None:
     """Raise ExportError if rhino3dm is not installed."""
@@ -49,27 +64,80 @@ def prepare(part: Part) -> Part:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The archive as rhino3dm writes it, which is to a file only; it holds identifiers that differ from run to run."""
+    """The archive as rhino3dm writes it in memory (to a file it would write the file's name too), its times unset."""
     import rhino3dm
 
-    model = rhino3dm.File3dm()
+    model, ids = rhino3dm.File3dm(), _ids(part)
     model.ApplicationName, model.ApplicationDetails = "dsfab", f"dsfab {__version__}"
     model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
     model.Settings.ModelAbsoluteTolerance = 0.001
-    layers = {MESH: model.Layers.AddLayer(MESH, GREY)}
+    layers = {MESH: _layer(model, ids, MESH, GREY)}
     for line in part.details.lines:
         if line.layer not in layers:
-            layers[line.layer] = model.Layers.AddLayer(line.layer, COLOURS.get(line.family, BLACK))
+            layers[line.layer] = _layer(model, ids, line.layer, COLOURS.get(line.family, BLACK))
     about = rhino3dm.ObjectAttributes()
-    about.Name, about.LayerIndex = one_line(part.name), layers[MESH]
+    about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
     model.Objects.AddMesh(_mesh(part), about)
-    for line in part.details.lines:
-        model.Objects.AddCurve(_curve(line, within(part)), _about(line, layers[line.layer], within(part)))
-    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "model.3dm"
-        if not model.Write(str(path), VERSION):
-            raise ExportError(f"rhino3dm could not write {part.name!r}; free some space for temporary files")
-        yield path.read_bytes()
+    for number, line in enumerate(part.details.lines):
+        about = _about(line, layers[line.layer], within(part))
+        about.Id = ids(f"line {number}")
+        model.Objects.AddCurve(_curve(line, within(part)), about)
+    how = rhino3dm.File3dmWriteOptions()
+    how.Version = VERSION
+    yield without_times(base64.b64decode(model.Encode(how)))
+
+
+def _ids(part: Part) -> Callable[[str], uuid.UUID]:
+    """Ids by name, that differ between parts that differ: those of two designs may meet in one model."""
+    held = hashlib.sha256()
+    for array in (part.V, part.F, *(line.points for line in part.details.lines)):
+        held.update(np.ascontiguousarray(array).tobytes())
+    return partial(uuid.uuid5, uuid.uuid5(uuid.NAMESPACE_URL, f"dsfab {part.name} {held.hexdigest()}"))
+
+
+def _layer(model: Any, ids: Callable[[str], uuid.UUID], name: str, colour: tuple[int, int, int, int]) -> int:
+    """The index of a new layer."""
+    import rhino3dm
+
+    layer = rhino3dm.Layer()
+    layer.Name, layer.Color, layer.Id = name, colour, ids(f"layer {name}")
+    index: int = model.Layers.Add(layer)
+    return index
+
+
+def without_times(archive: bytes) -> bytes:
+    """An archive whose history says `_TIME` in place of when it was made and changed, its checksum right.
+
+    The history: a byte of version; who made it (a count of letters of two bytes each, and these) and when (8 numbers);
+    who changed it, and when; how often; CRC-32 of all this. Raises ExportError for an archive without it.
+    """
+    content = bytearray(archive)
+    properties = _chunk(archive, _HEADER, len(archive), _PROPERTIES)
+    history = _chunk(archive, *properties, _HISTORY) if properties else None
+    if history is None:
+        raise ExportError("rhino3dm writes .3dm files in another way than dsfab knows; write .dxf and .stl instead")
+    start, end = history
+    at = start + 1
+    for _ in range(2):
+        at += 4 + 2 * int.from_bytes(content[at : at + 4], "little")
+        content[at : at + len(_TIME)] = _TIME
+        at += len(_TIME)
+    content[end - 4 : end] = zlib.crc32(content[start : end - 4]).to_bytes(4, "little")
+    return bytes(content)
+
+
+def _chunk(archive: bytes, start: int, end: int, wanted: int) -> tuple[int, int] | None:
+    """Where the content of the first chunk of that code begins and ends, of the chunks from `start` to `end`."""
+    while start + 12 <= end:
+        code, size = struct.unpack_from("<Iq", archive, start)
+        size = 0 if code & _SHORT else size
+        start += 12
+        if not 0 <= size <= end - start:
+            return None
+        if code == wanted:
+            return start, start + size
+        start += size
+    return None
 
 
 def _mesh(part: Part) -> Any:

@@ -16,9 +16,19 @@ from dsfab.pattern.phase import Flow, through_peaks
 from dsfab.pattern.shares import counted_share, face_points, material_points
 from dsfab.pattern.stripes import Stripes, frequency_for
 from dsfab.pattern.wave import wave
-from dsfab.pattern.width import Rule, Widths, relative_stresses, slopes, solved_factor, vertex_means
+from dsfab.pattern.width import (
+    JUMP,
+    Rule,
+    ShareJumpError,
+    Widths,
+    relative_stresses,
+    slopes,
+    solved_factor,
+    vertex_means,
+)
 
 __all__ = [
+    "JUMP",
     "WIDTH_RULES",
     "CornerPhase",
     "Drawable",
@@ -32,6 +42,7 @@ __all__ = [
     "Layer",
     "ModeFamily",
     "Rule",
+    "ShareJumpError",
     "StressDirections",
     "Stripes",
     "Widths",

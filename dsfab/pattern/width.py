@@ -35,6 +35,10 @@ STEPS = 30
 """Several times what the search needs on a share without jumps."""
 
 
+class ShareJumpError(PatternError):
+    """A share that is nowhere near the wanted one, but on both sides of it."""
+
+
 @dataclass(frozen=True)
 class Widths:
     """The rule for the half-width d of stripes at every vertex.
@@ -155,15 +159,22 @@ def relative_stresses(surface: Surface, principal: Floats) -> Floats:
 
 
 def solved_factor(
-    share: Callable[[float], float], wanted: float, tolerance: float, slope: float = 0.0, near: bool = False
+    share: Callable[[float], float],
+    wanted: float,
+    tolerance: float,
+    slope: float = 0.0,
+    near: bool = False,
+    jump: float = JUMP,
 ) -> float:
     """The factor at which share(factor), which never falls, is `wanted` to `tolerance`.
 
     slope : about its derivative, where the factor may be about 1: then that and one step of Newton's are tried first.
     near  : whether the factor is known to be about 1: then secants are followed from there.
+    jump  : by how much a share that jumps past the wanted one may miss it: the factor of the nearest is returned then.
 
     The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
-    [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share, but for a jump within `JUMP`.
+    [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share, but for a jump within `jump`
+    (ShareJumpError past it).
     """
 
     @cache
@@ -182,9 +193,9 @@ def solved_factor(
             low, high, kept = new, (high[0], high[1] / (2 if kept == 1 else 1)), 1
         else:
             low, high, kept = (low[0], low[1] / (2 if kept == -1 else 1)), new, -1
-    if _miss(best) <= JUMP:
+    if _miss(best) <= jump:
         return best[0]
-    raise PatternError(
+    raise ShareJumpError(
         f"the kept share jumps past {wanted:.1%} of the surface (nearest: {best[1] + wanted:.2%}); "
         "change the phase or the frequency a little"
     )

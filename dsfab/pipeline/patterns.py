@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from dsfab.pattern import (
     EvenFamily,
     Layer,
     ModeFamily,
+    ShareJumpError,
     Stripes,
     Widths,
     counted_share,
@@ -34,6 +36,9 @@ from dsfab.surface import LoadCase, Surface
 
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
+
+EXACT = 1e-9
+"""Shares that differ by less are the same share, added up in another order."""
 
 CORRECTIONS = 3
 """Rounds at most in which it is corrected by what round corners and filled specks add."""
@@ -159,7 +164,15 @@ def solved_layers(
             with suppress(PatternError):  # the search below says it better
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
-        return _reached(layers, share, factor, wanted, tolerance, slope, bool(guess))
+        found = partial(
+            solved_factor,
+            wanted=wanted,
+            tolerance=tolerance,
+            slope=slope,
+            near=bool(guess),
+            jump=width.solid_fraction_tolerance,
+        )
+        return _reached(layers, share, factor, found)
     return layers(factor), factor
 
 
@@ -167,23 +180,24 @@ def _reached(
     layers: Callable[[float, float], list[Layer]],
     share: Callable[[Sequence[Layer]], float],
     factor: float,
-    wanted: float,
-    tolerance: float,
-    slope: float,
-    near: bool,
+    solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
     """The layers that keep a share, and their factor, near the given one: that one says which openings close.
+
+    solve : what `solved_factor` finds for a share as a function of the factor over the given one.
 
     Where the share jumps because an opening is about to close, a little more or less of them do.
     """
     refused = list[PatternError]()
     for closing in (factor * shift for shift in CLOSINGS):
         try:
-            relative = solved_factor(lambda x: share(layers(factor * x, closing)), wanted, tolerance, slope, near)  # noqa: B023
+            relative = solve(lambda x: share(layers(factor * x, closing)))  # noqa: B023
         except PatternError as error:
             refused.append(error)
         else:
             return layers(factor * relative, closing), factor * relative
+    if isinstance(refused[0], ShareJumpError):
+        raise PatternError(f"{refused[0]}, or allow more with pattern.width.solid_fraction_tolerance")
     raise refused[0]
 
 
@@ -284,6 +298,6 @@ def _solved(preset: Preset, widths: Widths, factor: float, share: float) -> str:
     else:
         became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
     told = f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"
-    if abs(share - (ask.width.solid_fraction or share)) <= 2 * SHARE_TOLERANCE:
+    if abs(share - ask.width.solid_fraction) <= SHARE_TOLERANCE + EXACT:
         return told
     return f"{told}; {share:.2%} is the nearest: the share jumps there, as ends of members come and go"

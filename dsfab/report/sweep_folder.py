@@ -37,6 +37,9 @@ TILE_WIDE = 260
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
 """What is looked at first, if it was measured: how stiff, and how heavy."""
 
+FEW = 10
+"""Numbers of runs that a line names."""
+
 PAGE = "index.html"
 
 
@@ -84,7 +87,7 @@ class SweepPages:
 def _sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
     """The runs side by side in the order of their numbers; of very many, the best."""
     plan = folder.plan
-    shown = [row for row in rows if row.state in ("done", "failed")]
+    shown = [row for row in rows if row.state in ("done", "failed", "killed")]
     which = f"{len(shown)} runs"
     if len(shown) > TILES:
         chosen = {row.number for row in best(rows, headline(plan), plan.limits)[:TILES]}
@@ -126,12 +129,10 @@ def summary(folder: SweepFolder) -> str:
     """A few lines at the end: what became of the runs, the best, the front, and the files."""
     rows, plan = folder.rows(), folder.plan
     metric, other = headline(plan), against(plan)
-    done = sum(row.state == "done" for row in rows)
-    failed = sum(row.state == "failed" for row in rows)
-    lines = [
-        f"{len(rows)} runs: {done} done, {failed} failed"
-        + (f", {len(rows) - done - failed} left" * (done + failed < len(rows)))
-    ]
+    done, failed, killed = (sum(row.state == state for row in rows) for state in ("done", "failed", "killed"))
+    left = len(rows) - done - failed - killed
+    more = f", {killed} killed" * (killed > 0) + f", {left} left" * (left > 0)
+    lines = [f"{len(rows)} runs: {done} done, {failed} failed{more}"]
     if plan.constraints:
         meets = sum(feasible(row, plan.limits) for row in rows)
         lines.append(f"{meets} of them meet {', '.join(plan.constraints)}")
@@ -140,6 +141,18 @@ def summary(folder: SweepFolder) -> str:
         lines.append(f"{len(pareto(rows, metric, other, plan.limits))} runs on the front of {metric} against {other}")
     files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
+
+
+def missing_runs(folder: SweepFolder) -> str:
+    """Of how many runs nothing is known, and which were killed; '' where there is none. Those that failed are known."""
+    rows = folder.rows()
+    killed = [row.number for row in rows if row.state == "killed"]
+    missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)
+    if not missing:
+        return ""
+    few = ", ".join(map(str, killed[:FEW])) + ", ..." * (len(killed) > FEW)
+    why = f" (killed: {few})" if killed else ""
+    return f"{missing} of {len(rows)} runs {'is' if missing == 1 else 'are'} missing{why}"
 
 
 def page(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> str:

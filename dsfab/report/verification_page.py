@@ -8,7 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from dsfab import __version__
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 from dsfab.report.html import html_page
 from dsfab.report.verification_plots import COLOURS, curves, drawing
 from dsfab.statics import REPORTED, USES, elements_of

@@ -34,7 +34,8 @@ class Builds:
             return {}
         place = f"{self.outputs.shown}/{name}"
         files = "1 file" if count == 1 else f"{count} files"
-        text = f"{place} holds {files} of before; those of the same names would be replaced."
+        would = "files of the same names, and what a build wrote there, would be replaced."
+        text = f"{place} holds {files} of before; {would}"
         return {"taken": text, "free": self.outputs.free(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:

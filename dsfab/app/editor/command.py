@@ -1,7 +1,11 @@
 """`dsfab edit`: open the editor in a browser; Ctrl-C ends it."""
 
+import signal
 import sys
+import threading
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +17,20 @@ from dsfab.errors import DsfabError
 
 OUTPUTS = "outputs"
 """Where builds go, from where the command was started: as those of `dsfab build`."""
+
+
+@contextmanager
+def _signals_as_interrupts() -> Iterator[None]:
+    """A closed terminal, or a word to end, ends it as Ctrl-C does, so that nothing is left behind."""
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []
+    before = [(number, signal.signal(number, signal.default_int_handler)) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)
 
 
 def edit(
@@ -37,7 +55,7 @@ def edit(
 
     first = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
-    with Session(first, outputs=outputs) as session:
+    with _signals_as_interrupts(), Session(first, outputs=outputs) as session:
         try:
             server = EditorServer(session, port)
         except OSError as error:
@@ -45,13 +63,13 @@ def edit(
                 f"port {port} cannot be used ({error.strerror}); leave --port out for a free one"
             ) from None
         with server:
-            out(f"dsfab edit {first.preset.name}: {server.address}")
-            out("Ctrl-C ends it.")
-            session.ask_solve({})  # while the browser starts
-            sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
-            if open_:
-                webbrowser.open(server.address)
             try:
+                out(f"dsfab edit {first.preset.name}: {server.address}")
+                out("Ctrl-C ends it.")
+                session.ask_solve({})  # while the browser starts
+                sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
+                if open_:
+                    webbrowser.open(server.address)
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:
                 out()

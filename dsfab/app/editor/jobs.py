@@ -123,8 +123,8 @@ class Jobs:
 
     def _work(self, kind: str) -> None:
         worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
+        worker.start()  # may be interrupted: only one that was begun is waited for
         self._workers[kind] = worker
-        worker.start()
 
     def _loop(self, kind: str) -> None:
         while True:

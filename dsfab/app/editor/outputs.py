@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dsfab.errors import DsfabError
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import whole_or_nothing
 
 _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 

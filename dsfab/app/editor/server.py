@@ -23,6 +23,9 @@ LOOPBACK = "127.0.0.1"
 LARGEST = 96 * 2**20
 """Bytes of a request: a mesh of some million triangles."""
 
+CLIENTS = 256
+"""Connections that may wait until they are accepted: pages ask for dozens of files at once, and there may be many."""
+
 PATIENCE = 15.0
 """Seconds after which a listener without news is sent an empty line: so the server sees that it has gone."""
 
@@ -39,6 +42,7 @@ class EditorServer(ThreadingHTTPServer):
     """Serves one session; `address` is what to open in a browser."""
 
     daemon_threads = True
+    request_queue_size = CLIENTS
     allow_reuse_address = False  # on Windows it would let another program take the port too
 
     def __init__(self, session: Session, port: int = 0) -> None:

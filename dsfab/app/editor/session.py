@@ -3,7 +3,6 @@
 import base64
 import binascii
 import shlex
-import tempfile
 import threading
 import time
 from collections.abc import Mapping
@@ -24,6 +23,7 @@ from dsfab.app.editor.source import Opened, opened_mesh, opened_shipped, saved_p
 from dsfab.app.editor.tray import VariantTray
 from dsfab.app.export import format_suffix
 from dsfab.errors import DsfabError
+from dsfab.export import temporary_folder
 from dsfab.materials import MATERIALS
 from dsfab.pattern.wave import GLSL
 from dsfab.pipeline import draft
@@ -65,7 +65,7 @@ class Session:
         self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
-        self._folder = tempfile.TemporaryDirectory(prefix="dsfab-edit-", ignore_cleanup_errors=True)
+        self._folder = temporary_folder("dsfab-edit")
         aside = Path(self._folder.name)
         self.variants = VariantTray()
         self.builds = Builds(outputs or Outputs(aside / "outputs"), aside)
@@ -75,8 +75,10 @@ class Session:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.jobs.__exit__()
-        self._folder.cleanup()
+        try:
+            self.jobs.__exit__()
+        finally:
+            self._folder.cleanup()
 
     @property
     def opened(self) -> Opened:

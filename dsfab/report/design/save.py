@@ -1,6 +1,7 @@
 """A design as a folder of files: what `dsfab build`, the editor's Build and `design.save` write."""
 
 import json
+import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
@@ -11,10 +12,11 @@ from typing import Any, NamedTuple
 from dsfab.delivery.archive import with_mesh, write_archive
 from dsfab.delivery.files import deliverable
 from dsfab.errors import ExportError
-from dsfab.export import meanwhile, write
-from dsfab.export.folder import whole_or_nothing
+from dsfab.export import meanwhile, whole_or_nothing, write
+from dsfab.export.folder import DESIGN, MANIFEST, manifest
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress, silent
+from dsfab.preset import Preset
 from dsfab.preset_file import preset_toml
 from dsfab.report.design.fabrication import fabrication_facts
 from dsfab.report.design.facts import facts
@@ -66,14 +68,23 @@ def save(
             files = _written(design, here, progress)
             write(design.sheet.surface, here / "sheet.ply")
             preset = with_mesh(design.settled, here, Path(folder))
+            _keep_mesh(preset, Path(folder), here)
             write_archive(design, here, preset)
             seconds = {**design.seconds, "export": time.perf_counter() - start}
             if picture and not image.exists():  # else it was drawn while OCCT read a file
                 progress("preview", "drawing preview.png")
         (here / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
         told = facts(design, seconds, files.names, files.refused, files.notes) | measured
-        (here / "design.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+        told |= {MANIFEST: manifest(here)}
+        (here / DESIGN).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     return Saved(told, (*files.reports, *files.notes), "; ".join(files.refused))
+
+
+def _keep_mesh(preset: Preset, folder: Path, here: Path) -> None:
+    """A mesh of the preset that lies in the folder belongs to the new design too."""
+    name = getattr(preset.surface, "file", None)
+    if name is not None and not name.is_absolute() and (folder / name).is_file() and not (here / name).exists():
+        shutil.copy2(folder / name, here / name)
 
 
 def _written(design: Design, folder: Path, progress: Progress) -> _Files:

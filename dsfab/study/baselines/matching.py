@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.errors import PatternError
-from dsfab.pattern import Drawable, Layer
+from dsfab.pattern import JUMP, Drawable, Layer
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.patterns import WidthSearch, solved_layers, striped_families
@@ -94,7 +94,9 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
         nonlocal factor
-        width = preset.pattern.width.model_copy(update={"solid_fraction": share})
+        # what a preset allows its own share is not allowed here: masses are compared below
+        update = {"solid_fraction": share, "solid_fraction_tolerance": JUMP}
+        width = preset.pattern.width.model_copy(update=update)
         asked = preset.model_copy(update={"pattern": preset.pattern.model_copy(update={"width": width})})
         search = WidthSearch(lambda layers: area_share(task, layers), tolerance, factor)
         layers, factor = solved_layers(asked, task.surface, task.kept, families, search)

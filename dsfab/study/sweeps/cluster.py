@@ -47,9 +47,10 @@ class DaskWorkers:
             )
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
-    def lost(self, worker: str) -> None:
-        """Forget a worker that is gone."""
+    def lost(self, worker: str) -> str:
+        """Forget a worker that is gone; why, nobody here knows."""
         self._executors.pop(worker, None)
+        return ""
 
     def learn(self, outcome: Outcome) -> None:
         """Nothing to learn: who starts the workers knows their memory."""

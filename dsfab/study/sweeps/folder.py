@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,11 +16,11 @@ from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.plan_file import base_preset, load_plan, plan_toml
 from dsfab.study.sweeps.results import PICTURES, records, write_tables
 from dsfab.study.sweeps.sampling import check_points, digest, points, trials
-from dsfab.study.sweeps.scheduler import Progress, conduct, standing
+from dsfab.study.sweeps.scheduler import TRIES, Progress, conduct, standing
 from dsfab.study.sweeps.search import search
-from dsfab.study.sweeps.store import RunRow, Store
+from dsfab.study.sweeps.store import RunRow, State, Store
 from dsfab.study.sweeps.worker import Drawer, Job, Outcome, mesh_of
-from dsfab.study.sweeps.workers import Changes, Workers
+from dsfab.study.sweeps.workers import Changes, OneWorker, Workers
 
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
@@ -30,6 +30,10 @@ HARMLESS = {"constraints"}
 
 RENEWING = {"metrics", "keep", "formats", "size", "view"}
 """Keys that ask more of every run: with --extend, all are made again."""
+
+
+TRIED_AGAIN: tuple[State, ...] = ("killed",)
+"""Ends of runs that a new session makes again if nothing else is asked."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +65,21 @@ class SweepFolder:
         with Store.open(self.path) as store:
             return store.rows()
 
-    def run(self, crew: Workers, told: Callable[[Progress], None] = lambda progress: None) -> None:
-        """Make every run that waits, and those in progress when it was last stopped."""
+    def run(
+        self,
+        crew: Workers,
+        told: Callable[[Progress], None] = lambda progress: None,
+        retry: Collection[State] = TRIED_AGAIN,
+    ) -> None:
+        """Make every run that waits, those in progress when it was last stopped, and those that ended as in `retry`.
+
+        Runs whose worker was killed `TRIES` times in all come last, one after the other, alone.
+        """
         with Store.open(self.path) as store:
-            store.again()
+            store.again(("running", *retry))
             try:
                 if self.plan.search is None:
-                    conduct(store, crew, _waiting(store), self.deliver, told)
+                    self._make(store, crew, told, standing(store))
                 else:
                     self._search(store, crew, told, self.plan.search.evaluations)
             finally:
@@ -76,14 +88,22 @@ class SweepFolder:
                 with suppress(DsfabError):
                     self.write_tables()
 
+    def _make(self, store: Store, crew: Workers, told: Callable[[Progress], None], progress: Progress) -> None:
+        """Make all runs that wait: together, then alone those that may be the reason why their workers were killed."""
+        waiting = store.rows("waiting")
+        together = {row.number: row.changes for row in waiting if row.lost < TRIES}
+        conduct(store, crew, together, self.deliver, told, progress)
+        if careful := {row.number: row.changes for row in waiting if row.lost >= TRIES}:
+            conduct(store, OneWorker(crew), careful, self.deliver, told, progress)
+
     def _search(self, store: Store, crew: Workers, told: Callable[[Progress], None], total: int) -> None:
         """Let the search propose runs; those that are recorded are not made again."""
         progress = standing(store, max(total, sum(store.counts().values())))
 
         def make(proposed: Sequence[Changes]) -> dict[str, RunRow]:
             store.add(proposed, {})
-            if waiting := _waiting(store):
-                conduct(store, crew, waiting, self.deliver, told, progress)
+            if store.rows("waiting"):
+                self._make(store, crew, told, progress)
             return {digest(row.changes): row for row in store.rows()}
 
         search(self.plan, make)
@@ -106,8 +126,9 @@ class SweepFolder:
     def _log(self, outcome: Outcome, changes: Changes) -> str:
         values = "\n".join(f"  {key} = {value!r}" for key, value in changes.items())
         measured = "\n".join(f"  {name} = {value!r}" for name, value in outcome.metrics.items()) or "  nothing"
+        ended = "was killed" if outcome.killed else f"failed after {outcome.seconds:.2f} s"
         return (
-            f"run {outcome.number} of {self.preset.name} failed after {outcome.seconds:.2f} s\n\n{outcome.error}\n\n"
+            f"run {outcome.number} of {self.preset.name} {ended}\n\n{outcome.error}\n\n"
             f"what it changed:\n{values}\n\nwhat was measured before:\n{measured}\n"
             + (f"\n{outcome.log}" if outcome.log else "")
         )
@@ -118,10 +139,6 @@ def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
     preset, found = base_preset(plan), points(plan) if plan.search is None else []
     check_points(preset, found or trials(plan))
     return preset, found
-
-
-def _waiting(store: Store) -> dict[int, Changes]:
-    return {row.number: row.changes for row in store.rows("waiting")}
 
 
 def prepare(
@@ -148,7 +165,7 @@ def prepare(
                     "new to it, or choose another folder with -o"
                 )
             if changed & RENEWING:
-                store.again(("done", "failed"))
+                store.again(("done", "failed", "killed"))
         store.add(found, texts)
     _write(folder / PRESET, texts["preset"].encode())
     _write(folder / SWEEP, texts["plan"].encode())

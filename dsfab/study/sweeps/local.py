@@ -28,7 +28,7 @@ class LocalWorkers:
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers
-        self._free, self._peak = free_memory(), 0
+        self._free, self._peak, self._short = free_memory(), 0, memory_kills()
         self._pools: dict[str, ProcessPoolExecutor] = {}
         self._pids: dict[str, int] = {}
 
@@ -65,11 +65,15 @@ class LocalWorkers:
         with suppress(Exception):
             self._pids[worker] = future.result()
 
-    def lost(self, worker: str) -> None:
-        """End a worker, if it is still there."""
+    def lost(self, worker: str) -> str:
+        """End a worker, if it is still there; whether the system has ended a process for want of memory meanwhile."""
         self._pids.pop(worker, None)
-        if pool := self._pools.pop(worker, None):
-            pool.shutdown(wait=False, cancel_futures=True)
+        pool = self._pools.pop(worker, None)
+        if pool is None:
+            return ""
+        pool.shutdown(wait=False, cancel_futures=True)
+        before, self._short = self._short, memory_kills()
+        return "the system ended a process for want of memory" if self._short > before else ""
 
     def learn(self, outcome: Outcome) -> None:
         """Remember the largest memory that a run took."""
@@ -129,3 +133,13 @@ def free_memory() -> int:
         limit, used = ((group / name).read_text(encoding="ascii") for name in ("memory.max", "memory.current"))
         found.append(int(limit) - int(used))
     return max(0, min(found)) if found else 0
+
+
+def memory_kills() -> int:
+    """How many processes the system has ended for want of memory so far, in this container or on this machine; 0 where
+    it does not say."""
+    for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
+        with suppress(OSError, ValueError, IndexError, StopIteration):
+            lines = Path(path).read_text(encoding="ascii").splitlines()
+            return next(int(line.split()[1]) for line in lines if line.startswith("oom_kill "))
+    return 0

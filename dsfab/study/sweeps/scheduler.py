@@ -1,6 +1,7 @@
 """`conduct`: hands runs to workers and records each before it begins and when it ends. The only one who writes."""
 
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
@@ -12,7 +13,8 @@ from dsfab.study.sweeps.worker import Outcome
 from dsfab.study.sweeps.workers import Changes, Workers
 
 TRIES = 2
-"""A run whose worker was killed as often as this has failed: it is likely to be the reason."""
+"""A run whose worker was killed as often as this in one session is left for the next one: it may be the reason. Whose
+worker was killed as often as this in all is then made alone."""
 
 TICK = 0.5
 """Seconds between looks at who has joined or left."""
@@ -32,6 +34,7 @@ class Progress:
     done: int
     failed: int
     running: int = 0
+    killed: int = 0
     ended_now: int = 0
     begun: float = field(default_factory=time.monotonic)
     last: Outcome | None = None
@@ -39,7 +42,7 @@ class Progress:
     @property
     def left(self) -> int:
         """How many runs are still to come."""
-        return self.total - self.done - self.failed
+        return self.total - self.done - self.failed - self.killed
 
     @property
     def rate(self) -> float:
@@ -60,7 +63,7 @@ def conduct(
     told: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Make `runs` (number -> changes), which wait in the store; returns when each of them is done or failed.
+    """Make `runs` (number -> changes), which wait in the store; returns when each of them is done, failed or killed.
 
     told     : called before the first run and after each.
     progress : where the sweep stands, when these runs are not all that it will have.
@@ -74,7 +77,8 @@ def conduct(
 def standing(store: Store, total: int | None = None) -> Progress:
     """Where a sweep stands as a session begins; `total` runs are expected, or those that are recorded."""
     counts = store.counts()
-    return Progress(total or sum(counts.values()), counts.get("done", 0), counts.get("failed", 0))
+    done, failed, killed = (counts.get(state, 0) for state in ("done", "failed", "killed"))
+    return Progress(total or sum(counts.values()), done, failed, killed=killed)
 
 
 class _Scheduler:
@@ -92,6 +96,7 @@ class _Scheduler:
         self.rows = Rows(list(runs), list(runs.values()))
         self.busy: dict[Future[Outcome], tuple[str, int]] = {}
         self.known: set[str] = set()
+        self.losses: Counter[int] = Counter()
 
     def run(self) -> None:
         self.told(self.progress)
@@ -120,7 +125,12 @@ class _Scheduler:
             if worker in occupied or (number := self.rows.take(worker)) is None:
                 continue
             self.store.start(number, worker)
-            self.busy[self.crew.submit(worker, number, self.runs[number])] = (worker, number)
+            try:
+                future = self.crew.submit(worker, number, self.runs[number])
+            except Exception as error:  # it was killed as it began, or no process can begin now
+                self._worker_died(worker, number, error)
+                continue
+            self.busy[future] = (worker, number)
 
     def _receive(self, future: Future[Outcome]) -> None:
         worker, number = self.busy.pop(future)
@@ -133,22 +143,29 @@ class _Scheduler:
         self._record(outcome)
 
     def _worker_died(self, worker: str, number: int, error: Exception) -> None:
-        self.crew.lost(worker)
-        lost = self.store.lose(number)
-        if lost < TRIES:
+        known = self.crew.lost(worker)
+        self.store.lose(number)
+        self.losses[number] += 1
+        if self.losses[number] < TRIES:
             self.rows.give_back(worker, number)
             return
         self.rows.leave(worker)
-        why = f"the worker was killed {lost} times while it made this run (out of memory?)"
-        self._record(Outcome(number, error=why, log=f"{type(error).__name__}: {error}"))
+        why = f"the worker was killed {self.losses[number]} times while it made this run"
+        why += f" ({known})" if known else ""
+        self._record(Outcome(number, error=why, log=f"{type(error).__name__}: {error}", killed=True))
 
     def _record(self, outcome: Outcome) -> None:
         names = self.deliver(outcome, self.runs[outcome.number])
-        self.store.finish(outcome.number, outcome.metrics, outcome.error, names, outcome.seconds, outcome.peak)
+        if outcome.killed:
+            self.store.give_up(outcome.number, outcome.error, names)
+        else:
+            self.store.finish(outcome.number, outcome.metrics, outcome.error, names, outcome.seconds, outcome.peak)
         self.progress.ended_now += 1
         self.progress.running = len(self.busy)
         self.progress.last = outcome
-        if outcome.error:
+        if outcome.killed:
+            self.progress.killed += 1
+        elif outcome.error:
             self.progress.failed += 1
         else:
             self.progress.done += 1

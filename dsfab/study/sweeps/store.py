@@ -17,7 +17,11 @@ from dsfab.study.sweeps.sampling import digest
 
 NAME, FORMAT = "runs.db", 1
 
-State = Literal["waiting", "running", "done", "failed"]
+State = Literal["waiting", "running", "done", "failed", "killed"]
+"""Failed: the design refuses to be made. Killed: its worker was, from outside: nothing is known of the design."""
+
+_KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
+"""Runs that an earlier dsfab, which knew no `killed`, took for failed."""
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -31,7 +35,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """One run as it is recorded: tries counts how often it was begun, lost how often its worker died."""
+    """One run as it is recorded: tries counts how often it was begun, lost how often its worker died, ever."""
 
     number: int
     changes: Mapping[str, Any]
@@ -148,6 +152,7 @@ class Store:
         """Let runs in these states wait again: those in progress when a coordinator died, or all of them."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
+            db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
             return db.execute(f"UPDATE runs SET state = 'waiting' WHERE state IN ({marks})", tuple(states)).rowcount
 
     def start(self, number: int, worker: str) -> None:
@@ -157,11 +162,18 @@ class Store:
                 "UPDATE runs SET state = 'running', worker = ?, tries = tries + 1 WHERE number = ?", (worker, number)
             )
 
-    def lose(self, number: int) -> int:
-        """Record that the worker of a run died: it waits again; returns how often that has happened to it."""
+    def lose(self, number: int) -> None:
+        """Record that the worker of a run died: it waits again."""
         with self._change() as db:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
-            return int(db.execute("SELECT lost FROM runs WHERE number = ?", (number,)).fetchone()[0])
+
+    def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
+        """Record that a run is not tried again in this session, for its worker was killed each time."""
+        with self._change() as db:
+            db.execute(
+                "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
+                (why, json.dumps(list(files)), time.time(), number),
+            )
 
     def finish(
         self,

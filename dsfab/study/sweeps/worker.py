@@ -44,6 +44,7 @@ class Outcome:
     """How a run ended: what was measured, why it failed ('' if it did not) and the log of that, files by name.
 
     seconds : of the worker. peak : largest memory of its process so far, bytes (0 where the system does not say).
+    killed  : whether its worker was, each time: then the error says nothing of the design.
     """
 
     number: int
@@ -53,6 +54,7 @@ class Outcome:
     files: Mapping[str, bytes] = field(default_factory=dict)
     seconds: float = 0.0
     peak: int = 0
+    killed: bool = False
 
 
 _alone = threading.Lock()
@@ -103,7 +105,9 @@ def _base(job: Job) -> Preset:
     """The base preset; its mesh file is written down here where it came along."""
     values = dict(job.preset)
     if job.mesh is not None:
-        _memory.folder = tempfile.TemporaryDirectory(prefix="dsfab-")
+        from dsfab.export import temporary_folder
+
+        _memory.folder = temporary_folder("dsfab-sweep")
         mesh = Path(_memory.folder.name) / Path(values["surface"]["file"]).name
         mesh.write_bytes(job.mesh)
         values["surface"] = {**values["surface"], "file": str(mesh)}
