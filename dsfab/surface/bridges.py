@@ -27,7 +27,7 @@ def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     as `read_surface` does.
     """
     mesh = _polygons(V, F)
-    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
@@ -35,7 +35,7 @@ def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
     mesh = _polygons(V, F)
     fewer, became = merged(mesh.V)
     mesh = replace(mesh, V=fewer, corners=became[mesh.corners])
-    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
