@@ -25,7 +25,7 @@ _NUMBERS = (
 )
 _TYPES = dict(pair.split("=") for pair in _NUMBERS.split())
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-_END = re.compile(rb"(?m)^end_header[ \t]*(\r\n|\n|\r|\Z)")
+_END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r|\Z)")
 LONGEST_HEADER = 1 << 20
 """Bytes within which a header ends."""
 
