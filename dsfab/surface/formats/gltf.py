@@ -134,11 +134,10 @@ class _Scene:
                 yield V @ matrix[:3, :3].T + matrix[:3, 3] if (matrix != np.eye(4)).any() else V, F
 
     def _placed(self) -> Iterator[tuple[int, Floats]]:
-        """Meshes and where they stand; all of them where no scene says."""
+        """Meshes of the scene and where they stand."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         if not scenes:
-            yield from ((k, np.eye(4)) for k in range(len(self.tree.get("meshes", []))))
-            return
+            raise MalformedFileError("it names no scene, so that nothing says what is shown")
         waiting = [(k, np.eye(4), 1) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
         seen = set[int]()
         while waiting:
