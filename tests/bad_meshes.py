@@ -178,6 +178,7 @@ def trailing() -> Iterator[BadFile]:
         yield BadFile(f"more-{name}", FORMATS[name]() + b"7 7 7\n", len(F), "after")
     yield BadFile("more-plain.obj", obj() + b"7 7 7\n", len(F), "that OBJ does not know")
     yield BadFile("more-text.stl", stl_text() + b"7 7 7\n", None)
+    yield BadFile("no-end-text.stl", stl_text().partition(b"endsolid")[0], len(F), "endsolid, is missing")
 
 
 def odd_faces() -> Iterator[BadFile]:
@@ -188,6 +189,7 @@ def odd_faces() -> Iterator[BadFile]:
     yield BadFile("nan.obj", obj().replace(b"v 0 0 0", b"v nan 0 0", 1), None)
     yield BadFile("infinite.obj", obj().replace(b"v 0 0 0", b"v 1e999 0 0", 1), None)
     yield BadFile("far.obj", obj(3e38 * V), None)
+    yield BadFile("five-numbers.obj", obj().replace(b"\nv", b" 1 1\nv", 1), None)
     yield BadFile("two-on-a-line.obj", obj().replace(b"\nv", b" v", 1), None)
     yield BadFile("lines.obj", obj() + b"l 1 2 3\np 1\n", len(F), "1 line")
     yield BadFile(

@@ -286,6 +286,7 @@ BAD = {
     "not ply": ("mesh.ply", "solid\n", "cannot be read as PLY .*no PLY header"),
     "odd ply": ("mesh.ply", PLY_HEAD.format("ebcdic", 1), "the format 'ebcdic' is not"),
     "short ply": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 0 7\n1 0\n", "ends within the element 'vertex'"),
+    "ply word": ("mesh.ply", PLY_HEAD.format("ascii", 1) + "0 0 zero 7\n", "'vertex' holds a word that is no number"),
     "cut ply": ("mesh.ply", PLY_HEAD.format("binary_little_endian", 1) + "abc", "cannot be read as PLY"),
     "garbage stl": ("mesh.stl", "this is no mesh at all, really not" * 9, "mesh.stl"),
     "garbage glb": ("mesh.glb", "abcdefgh", "there is no glTF header"),

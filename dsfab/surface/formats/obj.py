@@ -22,6 +22,8 @@ _QUIET = frozenset(
 """What says nothing about the shape of polygons, or is part of free-form curves and surfaces."""
 _NUMBERS = {3, 4, 6, 7}
 """How many numbers a vertex has: its place, a weight, a colour."""
+OFTEN = 1 << 14
+"""Lines between two looks at how many vertices and faces there are."""
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:
@@ -39,6 +41,9 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
         words = line.split() if "#" not in line else line[: line.index("#")].split()
         if not words:
             continue
+        if number % OFTEN == 0:
+            budget.require_vertices(len(V) // 3)
+            budget.require_triangles(len(sizes))
         last = word = words[0]
         try:
             if word == "v":

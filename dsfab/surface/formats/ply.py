@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.formats.limits import Budget, MalformedFileError
-from dsfab.surface.formats.ply_records import PlyElement, PlyProperty, binary_element, text_element
+from dsfab.surface.formats.ply_records import PlyElement, PlyProperty, binary_element, text_element, text_numbers
 from dsfab.surface.formats.record import PolygonFile, counted
 from dsfab.surface.formats.text import text_file, whole_number
 from dsfab.surface.polygons import Polygons
@@ -67,16 +67,24 @@ def _elements(
             element.count if element.properties else 0
         )
     found: dict[str, dict[str, Any]] = {}
-    words, at = (body.split(), 0) if style == "ascii" else ([], 0)
+    numbers, odd = text_numbers(body) if style == "ascii" else (np.empty(0), False)
+    at = 0
     for element in elements:
         budget.require_time()
         if style == "ascii":
-            found[element.name], at = text_element(words, at, element, budget)
+            try:
+                found[element.name], at = text_element(numbers, at, element, budget)
+            except MalformedFileError:
+                if odd:
+                    raise MalformedFileError(f"the element {element.name!r} holds a word that is no number") from None
+                raise
         else:
             found[element.name], at = binary_element(body, at, element, _ORDERS[style], budget)
-    more = len(words) - at if style == "ascii" else len(body) - at
-    thing = "word" if style == "ascii" else "byte"
-    return found, (f"{counted(more, thing)} after the last element",) if more else ()
+    more = len(numbers) - at if style == "ascii" else len(body) - at
+    thing = "number" if style == "ascii" else "byte"
+    left = [counted(more, thing)] if more else []
+    left += ["words that are no numbers"] if odd else []
+    return found, (f"{' and '.join(left)} after the last element",) if left else ()
 
 
 def _polygons(found: dict[str, dict[str, Any]]) -> Polygons:

@@ -1,12 +1,14 @@
 """The records of one element of a PLY file, of text or binary, to an array for each property."""
 
+import warnings
+from array import array
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsfab.arrays import Ints
+from dsfab.arrays import Floats, Ints
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 
 CHUNK = 1 << 16
@@ -46,49 +48,76 @@ Columns = dict[str, Any]
 """Of each property an array (count,); of a list a pair: the values of all records (c,), and how many each has."""
 
 
-def text_element(words: list[bytes], at: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """The properties of an element whose records begin at word `at`, and where the next one begins.
+def text_numbers(body: bytes) -> tuple[Floats, bool]:
+    """(c,) all numbers of a text up to the first word that is none, and whether there is such a word."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(body, dtype=np.float64, sep=" "), False
+        except DeprecationWarning:
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return np.fromstring(body, dtype=np.float64, sep=" "), True
 
-    Raises MalformedFileError for a file that ends before, or holds what is no number.
+
+def text_element(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
+    """The properties of an element whose records begin with number `at` of (c,), and where the next one begins.
+
+    Raises MalformedFileError for a file that ends before, or has a word that is no number there.
     """
-    if not element.properties:
-        return {}, at
-    if element.count * len(element.properties) > len(words) - at:  # before anything is made of it
+    if not element.properties or not element.count:
+        return {p.name: _nothing(p) for p in element.properties}, at
+    if element.count * len(element.properties) > len(numbers) - at:  # before anything is made of it
         raise element.cut_off()
-    if not element.has_lists:
-        stop = at + element.count * len(element.properties)
-        table = _numbers(words[at:stop], element).reshape(element.count, len(element.properties))
-        return {p.name: table[:, i] for i, p in enumerate(element.properties)}, stop
-    start, sizes = [], []
+    begins, counts, stop = _even(numbers, at, element) or _text_walk(numbers, at, element, budget)
+    found: Columns = {}
+    for i, p in enumerate(element.properties):
+        found[p.name] = _as_column(p, numbers[_places(begins[:, i], counts[:, i], 1)], counts[:, i])
+    return found, stop
+
+
+def _even(numbers: Floats, at: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
+    """(count, p) where each property of each record begins, how many values it has, and the end; None where lists
+    differ in length from those of the first record."""
+    start, sizes, lists, place = [], [], [], 0
+    for p in element.properties:
+        if p.length is not None:
+            size = numbers[at + place] if at + place < len(numbers) else -1
+            if not 0 <= size <= len(numbers):
+                return None
+            lists.append(place)
+            place += 1
+        start.append(place)
+        sizes.append(int(size) if p.length is not None else 1)
+        place += sizes[-1]
+    stop = at + place * element.count
+    if stop > len(numbers):
+        return None
+    table = numbers[at:stop].reshape(element.count, place)
+    if any((table[:, k] != table[0, k]).any() for k in lists):
+        return None
+    first = at + place * np.arange(element.count)
+    return first[:, None] + np.array(start), np.tile(np.array(sizes), (element.count, 1)), stop
+
+
+def _text_walk(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Ints, Ints, int]:
+    """The same record by record."""
+    start, sizes = array("q"), array("q")
     for k in range(element.count):
         if k % CHUNK == 0:
             budget.require_time()
         for p in element.properties:
-            try:
-                size = 1 if p.length is None else int(words[at])
-            except (IndexError, ValueError):
-                size = -1
-            at += p.length is not None
-            if size < 0 or at + size > len(words):
+            size = 1
+            if p.length is not None:
+                told = numbers[at] if at < len(numbers) else -1.0
+                size = int(told) if 0 <= told <= len(numbers) and told == int(told) else -1
+                at += 1
+            if size < 0 or at + size > len(numbers):
                 raise element.cut_off()
             start.append(at)
             sizes.append(size)
             at += size
     begins, counts = (np.array(x, dtype=np.int64).reshape(element.count, -1) for x in (start, sizes))
-    found: Columns = {}
-    for i, p in enumerate(element.properties):
-        places = _places(begins[:, i], counts[:, i], 1)
-        found[p.name] = _as_column(p, _numbers([words[k] for k in places.tolist()], element), counts[:, i])
-    return found, at
-
-
-def _numbers(words: list[bytes], element: PlyElement) -> NDArray[Any]:
-    try:
-        if any(b"_" in word for word in words):
-            raise ValueError
-        return np.array(list(map(float, words)), dtype=np.float64)
-    except ValueError:
-        raise MalformedFileError(f"a record of the element {element.name!r} holds what is no number") from None
+    return begins, counts, at
 
 
 def binary_element(body: bytes, at: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
@@ -149,7 +178,7 @@ def _walk(body: bytes, at: int, element: PlyElement, order: str, budget: Budget)
         )
         for p in element.properties
     ]
-    start, sizes = [], []
+    start, sizes = array("q"), array("q")
     for k in range(element.count):
         if k % CHUNK == 0:
             budget.require_time()

@@ -63,6 +63,7 @@ def _text(data: bytes, budget: Budget) -> TriangleFile:
                 ) from None
             if len(numbers) % (9 * CHUNK) == 0:
                 budget.require_time()
+                budget.require_triangles(len(numbers) // 9)
         elif found := _BETWEEN.match(text, at):
             ended = found.group().strip().lower().startswith("end")
         else:
