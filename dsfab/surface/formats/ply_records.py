@@ -1,5 +1,6 @@
 """The records of one element of a PLY file, of text or binary, to an array for each property."""
 
+import re
 import warnings
 from array import array
 from dataclasses import dataclass
@@ -10,9 +11,13 @@ from numpy.typing import NDArray
 
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.formats.limits import Budget, MalformedFileError
+from dsfab.surface.formats.text import float_of
 
 CHUNK = 1 << 16
 """Records between two looks at the clock."""
+BLOCK = 1 << 20
+"""Bytes of text that are made into numbers together."""
+_SPACE = re.compile(rb"\s")
 
 
 @dataclass(frozen=True)
@@ -50,13 +55,29 @@ Columns = dict[str, Any]
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
     """(c,) all numbers of a text up to the first word that is none, and whether there is such a word."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)
+    parts, at, odd = [np.empty(0)], 0, False
+    while at < len(body) and not odd:
+        gap = _SPACE.search(body, at + BLOCK)
+        end = gap.start() if gap else len(body)
+        block, at = body[at:end].strip(), end
         try:
-            return np.fromstring(body, dtype=np.float64, sep=" "), False
-        except DeprecationWarning:
-            warnings.simplefilter("ignore", DeprecationWarning)
-            return np.fromstring(body, dtype=np.float64, sep=" "), True
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", DeprecationWarning)  # what numpy before 2.3 says of other words
+                parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
+        except (ValueError, DeprecationWarning):
+            parts.append(_numbers_before_words(block))
+            odd = True
+    return np.concatenate(parts), odd
+
+
+def _numbers_before_words(block: bytes) -> Floats:
+    numbers = []
+    for word in block.split():
+        try:
+            numbers.append(float_of(word.decode("ascii")))
+        except ValueError:
+            break
+    return np.array(numbers, dtype=np.float64)
 
 
 def text_element(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
