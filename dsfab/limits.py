@@ -48,6 +48,9 @@ FAR_FROM_SURFACE = 0.25
 GLANCING = 1e-3
 """Snow or wind of which a smaller share arrives at its faces, in the mean, acts on nothing: a twentieth of a degree."""
 
+POSSIBLE_SIZE = (1e-9, 1e9)
+"""Metres; a surface that is smaller or larger is refused: its numbers are no lengths, and products of them overflow."""
+
 USUAL_SIZE = (0.01, 1e3)
 """Metres; a surface that is smaller or larger is told: its unit may be another one."""
 

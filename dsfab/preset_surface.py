@@ -26,6 +26,7 @@ from pydantic import (
 from dsfab.errors import PresetError
 from dsfab.preset_errors import mistakes
 from dsfab.surface import (
+    DEFAULT_TRIANGLES,
     SHAPES,
     ActionKind,
     CaseName,
@@ -36,12 +37,13 @@ from dsfab.surface import (
     SizeField,
     Support,
     Surface,
+    SurfaceInFile,
     Up,
     en1990_combinations,
     normalized,
-    read_surface,
     refined,
     remeshed,
+    surface_in_file,
 )
 
 
@@ -133,12 +135,16 @@ class OwnSurface(Given):
         """Whether edges are shorter where the stress changes."""
         return self.finest_at != "curvature"
 
-    def build(self, sizes: Sequence[SizeField] = ()) -> Surface:
-        """The surface itself, with edges of these sizes where it is made anew; raises SurfaceError."""
+    def build(self, sizes: Sequence[SizeField] = (), given: Surface | None = None) -> Surface:
+        """The surface itself, with edges of these sizes where it is made anew; raises SurfaceError.
+
+        given : what `given()` returns, where it is known.
+        """
+        given = given or self.given()
         if not self.edge:
-            return super().build()
+            return refined(given, self.refine, self.smooth) if self.refine else given
         curved = self.finest if self.finest_at != "stress" else 0.0
-        return remeshed(self.given(), self.edge, curved, self.smooth, sizes)
+        return remeshed(given, self.edge, curved, self.smooth, sizes)
 
 
 PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[:2])
@@ -149,13 +155,17 @@ class FileSurface(OwnSurface):
     """A surface read from a mesh file."""
 
     file: Path
-    """OBJ, PLY, STL, OFF, GLB or 3MF; relative paths start at the preset's folder, in Python at the current one."""
+    """OBJ, PLY, STL, OFF, GLB, glTF or 3MF; relative paths start at the preset's folder, in Python
+    at the current one."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
     up: Up = "z"
     """The file's axis that points to the sky; what follows is told with z up. GLB files are turned already."""
     mend: bool = False
     """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes."""
+    max_triangles: Annotated[int, Ge(1)] | None = None
+    """Triangles that the file may have; bytes, vertices and seconds of reading it are limited by it. 4 million where
+    nothing is said."""
 
     @property
     def waits(self) -> bool:
@@ -164,12 +174,16 @@ class FileSurface(OwnSurface):
 
     def given(self) -> Surface:
         """The surface in the file, metres; raises PresetError where the user has to give it."""
+        return self.read().surface
+
+    def read(self) -> SurfaceInFile:
+        """The same with what was read, repaired and dropped."""
         if self.waits:
             raise PresetError(
                 f"this preset needs a mesh of yours in place of {self.file.name}: write "
                 'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
             )
-        return read_surface(self.file, self.unit, self.up, self.mend)
+        return surface_in_file(self.file, self.unit, self.up, self.mend, self.max_triangles or DEFAULT_TRIANGLES)
 
 
 def _mesh_from(value: Any) -> Surface:

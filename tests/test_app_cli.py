@@ -140,6 +140,42 @@ def test_inspect_tells_why_a_mesh_is_not_a_manifold(capsys, tmp_path):
     assert "because" in out
 
 
+def test_inspect_ends_with_1_for_what_build_refuses_and_tells_what_became_of_the_file(capsys, tmp_path):
+    good, far = tmp_path / "good.obj", tmp_path / "far.obj"
+    text = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 1 1 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 1 4 5\nf 1 2\n"
+    good.write_text(text)
+    code, out, _ = run(capsys, "inspect", str(good))
+    lines = [" ".join(line.split()) for line in out.splitlines()]
+    assert code == 0
+    assert "read OBJ: 5 vertices, 5 faces" in lines
+    assert "dropped 1 face with fewer than three corners" in lines
+    assert "build takes it; 1 face of 4 turned over, so that neighbours face the same side" in lines
+    far.write_text(text.replace("2 0 0", "3e38 0 0").replace("2 2 0", "3e38 3e38 0"))
+    code, out, _ = run(capsys, "inspect", str(far))
+    assert code == 1
+    assert "build refuses it: the surface is 3e+35 m large" in " ".join(out.split())
+    assert run(capsys, "inspect", str(far), "--report")[0] == 0
+    assert "--max-triangles" in refused(capsys, "inspect", str(good), "--max-triangles", "2")
+    assert "--max-triangles" in refused(capsys, "build", str(good), "--max-triangles", "2")
+    assert "--max-triangles" in refused(capsys, "new", str(good), "--max-triangles", "2")
+
+
+def test_a_mistake_of_ours_is_a_sentence_a_file_and_code_70(capsys, tmp_path, monkeypatch):
+    def broken():
+        raise KeyError("vertex")
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("dsfab.preset_file.shipped_presets", broken)
+    line = refused(capsys, "presets", code=70)
+    (log,) = tmp_path.iterdir()
+    assert line == f"dsfab: dsfab made a mistake, and nothing was written; please report it with the details in {log}"
+    text = log.read_text()
+    assert "arguments: ['presets']" in text
+    assert "KeyError: 'vertex'" in text
+    monkeypatch.setattr("tempfile.mkstemp", lambda **_: (_ for _ in ()).throw(PermissionError()))
+    assert refused(capsys, "presets", code=70).endswith("(KeyError; the details could not be written)")
+
+
 def test_bench_prints_the_table_and_json_with_the_agreed_keys(capsys):
     arguments = ["bench", DOME_MODES, "--set", "surface.edge=0.8", "--repeat", "1", "--set", "export.formats=['stl']"]
     code, out, _ = run(capsys, *arguments)
@@ -346,12 +382,19 @@ def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
     file = tmp_path / "cap.obj"
     cap = load_preset(DOME_MODES, {"surface.edge": 0.8}).surface.build()
     trimesh.Trimesh(cap.V * 1000, cap.F, process=False).export(file)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes() + b"\nv 1 2 3\nf 1 2\n")
     small = ["--set", "pattern.keep=0.3", *QUICK[2:]]
-    code, _, _ = run(
+    code, said, _ = run(
         capsys, "build", ROOF_MODES, "--mesh", str(file), "--unit", "mm", *small, "-o", str(tmp_path / "o")
     )
     assert code == 0
     facts = json.loads((tmp_path / "o" / "design.json").read_text())
+    assert facts["file"] == {
+        "read": [f"OBJ: {cap.n + 1} vertices, {cap.m + 1} faces", "UTF-8 with a byte order mark"],
+        "repaired": [],
+        "dropped": ["1 face with fewer than three corners", "1 vertex without a face"],
+    }
+    assert "note (surface): cap.obj, dropped: 1 vertex without a face" in said
     assert facts["surface"]["area_m2"] == pytest.approx(cap.area, rel=1e-5)
 
 

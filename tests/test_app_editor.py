@@ -10,6 +10,7 @@ import pickle
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -31,7 +32,7 @@ from dsfab.app.editor.payload import colours, creased, model, packed, widths
 from dsfab.app.editor.process import carried
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.source import Opened, open_preset, opened_mesh, opened_shipped
+from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mesh, opened_shipped
 from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
@@ -100,7 +101,7 @@ def test_the_page_names_no_file_here(tmp_path):
 
 def test_a_mesh_stands_and_carries_itself(tmp_path):
     path = write(load_preset(DOME_MODES, COARSE).surface.build(), tmp_path / "my mesh.obj")
-    now = opened_mesh(path, "my mesh.obj", "mm")
+    now = opened_mesh(MeshRequest(path, "my mesh.obj", "mm"))
     assert now.preset.name == "my_mesh"
     made = draft(now.preset)
     assert made.load.held.any()
@@ -336,13 +337,31 @@ def test_what_cannot_be_is_refused_in_a_sentence():
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
             session.ask_solve({"pattern.major.threshold": 7})
         with pytest.raises(DsfabError, match="not arrive whole"):
-            session.open_mesh("a.obj", "m", "%%%")
+            session.ask_mesh("a.obj", "m", "%%%")
         with pytest.raises(DsfabError, match="no mesh"):
-            session.open_mesh("a.exe", "m", "")
+            session.ask_mesh("a.exe", "m", "")
         broken = base64.b64encode(b"v 0 0 0\n").decode()
-        with pytest.raises(DsfabError, match=r"^\S*part\.obj") as refused:
-            session.open_mesh("../../part.obj", "m", broken)
-        assert "dsfab-edit" not in str(refused.value)
+        refused = wait(session.jobs, session.ask_mesh("../../part.obj", "m", broken)["job"])
+        assert refused.state == "failed"
+        assert refused.text.startswith("part.obj holds 1 vertices and no faces")
+
+
+def test_a_mesh_of_the_page_is_read_elsewhere_and_may_be_cancelled(tmp_path):
+    from dsfab.surface.shapes import dome
+
+    cap = dome(edge=1.0)
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in cap.V) + "".join(f"f {a} {b} {c}\n" for a, b, c in cap.F + 1)
+    data = base64.b64encode(text.encode()).decode()
+    with Session(open_preset(DOME_MODES, COARSELY)) as session:
+        job = session.ask_mesh("cap.obj", "m", data)["job"]
+        session.jobs.cancel(job)
+        assert wait(session.jobs, job).state == "cancelled"
+        assert session.start()["opening"] == 1
+        done = wait(session.jobs, session.ask_mesh("cap.obj", "m", data)["job"])
+        assert done.state == "done", done.text
+        assert (done.result["title"], done.result["opening"]) == ("cap", 2)
+        assert session.opened.preset.surface.given().n == cap.n
+        assert {one.topic for one in session.opened.decided} >= {"unit", "stands on", "made of"}
 
 
 def test_a_build_writes_what_the_command_line_writes(monkeypatch):
@@ -612,6 +631,8 @@ def test_all_modules_are_asked_for_at_once(server):
         ("POST", "/api/nothing", {}, {}, 404),
         ("POST", "/api/preset", {"changes": {}}, {"Content_Length": str(doors.LARGEST + 1)}, 413),
         ("POST", "/api/preset", {"changes": {}}, {"Content_Length": "-1"}, 411),
+        ("POST", "/api/preset", {"changes": {}}, {"Content_Length": "\u00b2"}, 411),
+        ("POST", "/api/preset", {"changes": {}}, {"Content_Length": "9" * 30}, 411),
         ("GET", "/static/../server.py", None, {}, 404),
         ("GET", "/static/..%2fserver.py", None, {}, 404),
         ("GET", "/static//etc/passwd", None, {}, 404),
@@ -628,6 +649,17 @@ def test_what_is_turned_away(server, method, path, body, headers, status):
     assert got == status, content
     assert "Access-Control-Allow-Origin" not in told
     assert b"Traceback" not in content
+
+
+def test_a_connection_that_is_reset_is_no_word_on_the_terminal(server, capfd):
+    for sent in (b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /api/open HTTP/1.1\r\nContent-Length: 99\r\n\r\n{"):
+        with socket.create_connection(("127.0.0.1", server.server_address[1])) as connection:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            connection.sendall(sent)
+            time.sleep(0.05)
+    time.sleep(0.2)
+    assert ask(server, "GET", "/api/start")[0] == 200
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are others there")

@@ -11,7 +11,7 @@ from dsfab.app.cli import main
 from dsfab.app.editor.builds import Builds
 from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.source import Opened, open_preset, opened_mesh, saved_preset
+from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mesh, saved_preset
 from dsfab.app.export import TO, format_suffix, offered_formats
 from dsfab.errors import DsfabError, ExportError
 from dsfab.export import write
@@ -96,7 +96,7 @@ def test_one_file_is_told_as_one(outputs):
 def dropped(outputs, tmp_path):
     """A mesh that came from the page: the file that it is in goes with the session."""
     path = write(load_preset(DOME_MODES, COARSE).surface.build(), tmp_path / "mesh-1.obj")
-    return opened_mesh(path, "my roof.obj", "mm")
+    return opened_mesh(MeshRequest(path, "my roof.obj", "mm"))
 
 
 def test_a_mesh_of_the_page_is_saved_beside_its_preset(outputs, dropped):

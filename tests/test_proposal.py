@@ -207,14 +207,14 @@ def test_whether_it_carries_snow_is_decided_once(monkeypatch):
 @pytest.mark.parametrize("unit", [None, "mm"])
 def test_a_file_is_read_and_mended_once(tmp_path, monkeypatch, unit):
     path, read, merged = tmp_path / "cap.obj", [], []
-    cap, one, two = dome(edge=1.2), files._READERS[".obj"], mend.merged
+    cap, one, two = dome(edge=1.2), files._POLYGONS[".obj"], mend.merged
     torn = cap.F.copy()
     torn[0, 0] = cap.n
     obj(path, Surface(np.vstack([cap.V, cap.V[cap.F[0, :1]]]), torn), 1000.0)
-    monkeypatch.setitem(files._READERS, ".obj", lambda file: read.append(file) or one(file))
+    monkeypatch.setitem(files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
     monkeypatch.setattr(mend, "merged", lambda *given: merged.append(given) or two(*given))
     proposal = propose(path, unit)
-    assert (read, len(merged)) == ([path], 1)
+    assert (len(read), len(merged)) == (1, 1)
     surface = proposal.given.surface
     assert proposal.given.keys == {"file": str(path), "unit": "mm", "mend": True}
     assert "1 vertex welded" in {each.topic: each.choice for each in proposal.decisions}["mended"]

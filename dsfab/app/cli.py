@@ -1,18 +1,25 @@
 """The command line: `dsfab build`, `preview`, `explore`, `presets` and more. The only place that prints and exits.
 
-Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 130 stopped by Ctrl-C;
-of `dsfab sweep` also 3: runs are missing.
+Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 70 a mistake of ours (a sentence,
+and the details in a file that it names), 130 stopped by Ctrl-C; of `dsfab sweep` also 3: runs are missing.
 """
 
+import os
+import platform
 import sys
+import tempfile
+import time
+import traceback
+import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 from cyclopts import App, CycloptsError
 
 from dsfab import __version__
 from dsfab.errors import DsfabError
 
-DONE, REFUSED, WRONG_USAGE, STOPPED = 0, 1, 2, 130
+DONE, REFUSED, WRONG_USAGE, MISTAKEN, STOPPED = 0, 1, 2, 70, 130
 MISSING = 3
 
 app = App(
@@ -48,13 +55,12 @@ app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by s
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
+    words = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        code = app(
-            sys.argv[1:] if arguments is None else list(arguments),
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
+        with warnings.catch_warnings():
+            if arguments is None and not sys.warnoptions:  # a person's terminal, and nobody asked for them with -W
+                warnings.simplefilter("ignore")
+            code = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except CycloptsError as error:
         return _fail(WRONG_USAGE, f"{str(error).strip()} Try `dsfab --help`.")
     except DsfabError as error:
@@ -64,7 +70,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `dsfab presets | head` has seen enough
         sys.stderr.close()
         return DONE
+    except MemoryError as error:
+        return _fail(MISTAKEN, f"there is not enough memory for this; make the mesh coarser{_details(words, error)}")
+    except Exception as error:  # the one place where a mistake of ours ends
+        return _fail(MISTAKEN, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
     return code if isinstance(code, int) else DONE
+
+
+def _details(words: Sequence[str], error: BaseException) -> str:
+    """What is said of the file with everything that helps to find the mistake; it is made in the temporary folder."""
+    text = "\n".join(
+        [
+            f"dsfab {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}",
+            time.strftime("%Y-%m-%d %H:%M:%S"),
+            f"arguments: {list(words)}",
+            "",
+            *traceback.format_exception(error),
+        ]
+    )
+    try:
+        number, name = tempfile.mkstemp(prefix="dsfab-", suffix=".log")
+        with os.fdopen(number, "w", encoding="utf-8", errors="replace") as file:
+            file.write(text)
+    except OSError:
+        return f" ({type(error).__name__}; the details could not be written)"
+    return f"; please report it with the details in {Path(name)}"
 
 
 def _fail(code: int, text: str) -> int:

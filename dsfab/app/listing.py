@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import PresetError
+from dsfab.errors import PresetError, SurfaceError
 from dsfab.report.design.acting import acting_facts, acting_lines
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
 from dsfab.report.design.pattern import quality_facts, quality_lines
@@ -17,6 +17,9 @@ from dsfab.wording import length
 
 if TYPE_CHECKING:
     from dsfab.surface import MeshFacts
+
+DONE, REFUSED = 0, 1
+"""Exit codes of `inspect`."""
 
 
 def presets() -> int:
@@ -52,8 +55,14 @@ def inspect(
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="PNG file with the places of what is smallest.")
     ] = None,
+    report: Annotated[
+        bool, Parameter(negative=(), help="Exit with 0 also for a mesh that `dsfab build` refuses.")
+    ] = False,
 ) -> int:
     """Say what a mesh file is: size, pieces, boundary, whether it is manifold or why not, and its likely unit.
+
+    Also what was read of it, what was repaired and what was dropped, and whether `dsfab build` takes it: exit code 1 if
+    not.
 
     Of a preset, or of a folder that `dsfab build` made: what holds it and what acts on it, also where it cannot be
     built; how even its pattern is and how it ends; and members, gaps and walls, against the limits of [fabrication].
@@ -61,7 +70,7 @@ def inspect(
     Parameters
     ----------
     file
-        OBJ, PLY, STL, OFF, GLB or 3MF; a preset (a name or a TOML file); or a folder of results.
+        OBJ, PLY, STL, OFF, GLB, glTF or 3MF; a preset (a name or a TOML file); or a folder of results.
     """
     from dsfab.preset_file import shipped_presets
 
@@ -70,8 +79,7 @@ def inspect(
         if output is not None or source.set_ or source.mesh is not None:
             flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
             raise PresetError(f"{flag} is for a preset or a folder of results, not for a mesh file; leave it out")
-        _show_mesh(path, source.unit)
-        return 0
+        return DONE if _show_mesh(path, source) or report else REFUSED
     built = _built(path) if path.is_dir() and not named else None
     if built is None or output is not None or source != UNCHANGED:
         built = _made(file if built is None else str(path / "preset.toml"), source, output)
@@ -124,14 +132,30 @@ def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
     return {**fabrication_facts(made), "pattern": quality_facts(design.quality())}
 
 
-def _show_mesh(path: Path, unit: str | None) -> None:
-    from dsfab.surface import describe
+def _show_mesh(path: Path, source: Source) -> bool:
+    """Whether `dsfab build` takes the mesh."""
+    from dsfab.surface import DEFAULT_TRIANGLES, describe
 
-    facts = describe(path, unit)
+    facts = describe(path, source.unit, source.max_triangles or DEFAULT_TRIANGLES)
+    taken, verdict = _verdict(path, source)
     out(str(path))
-    rows = [(label, value) for label, value in _lines(facts) if value]
+    rows = [(label, value) for label, value in [*_lines(facts), ("build", verdict)] if value]
     width = max(len(label) for label, _ in rows)
     _show(f"  {label:<{width}}  {value}" for label, value in rows)
+    return taken
+
+
+def _verdict(path: Path, source: Source) -> tuple[bool, str]:
+    """Whether `dsfab build` takes the mesh, and why not or what it does to it."""
+    from dsfab.proposal import propose
+
+    try:
+        proposal = propose(path, source.unit, source.up, None, source.max_triangles)
+    except SurfaceError as error:
+        return False, "refuses it: " + str(error).removeprefix(f"{path}: ")
+    mended = [one.choice for one in proposal.decisions if one.topic == "mended"]
+    turned = [text for text in proposal.given.repaired if "turned over" in text]
+    return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *turned])
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:
@@ -154,4 +178,7 @@ def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("sharpest", f"{facts.smallest_angle:.1f} degrees is the smallest angle"),
         ("manifold", "yes, and oriented" if facts.manifold else "no"),
         *(("because", fault) for fault in facts.faults),
+        *(("read", text) for text in facts.record.read),
+        *(("repaired", text) for text in facts.record.repaired),
+        *(("dropped", text) for text in facts.record.dropped),
     ]

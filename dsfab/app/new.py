@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Unit, Up
+from dsfab.app.options import MaxTriangles, Unit, Up
 from dsfab.app.terminal import out
 from dsfab.errors import PresetError
 
@@ -18,6 +18,7 @@ def new(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="TOML file to write [NAME.toml].")] = None,
     unit: Unit = None,
     up: Up = None,
+    max_triangles: MaxTriangles = None,
     material: Annotated[str | None, Parameter(help="What it is made of; `dsfab materials` lists names.")] = None,
     force: Annotated[bool, Parameter(negative=(), help="Write over a file that is there.")] = False,
 ) -> int:
@@ -29,14 +30,14 @@ def new(
     Parameters
     ----------
     mesh
-        OBJ, PLY, STL, OFF, GLB or 3MF.
+        OBJ, PLY, STL, OFF, GLB, glTF or 3MF.
     """
     from dsfab.export import replacing
     from dsfab.proposal import propose
 
     if mesh.suffix == ".toml":
         raise PresetError(f"{mesh} is a preset already; dsfab new takes a mesh file")
-    proposal = propose(mesh, unit, up, material)
+    proposal = propose(mesh, unit, up, material, max_triangles)
     target = output or Path(f"{proposal.given.name}.toml")
     if target.suffix != ".toml":
         raise PresetError(f"-o {target}: a preset is a .toml file; write for instance -o {target.stem}.toml")

@@ -22,6 +22,10 @@ Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh fil
 Up = Annotated[
     str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")
 ]
+MaxTriangles = Annotated[
+    int | None,
+    Parameter(name="--max-triangles", help="Triangles that the mesh file may have; 4 million where left out."),
+]
 
 
 View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]
@@ -73,6 +77,7 @@ class Source:
     mesh: Mesh = None
     unit: Unit = None
     up: Up = None
+    max_triangles: MaxTriangles = None
 
     def read(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
         """The preset of this name or file with its changes; for a mesh file, or `roof --mesh FILE`, one is proposed.
@@ -102,11 +107,12 @@ class Source:
         if named is name and self.mesh is not None:
             raise PresetError(f"{name} and --mesh {self.mesh} are two meshes; give one of them")
         material = self.overrides().get("statics.material")
-        return propose(Path(named), self.unit, self.up, material if isinstance(material, str) else None)
+        material = material if isinstance(material, str) else None
+        return propose(Path(named), self.unit, self.up, material, self.max_triangles)
 
     def overrides(self) -> dict[str, Any]:
         """The changes as values of dotted keys, unit and axis among them. Raises PresetError as `sets` does."""
-        given = {"surface.unit": self.unit, "surface.up": self.up}
+        given = {"surface.unit": self.unit, "surface.up": self.up, "surface.max_triangles": self.max_triangles}
         return self.sets() | {key: value for key, value in given.items() if value is not None}
 
     def sets(self) -> dict[str, Any]:
@@ -124,6 +130,7 @@ class Source:
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
+        words += ["--max-triangles", str(self.max_triangles)] if self.max_triangles is not None else []
         return words + (["--up", self.up] if self.up is not None else [])
 
 

@@ -24,7 +24,7 @@ from dsfab.preset_surface import missing_preset
 from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
 from dsfab.slicing.pattern_quality import PatternQuality
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import FileRecord, LoadCase, Surface
 from dsfab.thickening import Solid
 from dsfab.wording import length, mass
 
@@ -82,6 +82,8 @@ class Design:
             rows = (*ROWS[stage], *PARTS.get(stage, ()))
             new._log.seconds.update({row: old.seconds[row] for row in rows if row in old.seconds})
             new._log.notes.extend(note for note in old.notes if note.stage == stage)
+        if "surface" in STAGES[:start]:
+            new._log.file = old.file
         new._answers.update({key: one for key, one in old._answers.items() if STAGES.index(one[0]) < start})
         return new
 
@@ -200,6 +202,11 @@ class Design:
     def notes(self) -> tuple[Note, ...]:
         """What a person should know, of the stages that were made."""
         return tuple(self._log.notes)
+
+    @property
+    def file(self) -> FileRecord | None:
+        """What was read, repaired and dropped of the file of the surface, once it was read; None for other surfaces."""
+        return self._log.file
 
     @property
     def settled(self) -> Preset:

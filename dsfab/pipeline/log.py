@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from dsfab.results import Note
+from dsfab.surface import FileRecord
 
 Progress = Callable[[str, str], None]
 """Called with a stage and what it is about to do."""
@@ -22,6 +23,8 @@ class Log:
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[Note] = field(default_factory=list)
+    file: FileRecord | None = None
+    """What was read, repaired and dropped, where the surface is in a file."""
 
     @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:

@@ -7,7 +7,7 @@ from dsfab.pipeline.log import Log
 from dsfab.pipeline.regions import surface_with_regions
 from dsfab.pipeline.structure import statics_step
 from dsfab.preset import Preset
-from dsfab.preset_surface import OwnSurface
+from dsfab.preset_surface import FileSurface, OwnSurface
 from dsfab.results import StaticsResult
 from dsfab.surface import SizeField, Surface, change_sizes, coincident, pieces
 
@@ -30,15 +30,30 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """The surface of a preset before it is cut along its regions: with shorter edges where the stress changes, as
     statics on even triangles tell, if [surface] asks for that."""
     given = preset.surface
-    if not (isinstance(given, OwnSurface) and given.by_stress):
+    if not isinstance(given, OwnSurface):
         return given.build()
+    there = _surface_read(given, log)
+    if not given.by_stress:
+        return given.build(given=there)
     plain = preset.model_copy(update={"statics": preset.statics.model_copy(update={"frequencies": 0, "buckling": 0})})
-    even = given.build()
+    even = given.build(given=there)
     cut = surface_with_regions(plain, even, Log(None)) if preset.pattern.region else even
-    surface = given.build(list(_stress_sizes(given, cut, statics_step(plain, cut, Log(None)))))
+    surface = given.build(list(_stress_sizes(given, cut, statics_step(plain, cut, Log(None)))), there)
     if log:
         log.note("surface", f"{even.m:,} even triangles became {surface.m:,}: smaller ones where the stress changes")
     return surface
+
+
+def _surface_read(given: OwnSurface, log: Log | None) -> Surface:
+    """The surface before its mesh is made anew; of a file what was doubtful, repaired or dropped is told."""
+    if not isinstance(given, FileSurface):
+        return given.given()
+    found = given.read()
+    if log:
+        log.file = found.record
+        for remark in found.record.remarks:
+            log.note("surface", f"{given.file.name}, {remark}")
+    return found.surface
 
 
 def _stress_sizes(given: OwnSurface, surface: Surface, statics: StaticsResult) -> Iterator[SizeField]:

@@ -87,11 +87,23 @@ def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, materi
     return propose(mesh, unit, up, material).preset
 
 
-def propose(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Proposal:
-    """The same with its text and its decisions; see `preset_for`."""
+def propose(
+    mesh: Any,
+    unit: str | None = None,
+    up: str | None = None,
+    material: str | None = None,
+    max_triangles: int | None = None,
+) -> Proposal:
+    """The same with its text and its decisions; see `preset_for`.
+
+    max_triangles : how many a mesh file may have, and with it what reading it may cost.
+    """
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
-    given = mesh_in_file(Path(mesh), unit, axis) if isinstance(mesh, str | Path) else mesh_in_memory(mesh, unit, axis)
+    if isinstance(mesh, str | Path):
+        given = mesh_in_file(Path(mesh), unit, axis, max_triangles)
+    else:
+        given = mesh_in_memory(mesh, unit, axis)
     size = sizes(given.surface, name)
     return Proposal(given, size, feet(given.surface, size.span))
 

@@ -1,7 +1,7 @@
 """A mesh of the user's as a surface in metres with z up, and what was decided on the way."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
@@ -9,7 +9,18 @@ import numpy as np
 
 from dsfab.errors import SurfaceError
 from dsfab.proposal.vertical import likely_up
-from dsfab.surface import Surface, Up, finite_faces, mended, raw_mesh, surface_of_file, unit_guess, upright
+from dsfab.surface import (
+    DEFAULT_TRIANGLES,
+    Surface,
+    Up,
+    finite_faces,
+    mended,
+    mended_raw,
+    raw_mesh,
+    surface_of_file,
+    unit_guess,
+    upright,
+)
 from dsfab.wording import length
 
 
@@ -27,35 +38,47 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class GivenMesh:
-    """A mesh as a surface, metres, z up; and the keys of [surface] that make it that."""
+    """A mesh as a surface, metres, z up; and the keys of [surface] that make it that.
+
+    repaired : what is otherwise than in its file.
+    """
 
     surface: Surface
     name: str
     keys: dict[str, Any]
     decisions: tuple[Decision, ...]
+    repaired: tuple[str, ...] = ()
 
 
-def mesh_in_file(path: Path, unit: str | None, up: Up | None) -> GivenMesh:
+def mesh_in_file(path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None) -> GivenMesh:
     """The mesh in a file; unit and vertical axis are guessed where they are not given.
+
+    max_triangles : how many the file may have, where that is said.
 
     Raises SurfaceError for a file that cannot be read, or is no sheet even when it is mended.
     """
-    raw = raw_mesh(path)
+    raw = raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     unit = unit or unit_guess(raw)
     keys: dict[str, Any] = {"file": str(path), "unit": unit}
-    better = mended(raw.V, raw.F)
-    if better.repairs:
-        raw = replace(raw, V=better.V, F=better.F)
-    surface = surface_of_file(path, raw, unit)
+    if max_triangles is not None:
+        keys["max_triangles"] = max_triangles
+    better = mended_raw(raw)
+    mends = better.record.repaired[len(raw.record.repaired) :]
+    found = surface_of_file(path, better, unit)
+    surface = found.surface
     decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", "surface.unit, or --unit cm")]
-    if better.repairs:
+    for remark in raw.record.remarks:
+        decisions.append(Decision("file", remark))
+    if mends:
         keys["mend"] = True
-        decisions.append(Decision("mended", "; ".join(better.repairs), "surface.mend"))
+        decisions.append(Decision("mended", "; ".join(mends), "surface.mend"))
+    for remark in found.record.repaired[len(better.record.repaired) :]:
+        decisions.append(Decision("file", f"repaired: {remark}"))
     surface, up, turned = _turned(surface, up)
     if up != "z":
         keys["up"] = up
-    return GivenMesh(surface, preset_name(path), keys, (*decisions, turned))
+    return GivenMesh(surface, preset_name(path), keys, (*decisions, turned), found.record.repaired)
 
 
 def preset_name(mesh: str | Path) -> str:

@@ -6,6 +6,8 @@ from dsfab.surface.divided import DividedField
 from dsfab.surface.en1990 import ActionKind, CombinationRule, DesignFactors, action_mistakes, en1990_combinations
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
+from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
+from dsfab.surface.formats.ply import ply_chunks
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mend import MendedMesh, mended
@@ -17,13 +19,15 @@ from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contai
 from dsfab.surface.picker import Picker
 from dsfab.surface.pickers import All, Ball, Boundary, Box, CaseName, Facing, Nearest, Side, Vertices
 from dsfab.surface.places import coincident
-from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import (
     MeshFacts,
+    SurfaceInFile,
     describe,
     finite_faces,
+    mended_raw,
     normalized,
     read_surface,
+    surface_in_file,
     surface_of_file,
     unit_guess,
 )
@@ -35,6 +39,7 @@ from dsfab.surface.supports import Support
 from dsfab.surface.topology import connected, next_half_edge, pieces
 
 __all__ = [
+    "DEFAULT_TRIANGLES",
     "FIGURES",
     "MESH_SUFFIXES",
     "SHAPES",
@@ -52,6 +57,7 @@ __all__ = [
     "Distances",
     "DividedField",
     "Facing",
+    "FileRecord",
     "Force",
     "LimitState",
     "Line",
@@ -73,6 +79,7 @@ __all__ = [
     "Snow",
     "Support",
     "Surface",
+    "SurfaceInFile",
     "Up",
     "Vertices",
     "Wind",
@@ -88,6 +95,7 @@ __all__ = [
     "load_cases",
     "load_names",
     "mended",
+    "mended_raw",
     "nearest",
     "next_half_edge",
     "normalized",
@@ -102,6 +110,7 @@ __all__ = [
     "signed_volume",
     "signed_volumes",
     "support_names",
+    "surface_in_file",
     "surface_of_file",
     "together",
     "total_area",

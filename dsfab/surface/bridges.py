@@ -1,7 +1,9 @@
 """Meshes of other libraries as surfaces, and ours as theirs; metres here, each library imported when asked for."""
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
-from dsfab.surface.places import merged
+from dsfab.surface.places import equal_merged, merged
 from dsfab.surface.polygons import Polygons, polygons, triangles
 from dsfab.surface.reader import orientable
 from dsfab.units import metres_per
@@ -27,7 +29,7 @@ def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
     as `read_surface` does.
     """
     mesh = _polygons(V, F)
-    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
@@ -35,7 +37,7 @@ def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
     mesh = _polygons(V, F)
     fewer, became = merged(mesh.V)
     mesh = replace(mesh, V=fewer, corners=became[mesh.corners])
-    return orientable(mesh.V * metres_per(unit), triangles(mesh)[0])
+    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
@@ -78,6 +80,22 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
     raise SurfaceError(
         f"a {type(mesh).__name__} is no mesh that dsfab knows; give one with vertices and faces, or call from_mesh"
     )
+
+
+def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
+    """V (n, 3), in the file's unit, and F (m, 3) of an STL file as trimesh reads it: neither our reader nor our writer.
+
+    Raises SurfaceError for a file that trimesh does not read.
+    """
+    import trimesh
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
+        return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
+    except Exception:  # whatever it throws at a bad file
+        raise SurfaceError(f"{path} cannot be read by trimesh, though dsfab reads it; export it again") from None
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":

@@ -1,4 +1,4 @@
-"""Mesh files to raw arrays: one function per format, all behind `raw_mesh`.
+"""Mesh files to raw arrays: `raw_mesh`, before which the formats stand.
 
 A raw mesh is what the file says and may be bad in every way; `dsfab.surface.reader` judges it.
 """
@@ -6,20 +6,34 @@ A raw mesh is what the file says and may be bad in every way; `dsfab.surface.rea
 import difflib
 import logging
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, first
 from dsfab.errors import SurfaceError
-from dsfab.surface.orientation import upright
-from dsfab.surface.ply import read_ply
-from dsfab.surface.polygons import Polygons, read_obj, read_off, triangles
-from dsfab.units import metres_per
+from dsfab.surface.formats import (
+    DEFAULT_TRIANGLES,
+    NOTHING_READ,
+    Budget,
+    FileRecord,
+    PolygonFile,
+    TriangleFile,
+    counted,
+)
+from dsfab.surface.formats.gltf import read_glb, read_gltf
+from dsfab.surface.formats.limits import MalformedFileError
+from dsfab.surface.formats.obj import read_obj
+from dsfab.surface.formats.off import read_off
+from dsfab.surface.formats.ply import read_ply
+from dsfab.surface.formats.soup import joined
+from dsfab.surface.formats.stl import read_stl
+from dsfab.surface.formats.threemf import read_3mf
+from dsfab.surface.polygons import triangles
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +43,7 @@ class RawMesh:
     polygons : number of faces in the file, before they were cut into triangles.
     unit     : the unit the file declares for them, None if it does not say.
     metres   : in one of the file's units; 1 where it does not say.
+    record   : what was read, repaired and dropped so far.
     """
 
     V: Floats
@@ -36,26 +51,91 @@ class RawMesh:
     polygons: int
     unit: str | None = None
     metres: float = 1.0
+    record: FileRecord = NOTHING_READ
 
 
-def raw_mesh(path: str | Path) -> RawMesh:
-    """Read OBJ, PLY, STL, OFF, GLB or 3MF, by the suffix; glTF's y axis (up, by its specification) becomes z.
+def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
+    """Read OBJ, PLY, STL, OFF, glTF or 3MF, by the suffix; glTF's y axis (up, by its specification) becomes z.
 
-    Quads are cut along the shorter diagonal, STL and GLB vertices at exactly the same place become one, vertices
-    without a face are dropped. Raises SurfaceError for a path that is no readable mesh file.
+    Quads are cut along the shorter diagonal, STL and glTF vertices at exactly the same place become one, those of other
+    files where the faces share none (`dsfab.surface.formats.soup`); vertices without a face are dropped.
+
+    most_triangles : what the file may have; bytes, vertices and seconds are limited by it (`formats.limits`).
+
+    Raises SurfaceError for a path that is no readable mesh file, and for one beyond the limits.
     """
     path = Path(path)
-    read = _READERS[_suffix(path)]
+    suffix = _suffix(path)
+    budget = Budget(most_triangles)
     try:
-        with _silence():
-            raw = read(path)
-    except SurfaceError:
-        raise
+        budget.require_bytes(path.stat().st_size)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # of foreign parsers: what matters becomes a SurfaceError
+            raw = _read(path, suffix, budget)
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except MalformedFileError as error:
+        raise SurfaceError(f"{path} cannot be read as {suffix[1:].upper()} ({error}); export it again") from None
     except MemoryError:
-        raise SurfaceError(f"{path} announces more data than fits in memory; the file is damaged") from None
-    except Exception as error:  # whatever a foreign parser throws at a bad file
-        what = f"{type(error).__name__}: {error}".splitlines()[0][:160]
-        raise SurfaceError(f"{path} cannot be read as {_suffix(path)[1:].upper()} ({what}); export it again") from None
+        raise SurfaceError(f"{path} needs more memory than there is; make the mesh coarser") from None
+    except OSError as error:
+        raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system says no more'})") from None
+    except Exception:  # of a foreign parser: its words are no help to a person
+        log.debug("reading %s", path, exc_info=True)
+        raise SurfaceError(
+            f"{path} cannot be read as {suffix[1:].upper()} (it is damaged, or of a kind that dsfab does not know); "
+            "export it again"
+        ) from None
+    return _checked(path, raw)
+
+
+def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
+    data = path.read_bytes()
+    if suffix in _POLYGONS:
+        return _from_polygons(_POLYGONS[suffix](data, budget), suffix, budget)
+    if suffix == ".3mf":
+        found = read_3mf(path, data, budget)
+    elif suffix == ".stl":
+        found = read_stl(data, budget)
+    else:
+        found = _GLTF[suffix](data, budget, lambda name: _beside(path, name, budget))
+    return RawMesh(
+        found.V, found.F, len(found.F), found.unit, found.metres, _record(suffix, found, len(found.V), len(found.F))
+    )
+
+
+def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
+    budget.require_triangles(int(np.maximum(file.mesh.sizes - 2, 0).sum()))
+    whole, repaired = joined(file)
+    cut = triangles(whole.mesh)
+    few = int((whole.mesh.sizes < 3).sum())
+    dropped = (f"{counted(few, 'face')} with fewer than three corners",) if few else ()
+    crossing = len(cut.fanned)
+    if crossing:
+        at = ", ".join(str(k) for k in cut.fanned[:3].tolist())
+        repaired = (*repaired, f"{counted(crossing, 'face')} that cross themselves cut as fans (first, from 0: {at})")
+    record = _record(suffix, file, len(file.mesh.V), len(file.mesh.sizes))
+    return RawMesh(whole.mesh.V, cut.F, len(whole.mesh.sizes), record=record.also(repaired, dropped))
+
+
+def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: int) -> FileRecord:
+    what = f"{suffix[1:].upper()}: {counted(vertices, 'vertex')}, {counted(faces, 'face')}"
+    return FileRecord((what, *file.doubts), (), file.dropped)
+
+
+def _beside(path: Path, name: str, budget: Budget) -> bytes:
+    """The content of a file next to another one, or in a folder there."""
+    other = path.parent / name
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise MalformedFileError(f"its numbers are in {name[:60]!r}, outside its folder: export it as one file")
+    if not other.is_file():
+        raise SurfaceError(f"its numbers are in {name[:60]!r}, which is not beside it; put it there, or export a .glb")
+    budget.require_bytes(other.stat().st_size)
+    return other.read_bytes()
+
+
+def _checked(path: Path, raw: RawMesh) -> RawMesh:
+    """What was read with the vertices that have faces alone; raises SurfaceError where faces name others."""
     if not len(raw.F):
         raise SurfaceError(f"{path} holds {len(raw.V)} vertices and no faces; give a mesh with at least one triangle")
     n = len(raw.V)
@@ -66,17 +146,20 @@ def raw_mesh(path: str | Path) -> RawMesh:
             "export it again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
-    return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64))
+    record = raw.record
+    if len(used) < n and not record.repaired:
+        record = record.also((), (f"{counted(n - len(used), 'vertex')} without a face",))
+    return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)
 
 
 def _suffix(path: Path) -> str:
     """The known suffix of an existing file with something in it."""
     suffix = path.suffix.lower()
-    known = ", ".join(_READERS)
+    known = ", ".join(MESH_SUFFIXES)
     if path.is_dir():
         raise SurfaceError(f"{path} is a folder; give a mesh file ({known})")
-    if suffix not in _READERS:
-        near = difflib.get_close_matches(suffix, _READERS, n=1, cutoff=0.5)
+    if suffix not in MESH_SUFFIXES:
+        near = difflib.get_close_matches(suffix, MESH_SUFFIXES, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}? " if near else ""
         raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {known}")
     if not path.exists():
@@ -91,96 +174,10 @@ def _siblings(path: Path) -> list[str]:
     return [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
 
 
-@contextmanager
-def _silence() -> Iterator[None]:
-    """No log lines and no warnings of foreign parsers: what matters becomes a SurfaceError."""
-    logger = logging.getLogger("trimesh")
-    was = logger.disabled
-    logger.disabled = True
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.disabled = was
-
-
-def _from_polygons(read: Callable[[Path], Polygons]) -> Callable[[Path], RawMesh]:
-    def reader(path: Path) -> RawMesh:
-        mesh = read(path)
-        F, _ = triangles(mesh)
-        return RawMesh(mesh.V, F, len(mesh.sizes))
-
-    return reader
-
-
-def _stl(path: Path) -> RawMesh:
-    """An STL file is triangles without shared vertices, 32-bit: the same corner has the same bits everywhere."""
-    import trimesh
-
-    soup = trimesh.load(path, file_type="stl", force="mesh", process=False)
-    V, F = _merged(soup)
-    return RawMesh(V, F, len(F))
-
-
-def _glb(path: Path) -> RawMesh:
-    import trimesh
-
-    if path.read_bytes()[:4] != b"glTF":
-        raise ValueError("there is no glTF header")
-    V, F = _merged(trimesh.load(path, file_type="glb", force="mesh", process=False))
-    return RawMesh(upright(V, "y"), F, len(F), "m")
-
-
-def _merged(mesh: Any) -> tuple[Floats, Ints]:
-    """Vertices at exactly the same place made one (+ 0.0 turns -0.0 into 0.0)."""
-    V = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3) + 0.0
-    V, index = np.unique(V, axis=0, return_inverse=True)
-    return V, index.ravel()[np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)]
-
-
-_MICROMETRE = 1e-6
-"""Metres; 3MF alone knows this unit."""
-
-_UNITS_3MF = {
-    "MicroMeter": "um",
-    "MilliMeter": "mm",
-    "CentiMeter": "cm",
-    "Meter": "m",
-    "Inch": "in",
-    "Foot": "ft",
+_POLYGONS: dict[str, Callable[[bytes, Budget], PolygonFile]] = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
+_GLTF: dict[str, Callable[[bytes, Budget, Callable[[str], bytes]], TriangleFile]] = {
+    ".glb": read_glb,
+    ".gltf": read_gltf,
 }
-
-
-def _3mf(path: Path) -> RawMesh:
-    """All objects that the build plate holds, moved to their places (lib3mf, the consortium's own reader)."""
-    import lib3mf
-
-    model = lib3mf.get_wrapper().CreateModel()
-    model.QueryReader("3mf").ReadFromFile(str(path))
-    unit = _UNITS_3MF[model.GetUnit().name]
-    merged = model.MergeToModel().GetMeshObjects()
-    parts: list[tuple[Floats, Ints]] = []
-    n = 0
-    while merged.MoveNext():
-        mesh = merged.GetCurrentMeshObject()
-        V = np.array([v.Coordinates[:] for v in mesh.GetVertices()], dtype=np.float64).reshape(-1, 3)
-        F = np.array([t.Indices[:] for t in mesh.GetTriangleIndices()], dtype=np.int64).reshape(-1, 3)
-        parts.append((V, F + n))
-        n += len(V)
-    if not parts:
-        return RawMesh(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), 0, unit)
-    V, F = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
-    return RawMesh(V, F, len(F), unit, _MICROMETRE if unit == "um" else metres_per(unit))
-
-
-_READERS: dict[str, Callable[[Path], RawMesh]] = {
-    ".obj": _from_polygons(read_obj),
-    ".ply": _from_polygons(read_ply),
-    ".stl": _stl,
-    ".off": _from_polygons(read_off),
-    ".glb": _glb,
-    ".3mf": _3mf,
-}
-MESH_SUFFIXES = tuple(_READERS)
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf")
 """Of the mesh files that are read."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, closed_length, cross, edge_lengths, first, lengths, lock
 from dsfab.errors import SurfaceError
+from dsfab.limits import POSSIBLE_SIZE
 from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
 
@@ -29,7 +30,8 @@ class Surface:
     V : (n, 3) vertex positions, metres.
     F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
 
-    Raises SurfaceError for coordinates that are not finite, indices out of range and faces without area.
+    Raises SurfaceError for coordinates that are not finite, sizes that no surface has, indices out of range and faces
+    without area.
     Whether the mesh is manifold and oriented is asked with `dsfab.surface.topology.manifold_faults`.
     """
 
@@ -49,6 +51,14 @@ class Surface:
             bad = np.flatnonzero(~np.isfinite(self.V).all(axis=1))
             raise SurfaceError(
                 f"{len(bad)} of {self.n} vertices are not finite numbers (first: {first(bad)}); repair the mesh"
+            )
+        smallest, largest = POSSIBLE_SIZE
+        reach = float(np.abs(self.V).max(initial=0.0))
+        size = float(np.ptp(self.V, axis=0).max()) if self.n and reach <= largest else reach
+        if self.n and not smallest <= size <= largest:
+            raise SurfaceError(
+                f"the surface is {size:.3g} m large, or as far from the origin, and dsfab makes what has {smallest:g} "
+                f"to {largest:g} m; check the unit and the coordinates"
             )
 
     def _check_faces(self) -> None:

@@ -34,6 +34,15 @@ def merged(V: Floats, within: float = SAME_PLACE) -> tuple[Floats, Ints]:
     return V[first[order]], rank[became.ravel()]
 
 
+def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
+    """Vertices V (n, 3) at exactly the same place made one, ordered by place, and faces F (m, 3) of them.
+
+    + 0.0 turns -0.0 into 0.0.
+    """
+    fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
+    return fewer, became.ravel()[F]
+
+
 def coincident(V: Floats) -> int:
     """How many of the vertices V (n, 3) lie where an earlier one does."""
     return len(V) - len(merged(V)[0])

@@ -10,6 +10,7 @@ from dsfab.errors import SurfaceError
 from dsfab.surface.cover import flips_along_tree
 from dsfab.surface.enclosed import signed_volume, signed_volumes
 from dsfab.surface.files import RawMesh, raw_mesh
+from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord, counted
 from dsfab.surface.mend import mended
 from dsfab.surface.mesh import ZERO_AREA, Surface
 from dsfab.surface.orientation import Up, upright
@@ -32,35 +33,75 @@ LARGEST_IN_METRES = 250.0
 """A mesh with a longer box than this is guessed to be in millimetres: few shells are longer."""
 
 
-def read_surface(path: str | Path, unit: str | None = None, up: Up = "z", mend: bool = False) -> Surface:
-    """The surface in an OBJ, PLY, STL, OFF, GLB or 3MF file, in metres.
+@dataclass(frozen=True, eq=False)
+class SurfaceInFile:
+    """The surface in a file, metres, and what was read, repaired and dropped to make it."""
+
+    surface: Surface
+    record: FileRecord
+
+
+def read_surface(
+    path: str | Path,
+    unit: str | None = None,
+    up: Up = "z",
+    mend: bool = False,
+    max_triangles: int = DEFAULT_TRIANGLES,
+) -> Surface:
+    """The surface in an OBJ, PLY, STL, OFF, GLB, glTF or 3MF file, in metres.
 
     unit : of the numbers in the file; None takes the unit the file declares (3MF; glTF is in metres), else metres.
     up   : the file's axis that points to the sky.
     mend : whether small faults are mended first: see `dsfab.surface.mend`.
+    max_triangles : how many the file may have; what reading may cost follows from it.
 
     Neighbouring faces that face opposite sides are turned, fewest first, and a closed piece that is inside out is
     turned outward. A piece with one side only (a Moebius strip) keeps a seam of edges where neighbours disagree. A GLB
     file has y up by its specification and is turned to z up. Pinches (parts touching in a point) and several pieces are
-    accepted: `describe` reports them.
+    accepted: `describe` reports them, and `surface_in_file` what was repaired and dropped.
 
     Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
     and edges with more than two faces.
     """
-    raw = raw_mesh(path)
-    if mend:
-        whole = mended(raw.V, raw.F)
-        raw = replace(raw, V=whole.V, F=whole.F)
-    return surface_of_file(path, raw, unit, up)
+    return surface_in_file(path, unit, up, mend, max_triangles).surface
 
 
-def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> Surface:
+def surface_in_file(
+    path: str | Path,
+    unit: str | None = None,
+    up: Up = "z",
+    mend: bool = False,
+    max_triangles: int = DEFAULT_TRIANGLES,
+) -> SurfaceInFile:
+    """The surface in a file together with what was read, repaired and dropped; see `read_surface`."""
+    raw = raw_mesh(path, max_triangles)
+    return surface_of_file(path, mended_raw(raw) if mend else raw, unit, up)
+
+
+def mended_raw(raw: RawMesh) -> RawMesh:
+    """What was read from a file with its small faults mended, which its record tells."""
+    better = mended(raw.V, raw.F)
+    if not better.repairs:
+        return raw
+    return replace(raw, V=better.V, F=better.F, record=raw.record.also(better.repairs))
+
+
+def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> SurfaceInFile:
     """The surface of what was read from a file; see `read_surface`, which reads it first."""
     V = upright(raw.V * (metres_per(unit) if unit else raw.metres), up)
     try:
-        return orientable(V, raw.F)
+        surface = orientable(V, raw.F)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
+    return SurfaceInFile(surface, raw.record.also(turned_over(raw.F, surface.F)))
+
+
+def turned_over(before: Ints, after: Ints) -> tuple[str, ...]:
+    """How many faces (m, 3) were turned over, a few words; none where none was."""
+    count = int((before != after).any(axis=1).sum())
+    if not count:
+        return ()
+    return (f"{counted(count, 'face')} of {len(before):,} turned over, so that neighbours face the same side",)
 
 
 def orientable(V: Floats, F: Ints) -> Surface:
@@ -126,7 +167,8 @@ class MeshFacts:
     Faces with vertices that are not finite count in `faces` and nowhere else. `volume` is None unless the mesh is
     closed and oriented; `genus` is None unless it is one oriented manifold piece. `faults` are the reasons why it is
     not an oriented manifold, a sentence each, empty for a good mesh. `smallest_angle` is in degrees and leaves the
-    degenerate faces out. `unit_guess` is the file's own unit, or a guess from the size of the numbers.
+    degenerate faces out. `unit_guess` is the file's own unit, or a guess from the size of the numbers. `record` is what
+    reading it repaired and dropped.
     """
 
     path: str
@@ -153,6 +195,7 @@ class MeshFacts:
     pinches: int
     smallest_angle: float
     mean_edge: float
+    record: FileRecord
 
     @property
     def manifold(self) -> bool:
@@ -165,12 +208,12 @@ class MeshFacts:
         return len(self.boundary_lengths)
 
 
-def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
+def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> MeshFacts:
     """The facts about a mesh file, also about one that `read_surface` refuses.
 
     Raises SurfaceError when the file cannot be read at all or has no face with finite corners.
     """
-    raw = raw_mesh(path)
+    raw = raw_mesh(path, max_triangles)
     V = raw.V * (metres_per(unit) if unit else raw.metres)
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = finite_faces(path, raw)
@@ -207,6 +250,7 @@ def describe(path: str | Path, unit: str | None = None) -> MeshFacts:
         pinches=len(pinches(F, edges, len(V))),
         smallest_angle=angle,
         mean_edge=float(np.linalg.norm(V[edges.ends[:, 0]] - V[edges.ends[:, 1]], axis=1).mean()),
+        record=raw.record,
     )
 
 

@@ -1,4 +1,4 @@
-"""Builds in a process of their own: cancelled at once, wherever they are, and nothing stays behind."""
+"""Builds and readings of meshes in a process of their own: cancelled at once, wherever they are."""
 
 import io
 import json
@@ -21,9 +21,11 @@ from typing import Any
 import dsfab
 from dsfab.app.editor.building import BuildRequest, EditorBuild
 from dsfab.app.editor.job import JobProgress
+from dsfab.app.editor.source import MeshRequest, Opened
 from dsfab.errors import DsfabError
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from, preset_toml
+from dsfab.proposal import Decision
 
 PAUSE = 0.1
 """Seconds after which somebody looks whether the job was cancelled."""
@@ -57,15 +59,32 @@ def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> E
             tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as aside,
             _process(Path(aside)) as process,
         ):
-            told = _followed(process, asked, progress)
+            told = _followed(process, asked, progress, "the build", "build with fewer kinds of files")
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
     return EditorBuild([folder / name for name in told["files"]], told["done"])
 
 
-def _followed(process: "subprocess.Popen[bytes]", asked: bytes, progress: JobProgress) -> dict[str, Any]:
-    """The last thing it says; its progress is told on the way."""
+def opened_apart(request: MeshRequest, progress: JobProgress) -> Opened:
+    """What `source.opened_mesh` makes; raises what it raises, and Cancelled within a fraction of a second."""
+    progress("surface", f"reading {request.name}")
+    asked = carried((request, ""))
+    with (
+        tempfile.TemporaryDirectory(dir=request.path.parent, ignore_cleanup_errors=True) as aside,
+        _process(Path(aside)) as process,
+    ):
+        told = _followed(process, asked, progress, "reading the mesh", "make it coarser")
+    return Opened(_preset(told["preset"]), (), request.name, tuple(Decision(**one) for one in told["decided"]))
+
+
+def _followed(
+    process: "subprocess.Popen[bytes]", asked: bytes, progress: JobProgress, what: str, advice: str
+) -> dict[str, Any]:
+    """The last thing it says; its progress is told on the way.
+
+    what, advice : of the sentence that says that it ended before.
+    """
     lines: queue.Queue[bytes] = queue.Queue()
     for act in (lambda: _send(process, asked), lambda: _read(process, lines)):
         threading.Thread(target=act, daemon=True).start()
@@ -77,7 +96,7 @@ def _followed(process: "subprocess.Popen[bytes]", asked: bytes, progress: JobPro
             continue
         if not line:
             code = process.wait()
-            raise DsfabError(f"the build ended before its end (exit code {code}); build with fewer kinds of files")
+            raise DsfabError(f"{what} ended before its end (exit code {code}); {advice}")
         told: dict[str, Any] = json.loads(line)
         if "stage" in told:
             progress(told["stage"], told["text"])

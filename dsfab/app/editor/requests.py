@@ -80,7 +80,7 @@ def _open(session: Session, given: Given) -> Given:
     if "variant" in given:
         return session.open_variant(_typed(given, "variant", int))
     unit = given.get("unit")
-    return session.open_mesh(_typed(given, "name", str), str(unit) if unit else None, _typed(given, "data", str))
+    return session.ask_mesh(_typed(given, "name", str), str(unit) if unit else None, _typed(given, "data", str))
 
 
 ASKS: dict[str, Callable[[Session, Given], Given]] = {

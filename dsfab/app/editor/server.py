@@ -6,6 +6,7 @@ from its own page if it comes from a page at all, carry the token of this run, a
 
 import hmac
 import json
+import logging
 import queue
 import secrets
 from collections.abc import Callable, Mapping
@@ -18,6 +19,8 @@ from dsfab.app.editor.requests import ASKS, AskError, Given
 from dsfab.app.editor.session import Session
 from dsfab.errors import DsfabError
 
+log = logging.getLogger(__name__)
+
 LOOPBACK = "127.0.0.1"
 
 LARGEST = 96 * 2**20
@@ -25,6 +28,9 @@ LARGEST = 96 * 2**20
 
 CLIENTS = 256
 """Connections that may wait until they are accepted: pages ask for dozens of files at once, and there may be many."""
+
+DIGITS = 19
+"""Of a number of bytes: more are none that anybody sends."""
 
 PATIENCE = 15.0
 """Seconds after which a listener without news is sent an empty line: so the server sees that it has gone."""
@@ -51,6 +57,10 @@ class EditorServer(ThreadingHTTPServer):
         super().__init__((LOOPBACK, port), Handler)
         number = self.server_address[1]
         self.hosts = {f"{name}:{number}" for name in (LOOPBACK, "localhost")}
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A connection that went wrong ends, without a word to the terminal: browsers reset them as they like."""
+        log.debug("connection of %s", client_address, exc_info=True)
 
     @property
     def address(self) -> str:
@@ -81,16 +91,28 @@ class Handler(BaseHTTPRequestHandler):
     def _guarded(self, act: Callable[[], None]) -> None:
         try:
             self._check_host()
-            act()
+            self._answered(act)
         except Refused as refused:
             self.close_connection = True  # what it still sends is not read
             self._json({"error": str(refused)}, refused.status)
+        except (ConnectionError, TimeoutError):
+            self.close_connection = True
+
+    def _answered(self, act: Callable[[], None]) -> None:
+        """Do it; what is refused, and a mistake of ours, is an answer too."""
+        try:
+            act()
+        except (Refused, ConnectionError, TimeoutError):
+            raise
         except AskError as error:
             self._json({"error": str(error)}, HTTPStatus.BAD_REQUEST)
         except DsfabError as error:
             self._json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
-        except (BrokenPipeError, ConnectionResetError, TimeoutError):
+        except Exception as error:  # the server lives on
+            log.exception("%s", self.path)
             self.close_connection = True
+            mistake = f"dsfab made a mistake ({type(error).__name__}); please report it"
+            self._json({"error": mistake}, HTTPStatus.INTERNAL_SERVER_ERROR)
 
     def _check_host(self) -> None:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
@@ -139,7 +161,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _body(self) -> Given:
         length = self.headers.get("Content-Length", "")
-        if not length.isdigit():
+        if not (length.isascii() and length.isdigit() and len(length) < DIGITS):
             raise Refused(HTTPStatus.LENGTH_REQUIRED, "say how long it is")
         if int(length) > LARGEST:
             raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {LARGEST >> 20} MB; make the mesh coarser")

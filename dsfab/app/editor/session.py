@@ -2,6 +2,7 @@
 
 import base64
 import binascii
+import itertools
 import shlex
 import threading
 import time
@@ -19,7 +20,8 @@ from dsfab.app.editor.job import JobProgress
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.outputs import Outputs
 from dsfab.app.editor.payload import colours, model, packed, widths
-from dsfab.app.editor.source import Opened, opened_mesh, opened_shipped, saved_preset
+from dsfab.app.editor.process import opened_apart
+from dsfab.app.editor.source import MeshRequest, Opened, opened_shipped, saved_preset
 from dsfab.app.editor.tray import VariantTray
 from dsfab.app.export import format_suffix
 from dsfab.errors import DsfabError
@@ -65,6 +67,7 @@ class Session:
         self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
+        self._meshes = itertools.count(1)
         self._folder = temporary_folder("dsfab-edit")
         aside = Path(self._folder.name)
         self.variants = VariantTray()
@@ -120,8 +123,11 @@ class Session:
             same = variant.opened is self._opened
             return {**(self.start() if same else self._open(variant.opened)), "changes": dict(variant.changes)}
 
-    def open_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Open a mesh that the page sends, base64; its name is for people, the file here has one of ours."""
+    def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
+        """A job that opens a mesh that the page sends, base64; its name is for people, the file here has one of ours.
+
+        It is read in a process of its own: whatever is in it, the page goes on, and the person may cancel.
+        """
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
             raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}")
@@ -129,13 +135,19 @@ class Session:
             content = base64.b64decode(data, validate=True)
         except (binascii.Error, ValueError):
             raise DsfabError("the mesh did not arrive whole; drop it again") from None
-        path = Path(self._folder.name) / f"mesh-{self._opening}{suffix}"
+        path = Path(self._folder.name) / f"mesh-{next(self._meshes)}{suffix}"
         path.write_bytes(content)
+        request = MeshRequest(path, Path(name).name, unit)
+        return {"job": self.jobs.ask("open", lambda progress: self._mesh(request, progress))}
+
+    def _mesh(self, request: MeshRequest, progress: JobProgress) -> dict[str, Any]:
         try:
-            made = opened_mesh(path, Path(name).name, unit)
-        except DsfabError as error:
-            raise DsfabError(str(error).replace(str(path), Path(name).name)) from None
-        return self._open(made)
+            found = opened_apart(request, progress)
+        except BaseException:
+            request.path.unlink(missing_ok=True)
+            raise
+        progress.check()
+        return self._open(found)
 
     def _open(self, new: Opened) -> dict[str, Any]:
         with self._lock:

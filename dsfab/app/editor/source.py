@@ -8,7 +8,7 @@ from typing import Any
 
 from dsfab.app.editor.outputs import Outputs
 from dsfab.app.options import UNCHANGED, Source
-from dsfab.errors import PresetError
+from dsfab.errors import DsfabError, PresetError, SurfaceError
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped_presets
 from dsfab.proposal import Decision, preset_name, propose
@@ -130,16 +130,26 @@ def opened_shipped(name: str) -> Opened:
     return Opened(load_preset(name), (name,))
 
 
-def opened_mesh(path: Path, name: str, unit: str | None, up: str | None = None) -> Opened:
+@dataclass(frozen=True)
+class MeshRequest:
+    """A mesh that the page sent, to be read: its file here, what it is called where it comes from, and its unit."""
+
+    path: Path
+    name: str
+    unit: str | None = None
+
+
+def opened_mesh(request: MeshRequest) -> Opened:
     """A mesh with the preset that `dsfab new` proposes for it, to begin with.
 
-    name : what the file is called where it comes from.
-
-    Raises SurfaceError for a file that cannot be read.
+    Raises SurfaceError for a file that cannot be read; it names the file as the person knows it.
     """
-    proposal = propose(path, unit, up)
-    preset = proposal.preset.model_copy(update={"name": preset_name(name)})
-    return Opened(preset, (), name, proposal.decisions)
+    try:
+        proposal = propose(request.path, request.unit)
+    except DsfabError as error:
+        raise SurfaceError(str(error).replace(str(request.path), request.name)) from None
+    preset = proposal.preset.model_copy(update={"name": preset_name(request.name)})
+    return Opened(preset, (), request.name, proposal.decisions)
 
 
 def _spelled(value: Any) -> str:

@@ -24,6 +24,7 @@ def facts(
         "name": design.preset.name,
         "preset": design.settled.model_dump(mode="json", exclude_none=True),
         "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
+        **({"file": asdict(design.file)} if design.file else {}),
         **acting_facts(design),
         "statics": {
             **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),

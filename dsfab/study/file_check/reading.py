@@ -8,7 +8,8 @@ import numpy as np
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.errors import ExportError, SurfaceError
 from dsfab.export.step_read import read_step
-from dsfab.surface.files import raw_mesh
+from dsfab.surface import raw_mesh
+from dsfab.surface.bridges import stl_by_trimesh
 from dsfab.units import METRES_PER, metres_per
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")
@@ -73,7 +74,7 @@ def read_shipped(path: str | Path, unit: str | None = None) -> FileContents:
         raw = raw_mesh(path)
         here = unit or raw.unit or BY_CONVENTION
         metres = raw.metres if raw.unit else metres_per(here)
-        V, F, lost = _joined(raw.V, raw.F)
+        V, F, lost = _joined(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))
         found = FileContents(
             path, V * metres, F, here, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
         )

@@ -10,12 +10,13 @@ from annotated_types import Ge, Gt, Le, Lt
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import SurfaceError
+from dsfab.limits import POSSIBLE_SIZE
 from dsfab.surface.mesh import Surface
 
 P = ParamSpec("P")
 
-Length = Annotated[float, Gt(0)]
-"""Metres."""
+Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]
+"""Metres, within what any surface may have."""
 
 ROW = np.sqrt(3) / 2
 """Height of an equilateral triangle over its edge."""
@@ -38,7 +39,13 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
                 raise SurfaceError(f"{function.__name__}: {name} = {value} is not a finite number")
             for bound in bounds[name]:
                 _check(f"{function.__name__}: {name} = {value}", value, bound)
-        return function(*args, **kwargs)
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                return function(*args, **kwargs)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            raise SurfaceError(
+                f"{function.__name__}: its lengths differ so much that no surface can be computed; check them"
+            ) from None
 
     return checked
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
+from annotated_types import Ge, Le
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import SurfaceError
@@ -44,7 +44,7 @@ def pavilion(
     rise: Length = 4.5,
     opening: Length = 2.8,
     feet: Annotated[int, Ge(3), Le(8)] = 4,
-    foot: Annotated[float, Gt(0)] = 1.6,
+    foot: Length = 1.6,
     edge: Length = 0.28,
 ) -> Surface:
     """A spherical shell on `feet` feet, open between them: Saarinen's Kresge Auditorium (1955) stands on three.

@@ -1,9 +1,6 @@
 """Shapes over a rectangle, meshed in staggered rows."""
 
-from typing import Annotated
-
 import numpy as np
-from annotated_types import Gt
 
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
@@ -40,7 +37,7 @@ def barrel_vault(length: Length = 10.0, span: Length = 8.0, rise: Length = 2.5, 
 
 
 @shape
-def hypar(side: Length = 8.0, rise: Annotated[float, Gt(0)] = 3.0, edge: Length = 0.22) -> Surface:
+def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surface:
     """A hyperbolic paraboloid over a square: two opposite corners at z = 0, the other two at z = rise.
 
     z = rise (1/2 + 2 x y / side^2): both sets of rulings are straight.

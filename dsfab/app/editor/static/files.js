@@ -8,9 +8,9 @@ const by = (id) => document.getElementById(id);
 const MOST = 64 * 2 ** 20; // bytes of a mesh: a third more as base64
 
 export class Files {
-  /** start: of the server; changes(): what differs now; opened(start): another preset is open; say(text): a notice. */
-  constructor(start, { changes, opened, say }) {
-    Object.assign(this, { changes, opened, say });
+  /** start: of the server; changes(): what differs now; opened(start): another preset is open; ask(kind, body): a job; say(text): a notice. */
+  constructor(start, { changes, opened, ask, say }) {
+    Object.assign(this, { changes, opened, ask, say });
     by('ask-unit').append(make('option', { value: '', textContent: 'as its size says' }), ...start.units.map((unit) => make('option', { textContent: unit })));
     by('save').addEventListener('click', () => this.save());
     by('open').addEventListener('click', () => by('file').click());
@@ -36,6 +36,12 @@ export class Files {
     }
   }
 
+  /** A mesh was read, or could not be. */
+  read({ state, text, result }) {
+    if (state === 'done') this.opened(result);
+    else if (state === 'failed') this.say(text);
+  }
+
   drop(place) {
     place.addEventListener('dragover', (event) => {
       event.preventDefault();
@@ -54,10 +60,10 @@ export class Files {
     by('file').value = '';
     if (file.size > MOST) return this.say(`${file.name} has more than ${MOST >> 20} MB; make the mesh coarser.`);
     if (file.name.toLowerCase().endsWith('.toml')) return this.open({ toml: await file.text() });
-    const knows = /\.(glb|3mf)$/i.test(file.name);
+    const knows = /\.(glb|gltf|3mf)$/i.test(file.name);
     const unit = knows ? null : await this.unit(file.name);
     if (unit === undefined) return undefined;
-    return this.open({ name: file.name, unit: unit || null, data: await base64(file) });
+    return this.ask('open', { name: file.name, unit: unit || null, data: await base64(file) });
   }
 
   unit(name) {

@@ -49,6 +49,7 @@ class Editor {
     this.files = new Files(start, {
       changes: () => this.state.changes,
       opened: (next) => this.opened(next),
+      ask: (kind, body) => this.work.ask(kind, body),
       say: (text) => this.notice(text),
     });
     this.making = new Making(start, {
@@ -68,6 +69,7 @@ class Editor {
       build: (job) => this.making.built(job),
       export: (job) => this.making.built(job),
       picture: (job) => this.pictures?.show(job),
+      open: (job) => this.files.read(job),
     });
     this.state.on((keys, final) => this.changed(keys, final));
     follow((changes) => this.state.become(changes));

@@ -2,7 +2,7 @@
 
 import { AWAY, listen, post } from './transport.js';
 
-const RANK = ['build', 'export', 'picture', 'solve', 'figures']; // whose progress is shown, where several run
+const RANK = ['open', 'build', 'export', 'picture', 'solve', 'figures']; // whose progress is shown, where several run
 
 const by = (id) => document.getElementById(id);
 

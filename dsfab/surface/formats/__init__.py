@@ -1,0 +1,10 @@
+"""Mesh files to raw arrays, one format, one module, each with what it may cost and what is said of the file.
+
+limits.py  how much a reader may take       record.py  what was read, repaired and dropped    text.py  bytes to lines
+obj.py  off.py  ply.py  stl.py  gltf.py (also .glb)  threemf.py       soup.py  faces that share no vertex, joined
+"""
+
+from dsfab.surface.formats.limits import DEFAULT_TRIANGLES, Budget
+from dsfab.surface.formats.record import NOTHING_READ, FileRecord, PolygonFile, TriangleFile, counted
+
+__all__ = ["DEFAULT_TRIANGLES", "NOTHING_READ", "Budget", "FileRecord", "PolygonFile", "TriangleFile", "counted"]

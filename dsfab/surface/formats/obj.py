@@ -1,0 +1,91 @@
+"""Wavefront OBJ files: vertices and polygons.
+
+Read here and not with trimesh, which splits every quad from its first corner and doubles vertices along texture seams.
+"""
+
+from array import array
+from collections import Counter
+
+import numpy as np
+
+from dsfab.surface.formats.limits import Budget, MalformedFileError
+from dsfab.surface.formats.record import PolygonFile, counted
+from dsfab.surface.formats.text import TextFile, text_file
+from dsfab.surface.polygons import Polygons
+
+_LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
+"""What has a shape that dsfab does not read."""
+_QUIET = frozenset(
+    "vt vn vp g o s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
+    "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
+)
+"""What says nothing about the shape of polygons, or is part of free-form curves and surfaces."""
+_NUMBERS = {3, 4, 6, 7}
+"""How many numbers a vertex has: its place, a weight, a colour."""
+OFTEN = 1 << 14
+"""Lines between two looks at how many vertices and faces there are."""
+
+
+def read_obj(data: bytes, budget: Budget) -> PolygonFile:
+    """Vertices and faces; textures, normals and groups are passed over, lines, points and free forms counted.
+
+    Raises MalformedFileError with the number of the line that cannot be read, SurfaceError beyond the budget.
+    """
+    file = text_file(data)
+    if "\\\n" in file.text:
+        file = TextFile(file.text.replace("\\\n", " "), file.doubts, file.ended)
+    V, corners, sizes = array("d"), array("q"), array("q")
+    others: Counter[str] = Counter()
+    odd, last = "", ""
+    for number, line in file.numbered(budget):
+        words = line.split() if "#" not in line else line[: line.index("#")].split()
+        if not words:
+            continue
+        if number % OFTEN == 0:
+            budget.require_vertices(len(V) // 3)
+            budget.require_triangles(len(sizes))
+        last = word = words[0]
+        try:
+            if word == "v":
+                _add_vertex(V, words, line)
+            elif word == "f":
+                _add_face(corners, sizes, words, len(V) // 3)
+            elif word not in _QUIET:
+                others[word] += 1
+                if not odd and word not in _LOUD:
+                    odd = f"line {number}: {line.strip()[:40]!r}"
+        except (ValueError, IndexError):
+            raise MalformedFileError(f"line {number} cannot be read: {line.strip()[:60]!r}") from None
+    budget.require_vertices(len(V) // 3)
+    mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
+    doubts = file.cut_off("a vertex" if last == "v" else "a face") if last in ("v", "f") else ()
+    return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd))
+
+
+def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
+    if "_" in line or len(words) - 1 not in _NUMBERS:
+        raise ValueError
+    V.extend(map(float, words[1:4]))
+    if len(words) > 4:
+        list(map(float, words[4:]))  # two vertices on one line are none
+
+
+def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
+    """Corners are counted from 1, negative ones from the last vertex so far; 0 is none."""
+    sizes.append(len(words) - 1)
+    for word in words[1:]:
+        i = int(word.partition("/")[0] if "/" in word else word)
+        corners.append(i - 1 if i > 0 else count + i if -count <= i < 0 else -1)
+
+
+def _passed_over(others: Counter[str], odd: str) -> tuple[str, ...]:
+    found: Counter[str] = Counter()
+    for word, count in others.items():
+        if word in _LOUD:
+            found[_LOUD[word]] += count
+        else:
+            found["other line"] += count
+    texts = [counted(count, thing) for thing, count in found.items() if thing != "other line"]
+    if found["other line"]:
+        texts.append(f"{counted(found['other line'], 'line')} that OBJ does not know (first: {odd})")
+    return tuple(texts)

@@ -1,0 +1,255 @@
+"""Files that are bad on purpose: a sentence, or the surface that the file says, in little time and memory."""
+
+import logging
+import resource
+import time
+import warnings
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from dsfab.errors import SurfaceError
+from dsfab.surface import read_surface, surface_in_file
+from dsfab.surface.formats.limits import Budget
+from dsfab.surface.polygon_cuts import large_polygon_cut, small_polygons_cut
+from tests.bad_meshes import (
+    FORMATS,
+    GOOD,
+    BadFile,
+    F,
+    V,
+    bombs,
+    gltf,
+    gltf_numbers,
+    marked,
+    obj,
+    odd_faces,
+    polygons,
+    trailing,
+    written,
+)
+
+PYTHON = ("list index", "Error", "NoneType", "literal", "to unpack", "' object", "Traceback", "argument", "codec")
+"""Words that no person should read."""
+
+SECONDS = 2.0
+"""CPU seconds that any of these files may take."""
+
+
+def outcome(path):
+    """What was read and the record; or the sentence. In SECONDS at most, without a warning, in one line."""
+    start = time.process_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            found = surface_in_file(path)
+        except SurfaceError as error:
+            text = str(error)
+            assert path.name in text
+            assert "\n" not in text
+            assert not [word for word in PYTHON if word in text], text
+            found = text
+    assert time.process_time() - start < SECONDS, path.name
+    return found
+
+
+def same_surface(a, b):
+    """The same triangles in space, to the digits of a file."""
+
+    def corners(s):
+        P = np.round(s.V[s.F], 5)
+        return sorted(tuple(map(tuple, np.roll(p, -np.lexsort(p.T[::-1])[0], axis=0).tolist())) for p in P)
+
+    return a.m == b.m and corners(a) == corners(b)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_good_file_of_each_format_is_read_without_a_word(name, tmp_path):
+    found = outcome(written(BadFile(name, FORMATS[name](), len(F)), tmp_path))
+    assert same_surface(found.surface, GOOD)
+    assert found.record.remarks == ()
+    assert found.record.read[0].endswith(f"{len(V)} vertices, {len(F)} faces")
+
+
+def cases():
+    yield from (*marked(), *trailing(), *odd_faces(), *bombs())
+
+
+@pytest.mark.parametrize("file", [*cases()], ids=lambda file: file.name)
+def test_a_bad_file_is_what_it_says_or_it_is_told(file, tmp_path):
+    found = outcome(written(file, tmp_path))
+    if file.faces is None:
+        assert isinstance(found, str), found.record
+        return
+    assert not isinstance(found, str), found
+    assert same_surface(found.surface, GOOD)
+    assert any(file.says in remark for remark in found.record.remarks) if file.says else not found.record.remarks
+
+
+def test_bombs_take_no_memory(tmp_path):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for file in bombs():
+        outcome(written(file, tmp_path))
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 500_000  # kilobytes
+
+
+def cut_off(name, lengths, folder):
+    """A file that ends too soon is never another surface in silence; only OBJ has lines after which nobody can know."""
+    data = FORMATS[name]()
+    for length in lengths:
+        found = outcome(written(BadFile(name, data[:length], None), folder))
+        if isinstance(found, str) or same_surface(found.surface, GOOD):
+            continue
+        whole_lines = name == "plain.obj" and data[:length].endswith(b"\n")
+        assert found.record.remarks or whole_lines, (length, found.surface.F)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_file_that_is_cut_off_is_never_another_surface_in_silence(name, tmp_path):
+    size = len(FORMATS[name]())
+    cut_off(name, {*range(1, size, size // 20), *range(size - 25, size)}, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_file_that_is_cut_off_at_any_byte_is_never_another_surface_in_silence(name, tmp_path):
+    cut_off(name, range(1, len(FORMATS[name]())), tmp_path)
+
+
+def test_gltf_takes_its_numbers_from_beside(tmp_path):
+    (tmp_path / "of the roof.bin").write_bytes(gltf_numbers())
+    path = written(BadFile("roof.gltf", gltf("of%20the%20roof.bin"), len(F)), tmp_path)
+    assert same_surface(outcome(path).surface, GOOD)
+    (tmp_path / "of the roof.bin").write_bytes(gltf_numbers()[:-1])
+    assert "cut off" in outcome(path)
+
+
+def test_what_is_too_large_is_refused_before_it_is_read_and_the_limit_can_be_lifted(tmp_path):
+    path = written(BadFile("plain.obj", obj(), len(F)), tmp_path)
+    with pytest.raises(SurfaceError, match=r"has \d+ triangles, and 5 is the limit; .*--max-triangles"):
+        read_surface(path, max_triangles=5)
+    assert read_surface(path, max_triangles=len(F)).m == len(F)
+    sparse = tmp_path / "large.stl"
+    with sparse.open("wb") as file:
+        file.truncate(3 * 10**9)  # no byte of it is on the disk
+    start = time.process_time()
+    with pytest.raises(SurfaceError, match=r"3,000,000,000 bytes, and 2,000,000,000 is the limit"):
+        read_surface(sparse)
+    assert time.process_time() - start < 0.1
+    with pytest.raises(SurfaceError, match="took more than 240 s"):
+        Budget(started=time.monotonic() - 241).require_time()
+
+
+def test_halves_with_exact_twins_are_joined_and_others_are_left_apart(tmp_path):
+    """Two boxes' halves meet in every free edge; two plates side by side do not."""
+    cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    halves = np.concatenate([cube, cube]), np.concatenate([quads[:3], quads[3:] + 8])
+    found = outcome(written(BadFile("cube.obj", obj(*halves), 12), tmp_path))
+    assert (found.surface.n, found.surface.is_closed, found.surface.volume) == (8, True, pytest.approx(1))
+    assert "joined with others" in found.record.repaired[0]
+    two = np.concatenate([V, V + [3, 0, 0]]), np.concatenate([F, F + len(V)])
+    apart = outcome(written(BadFile("plates.obj", obj(*two), 2 * len(F)), tmp_path))
+    assert (apart.surface.n, apart.record.repaired) == (2 * len(V), ())  # a joint may be meant: other edges are free
+    soup = V[F].reshape(-1, 3), np.arange(3 * len(F)).reshape(-1, 3)
+    assert outcome(written(BadFile("soup.obj", obj(*soup), len(F)), tmp_path)).surface.n == len(V)
+
+
+@given(st.integers(13, 400), st.integers(0, 10**6), st.booleans())
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_large_polygons_keep_every_corner_their_area_and_their_edges(k, seed, straight):
+    """In any plane: k - 2 triangles with area, each side of the outline on one of them, all other edges on two."""
+    rng = np.random.default_rng(seed)
+    angle = np.sort(rng.uniform(0, 2 * np.pi, k))
+    flat = np.stack([np.cos(angle), np.sin(angle)], axis=1) * rng.uniform(0.4, 1, k)[:, None]
+    if straight:  # corners in the middle of sides, off by what rounding makes
+        t = rng.uniform(0.2, 0.8, k)[:, None]
+        flat = np.stack([flat, (1 - t) * flat + t * np.roll(flat, -1, axis=0)], axis=1).reshape(-1, 2)
+    tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    P = 5 + np.c_[flat, np.zeros(len(flat))] @ tilt.T
+    T = large_polygon_cut(P)
+    if np.diff(np.r_[angle, angle[0] + 2 * np.pi]).max() >= np.pi:  # then the star does not see its own centre
+        return
+    assert T is not None
+    sides = P[T[:, 1]] - P[T[:, 0]], P[T[:, 2]] - P[T[:, 0]]
+    areas = np.linalg.norm(np.cross(*sides), axis=1) / 2
+    x, y = flat.T
+    assert areas.sum() == pytest.approx(0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)), rel=1e-9)
+    assert areas.min() > 0
+    edges = {tuple(edge) for edge in np.concatenate([T[:, [0, 1]], T[:, [1, 2]], T[:, [2, 0]]]).tolist()}
+    assert len(edges) == 3 * len(T)
+    outline = {(i, (i + 1) % len(P)) for i in range(len(P))}
+    assert {(a, b) for a, b in edges if (b, a) not in edges} == outline
+
+
+def test_small_polygons_are_cut_alone_as_together():
+    rng = np.random.default_rng(3)
+    for k in range(5, 13):
+        a = 2 * np.pi * (np.arange(k) + rng.uniform(-0.3, 0.3, (40, k))) / k
+        r = rng.uniform(0.5, 2, (40, k))
+        P = np.stack([r * np.cos(a), r * np.sin(a), rng.uniform(-0.2, 0.2, (40, k))], axis=2)
+        alone = np.concatenate([small_polygons_cut(one[None]) for one in P])
+        assert_array_equal(small_polygons_cut(P), alone)
+        assert_allclose(np.sort(alone.reshape(40, -1), axis=1).min(axis=1), 0)
+
+
+def test_a_polygon_that_crosses_itself_is_cut_as_a_fan_and_told(tmp_path):
+    a = 2 * np.pi * np.arange(40) / 40
+    eight = np.stack([np.cos(a), np.sin(2 * a) * (1 + 0.3 * np.cos(a)), 0 * a], axis=1)
+    assert large_polygon_cut(eight) is None
+    found = outcome(written(BadFile("eight.obj", obj(eight, [range(40)]), 38), tmp_path))
+    told = found if isinstance(found, str) else found.record.remarks[0]
+    assert "cross themselves" in told or "no area" in told
+
+
+def test_polygons_of_many_corners_are_cut_in_no_time(tmp_path):
+    for file, area in polygons((5, 12, 13, 200, 2001)):
+        assert outcome(written(file, tmp_path)).surface.area == pytest.approx(area, rel=1e-6), file.name
+
+
+@pytest.mark.slow
+def test_polygons_of_100_000_corners_are_cut_in_no_time(tmp_path):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for file, area in polygons((20_000, 100_000)):
+        assert outcome(written(file, tmp_path)).surface.area == pytest.approx(area, rel=1e-5), file.name
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1_000_000  # kilobytes
+
+
+def as_trimesh_reads(path):
+    """The triangles of a file in space, sorted; None where trimesh does not read it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mesh = trimesh.load(path, force="mesh", process=False)
+        V, T = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    except Exception:
+        return None
+    if path.suffix in (".glb", ".gltf"):
+        V = np.stack([V[:, 0], -V[:, 2], V[:, 1]], axis=1)
+    return triangles_in_space(V, T)
+
+
+def triangles_in_space(V, T):
+    return sorted(sorted(map(tuple, P.tolist())) for P in np.round(V[T], 4) + 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORMATS)
+def test_any_bit_may_be_wrong(name, tmp_path):
+    """Every seventh bit of each file, turned over: a sentence, a remark, or what the file now says to trimesh too."""
+    logging.getLogger("trimesh").setLevel(logging.CRITICAL)
+    data, compared = bytearray(FORMATS[name]()), 0
+    for bit in range(0, 8 * len(data), 7):
+        data[bit // 8] ^= 1 << bit % 8
+        path = written(BadFile(name, bytes(data), None), tmp_path)
+        data[bit // 8] ^= 1 << bit % 8
+        found = outcome(path)
+        if isinstance(found, str) or found.record.remarks or (other := as_trimesh_reads(path)) is None:
+            continue
+        compared += 1
+        assert triangles_in_space(found.surface.V, found.surface.F) == other, bit
+    assert compared > 20 or name == "plain.3mf"  # a check sum refuses these
