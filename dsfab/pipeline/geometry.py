@@ -1,13 +1,14 @@
 """The last two steps: the sheet cut along the stripes, and the solid."""
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, first
 from dsfab.errors import PatternError, SolidError
-from dsfab.pipeline.handover import ATTACH, lost_load
+from dsfab.pipeline.handover import ATTACH, held_vertices, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
@@ -56,7 +57,7 @@ def slicing_step(
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
-        listed, label = _pieces(sheet, statics.load)
+        listed, label = _pieces(surface, sheet, statics.load)
         built, held = listed, np.array([p.held for p in listed])
         if ask.loose == "refuse":
             _refuse_loose(preset, sheet, listed, label)
@@ -229,13 +230,13 @@ def _smallest(preset: Preset, surface: Surface) -> Smallest:
     return Smallest(opening, min(NECK * thickness, WIDEST * spacing))
 
 
-def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
+def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
     """The pieces of a sheet, and the piece of each of its faces."""
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
     marks = []
-    for mark in (load.held, load.loaded):
-        marks.append(np.bincount(label, sheet.between(mark)[sheet.surface.F].any(axis=1), count) > 0)
+    for mark in (held_vertices(surface, sheet, load), sheet.between(surface, load.loaded)):
+        marks.append(np.bincount(label, mark[sheet.surface.F].any(axis=1), count) > 0)
     listed = tuple(Piece(float(area[k]), bool(marks[0][k]), bool(marks[1][k])) for k in range(count))
     return listed, label
 
@@ -301,7 +302,9 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
         proven = apart(layer)[kept_cells(cells, slicing.sheet)]
         solid = thicken(slicing.sheet.surface, D, ask.side, proven)
         solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))
-        solid = with_extras(solid, ask.extra, Base(surface, slicing.sheet.surface, slicing.sheet.between))
+        solid = with_extras(
+            solid, ask.extra, Base(surface, slicing.sheet.surface, partial(slicing.sheet.between, surface))
+        )
     if ask.strict and solid.repairs.pairs:
         told = next(text for text in reversed(solid.notes) if "intersect" in text)
         raise SolidError(f"{told}; thickening.strict refuses such a solid: make the sheet thinner there")

@@ -59,7 +59,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
 
     Raises StaticsError when no supported vertex is left, or when a load finds no material near it.
     """
-    fixed, same = sheet.between(load.fixed), sheet.same_vertex()
+    fixed, same = sheet.between(surface, load.fixed, _given(load.fixed_edges)), sheet.same_vertex()
     kept = np.flatnonzero(same >= 0)
     spring = np.zeros((sheet.surface.n, 3))
     np.add.at(spring, same[kept], load.spring[kept])
@@ -79,7 +79,18 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     force = np.zeros((sheet.surface.n, 3))
     np.add.at(force, at, load.force[acting])
     clamped = _within(surface, sheet, load.clamped) if load.clamped.any() else load.clamped[:0]
-    return LoadCase(fixed, force, sheet.between(load.loaded), spring, clamped)
+    return LoadCase(fixed, force, sheet.between(surface, load.loaded), spring, clamped)
+
+
+def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
+    """(n',) vertices of a sheet that have a support of the uncut surface, springs among them."""
+    edges = _given(load.fixed_edges)
+    return sheet.between(surface, load.held, None if edges is None else edges.any(axis=1))
+
+
+def _given(edges: Bools) -> Bools | None:
+    """Held edges; None where a load case leaves it to its vertices."""
+    return edges if len(edges) else None
 
 
 def _within(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:

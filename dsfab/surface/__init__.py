@@ -11,10 +11,11 @@ from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import load_names, support_names
 from dsfab.surface.nearest import NearestPlaces, nearest
+from dsfab.surface.neighbours import spanned_edges
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
-from dsfab.surface.picker import Picker
-from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Side, Vertices
+from dsfab.surface.picker import Picker, edges_of
+from dsfab.surface.pickers import All, Ball, Boundary, Box, Facing, Nearest, Side, Vertices, VerticesLeft
 from dsfab.surface.places import coincident
 from dsfab.surface.ply import ply_chunks
 from dsfab.surface.reader import (
@@ -69,12 +70,14 @@ __all__ = [
     "Surface",
     "Up",
     "Vertices",
+    "VerticesLeft",
     "Wind",
     "box",
     "change_sizes",
     "coincident",
     "connected",
     "describe",
+    "edges_of",
     "finite_faces",
     "geodesic_distances",
     "load_cases",
@@ -93,6 +96,7 @@ __all__ = [
     "self_contained",
     "signed_volume",
     "signed_volumes",
+    "spanned_edges",
     "support_names",
     "surface_of_file",
     "together",

@@ -139,6 +139,8 @@ class LoadCase:
              which the pattern may protect with `keep`.
     spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; none when left out.
     clamped: (e,) edges that may not turn about themselves; empty, as when left out, for none.
+    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty, as when left out, where the
+             held vertices alone say so (`spanned_edges`).
     """
 
     fixed: Bools
@@ -146,6 +148,7 @@ class LoadCase:
     loaded: Bools
     spring: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     clamped: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    fixed_edges: Bools = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
 
     def __post_init__(self) -> None:
         lock(self, "fixed", np.bool_, (None, 3))
@@ -155,6 +158,7 @@ class LoadCase:
             object.__setattr__(self, "spring", np.zeros((len(self.fixed), 3)))
         lock(self, "spring", np.float64, (len(self.fixed), 3))
         lock(self, "clamped", np.bool_, (None,))
+        lock(self, "fixed_edges", np.bool_, (None, 3))
 
     @classmethod
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
@@ -185,7 +189,11 @@ class LoadCase:
             elif isinstance(load, Line):
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
-        return cls(fixed, force, loaded, spring, np.logical_or.reduce([s.clamped(surface) for s in supports]))
+        clamped = np.logical_or.reduce([support.clamped(surface) for support in supports])
+        # a free edge from one support to the next is held as its ends are, by elements with a middle too
+        between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
+        between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
+        return cls(fixed, force, loaded, spring, clamped, between)
 
     @property
     def held(self) -> Bools:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats
-from dsfab.pipeline.handover import sheet_load
+from dsfab.pipeline import sheet_load
 from dsfab.slicing import Sheet
 from dsfab.statics import SpreadLoad
 from dsfab.study.verdict.smooth import SmoothSurface
