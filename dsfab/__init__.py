@@ -36,6 +36,7 @@ _HOME = {
     "Boundary": "dsfab.surface",
     "Box": "dsfab.surface",
     "Brush": "dsfab.surface",
+    "Cladding": "dsfab.surface",
     "ClosedCurves": "dsfab.surface",
     "Combination": "dsfab.surface",
     "Design": "dsfab.pipeline",
@@ -112,6 +113,7 @@ if TYPE_CHECKING:
     from dsfab.surface import Boundary as Boundary
     from dsfab.surface import Box as Box
     from dsfab.surface import Brush as Brush
+    from dsfab.surface import Cladding as Cladding
     from dsfab.surface import ClosedCurves as ClosedCurves
     from dsfab.surface import Combination as Combination
     from dsfab.surface import Facing as Facing

@@ -27,6 +27,7 @@ from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
+from dsfab.wording import force
 
 SPECK = 0.15
 """Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
@@ -66,6 +67,7 @@ def slicing_step(
         if ask.loose == "drop" and carried is not sheet:
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
+    _note_loads(preset, surface, sheet, statics, log)
     if done.filled:
         log.note("slicing", f"{done.filled} openings smaller than {smallest.opening:.3g} m were filled")
     if done.merged:
@@ -283,6 +285,20 @@ def _note_slicing(
     total = load.spring.sum()
     if total and (share := 1 - load.spring[sheet.same_vertex() >= 0].sum() / total) > SPRINGS_LOST:
         log.note("slicing", f"{share:.0%} of the springs' stiffness is on removed material; set pattern.keep")
+
+
+def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
+    """What acts on the cut sheet otherwise than on the uncut one, on which the directions were sought."""
+    parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
+    if any(one.weight.any() for one in parts):
+        whole, left = (force(preset.statics.weight * area) for area in (surface.area, sheet.surface.area))
+        log.note(
+            "slicing",
+            f"it weighs {left}, and so it is judged and compared; the directions were sought with {whole}, the weight "
+            "of the uncut sheet",
+        )
+    if any(one.bare.any() for one in parts):
+        log.note("slicing", "what is not covered acts on the members alone; the directions were sought with all of it")
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:

@@ -22,6 +22,12 @@ UNRELIABLE = (
 )
 
 
+LOADS = {
+    "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
+    "cut": "Loads are those of the cut sheet: its own weight, and what lies on coverings at the material nearest to it",
+}
+"""Which loads a model has."""
+
 ROUNDING = 1e-9
 """Components under this share of the largest are shown as zero."""
 
@@ -91,6 +97,7 @@ def _checked(
     notes = (
         *(f"WARNING: {text}" for text in warnings),
         f"The {kind} sheet, {sheet.thickness:g} m thick, solved in plane stress",
+        LOADS[kind],
         *model.notes,
         *_on_supports(preset, model),
         *(

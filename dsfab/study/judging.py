@@ -119,7 +119,7 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
     support counts as not carried.
     """
     statics, surface = task.preset.statics, structure.sheet.surface
-    given = task.all_loads if every else task.loads
+    given = task.loads_on(structure, every)
     loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
     sheet = statics.sheet(structure.thickness).on(surface)
     answers = solve_for(sheet, loads, "displacement")

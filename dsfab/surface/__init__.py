@@ -6,7 +6,8 @@ from dsfab.surface.divided import DividedField
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
-from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
+from dsfab.surface.load_parts import LoadParts
+from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
 from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import load_names, support_names
@@ -43,6 +44,7 @@ __all__ = [
     "Boundary",
     "Box",
     "Brush",
+    "Cladding",
     "ClosedCurves",
     "Combination",
     "Distances",
@@ -52,6 +54,7 @@ __all__ = [
     "Line",
     "Load",
     "LoadCase",
+    "LoadParts",
     "MendedMesh",
     "MeshFacts",
     "Nearest",
@@ -82,6 +85,7 @@ __all__ = [
     "geodesic_distances",
     "load_cases",
     "load_names",
+    "load_parts",
     "mended",
     "nearest",
     "next_half_edge",

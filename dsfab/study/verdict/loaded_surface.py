@@ -30,8 +30,9 @@ class LoadedSurface:
     def of(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
         """That of a design, its cases and combinations, with `share` of its thickness."""
         statics = design.preset.statics
-        made = statics.sheet(share * statics.thickness)
-        return cls(design.surface, made, {name: case.load for name, case in design.statics.cases.items()})
+        made, surface = statics.sheet(share * statics.thickness), design.surface
+        loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
+        return cls(surface, made, loads)
 
 
 class Dropped(NamedTuple):
