@@ -14,7 +14,7 @@
     roof = dsfab.Preset(                             # or every choice your own
         surface=mesh,                                # yours, metres: trimesh, pyvista, compas, (V, F), or a path
         supports=[dsfab.Support(dsfab.Boundary())],  # or Side, Box, Ball, PlanPolygon, Facing, All ...
-        loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Force, Line, Pressure, Wind; newtons, pascals
+        loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Cladding, Force, Line, ...; newtons, pascals
         statics={"thickness": 0.05},                 # and pattern=, diffusion=, ..., each key as in TOML
     )
     dsfab.Surface.of(mesh, "mm")      where its numbers are not metres;  dsfab.read_surface("roof.obj", "mm")

@@ -1,5 +1,6 @@
 """Loads on a cut sheet: its own weight, coverings by tributary area with resultant and moment, open lattices."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +10,12 @@ from hypothesis import strategies as st
 
 import dsfab
 from dsfab.errors import StaticsError, SurfaceError
-from dsfab.pipeline import loads_on, sheet_load
+from dsfab.pipeline import Design, loads_on, sheet_load
 from dsfab.pipeline.tributary import Tributary, nearest_faces
+from dsfab.report.design.acting import acting_facts, acting_lines
+from dsfab.report.design.balance import cut_load_facts
 from dsfab.slicing import cut
+from dsfab.study.check_model import cut_model
 from dsfab.study.verdict import LoadedSurface, whole_sheet
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.smooth import SmoothSurface
@@ -32,7 +36,9 @@ from dsfab.surface import (
     load_cases,
     together,
 )
+from dsfab.wording import force
 from tests.meshes import mesh_file
+from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, lifted, moebius, sphere, two_pieces
 
 WEIGHT = 400.0
@@ -214,7 +220,7 @@ def test_a_thinner_sheet_weighs_less_and_its_covering_does_not():
     thin = given.of_thickness(surface, 0.4)
     assert thin.force[:, 2].sum() == pytest.approx(-(0.4 * WEIGHT + 250.0) * 1.5)
     assert given.of_thickness(surface, 1.0) is given
-    design = dsfab.run(dsfab.load_preset("dome", {"surface.edge": 0.8}))
+    design = dsfab.run(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.0}))
     compared = dsfab.compare(design, ("thinner",), level="quick")
     share = design.sheet.surface.area / design.surface.area
     whole = -design.statics.cases["load"].load.parts.weight[:, 2] @ design.surface.areas
@@ -226,7 +232,7 @@ def test_a_thinner_sheet_weighs_less_and_its_covering_does_not():
 
 
 def test_every_mesh_of_a_verdict_carries_the_weight_that_is_there():
-    design = dsfab.run(dsfab.load_preset("snow_vault", {"surface.edge": 0.7}))
+    design = Design.of(dsfab.load_preset("snow_vault", {"surface.edge": 0.9})).until("slicing")
     surface, sheet = design.surface, design.slicing.cells.kept()
     setting = LoadedSurface.of(design)
     loads = loads_on(surface, sheet, setting.loads)
@@ -256,3 +262,40 @@ def test_no_window_is_too_wide_for_weight_and_snow(name):
     total = (surface.areas[:, None] * load.parts.covered).sum(axis=0)
     arrived = (on.parts.covered * wide.surface.areas[:, None]).sum(axis=0)
     assert arrived == pytest.approx(total, abs=1e-9 * abs(total[2]))
+
+
+def test_what_is_told_says_which_sheet_it_is_of():
+    """The table of loads, design.json, the note after the cut and the CalculiX model: both weights, closed forms."""
+    given = dsfab.load_preset(DOME_MODES, {"surface.edge": 1.0})
+    glass = [{"kind": "cladding", "pressure": 250.0}, {"kind": "wind", "pressure": 500.0, "direction": [1, 0, 0],
+             "covered": False}]  # fmt: skip
+    loads = [*(one for one in json.loads(given.model_dump_json())["surface"]["load"]), *glass]
+    design = Design.of(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.0, "surface.load": loads}))
+    before = list(acting_lines(acting_facts(design)))
+    assert before[2].split() == ["load", "uncut", "sheet", "towards", "on"]
+    design.until("slicing")
+    facts = json.loads(json.dumps(acting_facts(design)))
+    lines = list(acting_lines(facts))
+    assert lines[2].split() == ["load", "uncut", "sheet", "cut", "sheet", "towards", "on"]
+    of = {entry["name"]: entry for entry in facts["loads"]}
+    weight = design.preset.statics.weight
+    for key, surface in (("force_N", design.surface), ("cut_force_N", design.sheet.surface)):
+        assert of["self weight"][key] == pytest.approx([0, 0, -weight * surface.area])
+        assert of["force"][key] == pytest.approx([0, 0, -50e3])
+        assert of["cladding"][key] == pytest.approx([0, 0, -250 * design.surface.area])
+    assert of["wind"]["cut_force_N"][0] < 0.6 * of["wind"]["force_N"][0]
+    told = cut_load_facts(design)["load_N"]["load"]
+    assert told == pytest.approx(np.sum([entry["cut_force_N"] for entry in of.values()], axis=0), rel=1e-9, abs=1e-6)
+    texts = [note.text for note in design.notes if note.stage == "slicing"]
+    both = force(weight * design.sheet.surface.area), force(weight * design.surface.area)
+    assert any(text.startswith(f"it weighs {both[0]}") and both[1] in text for text in texts)
+    assert any("on the members alone" in text for text in texts)
+    model = cut_model(design).model
+    assert model.steps["load"].sum(axis=0) == pytest.approx(told, rel=1e-9, abs=1e-6)
+    assert any("Loads are those of the cut sheet" in note for note in model.notes)
+
+
+def test_a_preset_without_weight_hears_nothing_of_it():
+    design = Design.of(dsfab.load_preset("cantilever", {"surface.edge": 0.2})).until("slicing")
+    assert not any("weigh" in note.text for note in design.notes)
+    assert (design.load.parts.point == design.load.force).all()
