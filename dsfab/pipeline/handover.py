@@ -122,7 +122,7 @@ def _moved(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
 def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
     """(n',) vertices of a sheet that have a support of the uncut surface, springs among them."""
     edges = _given(load.fixed_edges)
-    return sheet.between(surface, load.held, None if edges is None else edges.any(axis=1))
+    return sheet.between(surface, load.held, None if edges is None else np.asarray(edges.any(axis=1)))
 
 
 def _given(edges: Bools) -> Bools | None:

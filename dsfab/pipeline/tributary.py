@@ -58,7 +58,7 @@ class Tributary:
     def of(cls, surface: Surface, sheet: Sheet) -> Self:
         """Of a sheet of the surface."""
         cells, m = sheet.surface, surface.m
-        area = np.bincount(sheet.parent, cells.areas, m)
+        area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         first = _summed(sheet.parent, cells.areas[:, None] * cells.centroids, m)
         bears = area > BEARS * surface.areas
         bears = bears if bears.any() else area > 0
@@ -97,7 +97,10 @@ class Tributary:
         pair, of = np.unique(np.stack([self.opening[given], self.to[given]]), axis=1, return_inverse=True)
         group, number = np.unique(pair[0], return_inverse=True)
         turning = np.cross(self.surface.centroids[given] - self.place[self.to[given]], load[given])
-        moment, weight = _summed(number[of], turning, len(group)), np.bincount(of, self.surface.areas[given])
+        moment, weight = (
+            _summed(number[of], turning, len(group)),
+            np.bincount(of, self.surface.areas[given]).astype(np.float64),
+        )
         added = _bolted(number, self.place[pair[1]], weight, moment)
         lies = np.bincount(number[of], np.linalg.norm(load[given], axis=1), len(group))
         far = np.bincount(number, np.linalg.norm(added, axis=1), len(group)) > lies

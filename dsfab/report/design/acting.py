@@ -69,7 +69,8 @@ def _on_cut(design: "Design", load: "Load") -> "Floats":
     surface, sheet = design.surface, design.sheet
     parts = load_parts(surface, [load], design.preset.statics.weight)
     own = (parts.weight + parts.bare)[sheet.parent]
-    return sheet.surface.areas @ own + surface.areas @ parts.covered + parts.point.sum(axis=0)
+    total: Floats = sheet.surface.areas @ own + surface.areas @ parts.covered + parts.point.sum(axis=0)
+    return total
 
 
 def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:

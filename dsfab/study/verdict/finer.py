@@ -62,7 +62,7 @@ def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
     found = {}
     for name, load in loads.items():
         spread = np.zeros((len(areas), 3)) if load.parts is None else load.parts.traction * areas
-        on_faces = np.stack([np.bincount(sheet.parent, x, last) for x in spread.T], axis=1)
+        on_faces: Floats = np.stack([np.bincount(sheet.parent, x, last) for x in spread.T], axis=1).astype(np.float64)
         found[name] = Shares(np.asarray(sheet.weights.T @ load.point), on_faces)
     return found
 
