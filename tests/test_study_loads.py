@@ -12,10 +12,14 @@ import dsfab
 from dsfab.errors import StaticsError, SurfaceError
 from dsfab.pipeline import Design, loads_on, sheet_load
 from dsfab.pipeline.tributary import Tributary, nearest_faces
+from dsfab.report.compliance.document import Numbers
+from dsfab.report.compliance.findings import Findings
+from dsfab.report.compliance.tables import acting_table, loads_table
 from dsfab.report.design.acting import acting_facts, acting_lines
 from dsfab.report.design.balance import cut_load_facts
 from dsfab.slicing import cut
 from dsfab.study.check_model import cut_model
+from dsfab.study.comparison import comparison
 from dsfab.study.verdict import LoadedSurface, whole_sheet
 from dsfab.study.verdict.finer import meshes, on_mesh, shares
 from dsfab.study.verdict.smooth import SmoothSurface
@@ -286,11 +290,19 @@ def test_what_is_told_says_which_sheet_it_is_of():
     assert told == pytest.approx(np.sum([entry["cut_force_N"] for entry in of.values()], axis=0), rel=1e-9, abs=1e-6)
     texts = [note.text for note in design.notes if note.stage == "slicing"]
     both = force(weight * design.sheet.surface.area), force(weight * design.surface.area)
-    assert any(text.startswith(f"it weighs {both[0]}") and both[1] in text for text in texts)
+    assert any(text.startswith(f"the cut sheet weighs {both[0]}") and both[1] in text for text in texts)
     assert any("on the members alone" in text for text in texts)
     model = cut_model(design).model
     assert model.steps["load"].sum(axis=0) == pytest.approx(told, rel=1e-9, abs=1e-6)
     assert any("Loads are those of the cut sheet" in note for note in model.notes)
+    found = Findings(comparison(design, ()), [], "")
+    table = loads_table(found, Numbers())
+    assert "on the cut sheet" in table.caption
+    assert float(table.rows[0][3]) == pytest.approx(told[2] / 1e3, rel=1e-3)
+    assert force(np.linalg.norm(design.load.force.sum(axis=0))) in table.note
+    words = [row[3] for row in acting_table(found, Numbers()).rows]
+    assert [text for text in words if "on the members alone" in text] == [words[3]]
+    assert not any("overed" in text for text in words)
 
 
 def test_a_preset_without_weight_hears_nothing_of_it():

@@ -294,8 +294,8 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
         whole, left = (force(preset.statics.weight * area) for area in (surface.area, sheet.surface.area))
         log.note(
             "slicing",
-            f"it weighs {left}, and so it is judged and compared; the directions were sought with {whole}, the weight "
-            "of the uncut sheet",
+            f"the cut sheet weighs {left}, and is judged and compared with that; the directions were sought with "
+            f"{whole}, the weight of the uncut sheet",
         )
     if any(one.bare.any() for one in parts):
         log.note("slicing", "what is not covered acts on the members alone; the directions were sought with all of it")

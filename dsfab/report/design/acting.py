@@ -78,7 +78,7 @@ def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1
-        head = ["support", "vertices", "along", "holds", *(["carries", "share"] if supports[0]["share"] else [])]
+        head = ["support", "vertices", "along", "holds", *(["carries uncut", "share"] if supports[0]["share"] else [])]
         rows = [_support(entry, several) for entry in supports]
         yield from table([*head, *(["under"] if several else [])], rows).split("\n")
     if loads:
