@@ -14,7 +14,7 @@
     roof = dsfab.Preset(                             # or every choice your own
         surface=mesh,                                # yours, metres: trimesh, pyvista, compas, (V, F), or a path
         supports=[dsfab.Support(dsfab.Boundary())],  # or Side, Box, Ball, PlanPolygon, Facing, All ...
-        loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Force, Line, Pressure, Wind; newtons, pascals
+        loads=[dsfab.SelfWeight(), dsfab.Snow(800)], # or Cladding, Force, Line, ...; newtons, pascals
         statics={"thickness": 0.05},                 # and pattern=, diffusion=, ..., each key as in TOML
     )
     dsfab.Surface.of(mesh, "mm")      where its numbers are not metres;  dsfab.read_surface("roof.obj", "mm")
@@ -36,6 +36,7 @@ _HOME = {
     "Boundary": "dsfab.surface",
     "Box": "dsfab.surface",
     "Brush": "dsfab.surface",
+    "Cladding": "dsfab.surface",
     "ClosedCurves": "dsfab.surface",
     "Combination": "dsfab.surface",
     "Design": "dsfab.pipeline",
@@ -112,6 +113,7 @@ if TYPE_CHECKING:
     from dsfab.surface import Boundary as Boundary
     from dsfab.surface import Box as Box
     from dsfab.surface import Brush as Brush
+    from dsfab.surface import Cladding as Cladding
     from dsfab.surface import ClosedCurves as ClosedCurves
     from dsfab.surface import Combination as Combination
     from dsfab.surface import Facing as Facing

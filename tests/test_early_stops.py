@@ -146,9 +146,9 @@ THIN = {"thickness": 0.02}
 def test_the_tables_are_aligned_and_name_what_governs():
     facts = json.loads(json.dumps(acting_facts(Design.of(load_preset("snow_vault", {"surface.edge": 0.8})))))
     lines = list(acting_lines(facts))
-    assert lines[0].split() == ["support", "vertices", "along", "holds", "carries", "share", "under"]
+    assert lines[0].split() == ["support", "vertices", "along", "holds", "carries", "uncut", "share", "under"]
     assert lines[1].split()[-2:] == ["100%", "all_over"]
-    assert lines[2].split() == ["load", "case", "total", "towards", "on"]
+    assert lines[2].split() == ["load", "case", "uncut", "sheet", "towards", "on"]
     assert [line.split()[-4] for line in lines[3:]] == ["kN"] * 4
     assert len({len(line) for line in lines[:2]}) == 1
     assert len({len(line) for line in lines[2:]}) == 1

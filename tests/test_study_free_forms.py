@@ -87,10 +87,10 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
 @pytest.mark.parametrize(
     ("chosen", "halve", "rule", "most"),
     [
-        (BOTANIC, True, "graded", 0.18),  # recorded: 0.165
-        (BOTANIC, True, "stressed", 0.14),  # 0.131
-        (OPENING, False, "graded", 0.75),  # 0.717
-        (OPENING, False, "stressed", 0.67),  # 0.610
+        (BOTANIC, True, "graded", 0.20),  # recorded: 0.190
+        (BOTANIC, True, "stressed", 0.18),  # 0.171
+        (OPENING, False, "graded", 0.78),  # 0.757
+        (OPENING, False, "stressed", 0.78),  # 0.757: under its own weight alone what is wider is heavier too
     ],
 )
 def test_they_are_stiffer_than_the_stiffest_modes(chosen, halve, rule, most):
@@ -98,7 +98,7 @@ def test_they_are_stiffer_than_the_stiffest_modes(chosen, halve, rule, most):
 
 
 def test_widths_by_the_root_of_the_stress_are_stiffer_than_by_all_or_nothing_of_it():
-    """Why `auto` tries them: 9.2, 6.2 and 10.3 times the uncut sheet."""
+    """Why `auto` tries them: 3.1, 1.8 and 2.5 times the uncut sheet, which is heavier."""
     gentle = evenly(BOTANIC, True, "graded", 0.5)
     assert gentle < 0.75 * evenly(BOTANIC, True, "constant", 1.0)
     assert gentle < 0.75 * evenly(BOTANIC, True, "graded", 1.0)

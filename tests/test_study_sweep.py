@@ -118,7 +118,7 @@ def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
         elements=Elements("constant", "midedge"),
     )
     assert METRICS["ersatz"](made) == pytest.approx(whole[""].compliance, rel=1e-6)
-    assert METRICS["ersatz"](Design.of(COARSE)) > 1.2 * whole[""].compliance
+    assert METRICS["ersatz"](Design.of(COARSE)) > 1.1 * whole[""].compliance  # though it weighs two fifths of that
 
 
 @pytest.mark.slow

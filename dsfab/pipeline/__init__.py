@@ -1,6 +1,7 @@
 """The order of the stages: `run` makes a `Design` of a preset, `revise` remakes it from the first changed section."""
 
 from dsfab.pipeline.design import PARTS, ROWS, Design
+from dsfab.pipeline.handover import held_vertices, loads_on, sheet_load, sheet_loads, sheet_supports
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.regions import acting_on
 from dsfab.pipeline.structure import statics_step
@@ -16,8 +17,13 @@ __all__ = [
     "Progress",
     "acting_on",
     "draft",
+    "held_vertices",
+    "loads_on",
     "revise",
     "run",
+    "sheet_load",
+    "sheet_loads",
+    "sheet_supports",
     "statics_step",
     "surface_step",
 ]

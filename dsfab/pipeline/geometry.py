@@ -1,13 +1,14 @@
 """The last two steps: the sheet cut along the stripes, and the solid."""
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, first
 from dsfab.errors import PatternError, SolidError
-from dsfab.pipeline.handover import ATTACH, lost_load
+from dsfab.pipeline.handover import ATTACH, held_vertices, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
@@ -26,6 +27,7 @@ from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
+from dsfab.wording import force
 
 SPECK = 0.15
 """Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
@@ -56,7 +58,7 @@ def slicing_step(
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
-        listed, label = _pieces(sheet, statics.load)
+        listed, label = _pieces(surface, sheet, statics.load)
         built, held = listed, np.array([p.held for p in listed])
         if ask.loose == "refuse":
             _refuse_loose(preset, sheet, listed, label)
@@ -65,6 +67,7 @@ def slicing_step(
         if ask.loose == "drop" and carried is not sheet:
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
+    _note_loads(preset, surface, sheet, statics, log)
     if done.filled:
         log.note("slicing", f"{done.filled} openings smaller than {smallest.opening:.3g} m were filled")
     if done.merged:
@@ -229,13 +232,13 @@ def _smallest(preset: Preset, surface: Surface) -> Smallest:
     return Smallest(opening, min(NECK * thickness, WIDEST * spacing))
 
 
-def _pieces(sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
+def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
     """The pieces of a sheet, and the piece of each of its faces."""
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
     marks = []
-    for mark in (load.held, load.loaded):
-        marks.append(np.bincount(label, sheet.between(mark)[sheet.surface.F].any(axis=1), count) > 0)
+    for mark in (held_vertices(surface, sheet, load), sheet.between(surface, load.loaded)):
+        marks.append(np.bincount(label, mark[sheet.surface.F].any(axis=1), count) > 0)
     listed = tuple(Piece(float(area[k]), bool(marks[0][k]), bool(marks[1][k])) for k in range(count))
     return listed, label
 
@@ -284,6 +287,20 @@ def _note_slicing(
         log.note("slicing", f"{share:.0%} of the springs' stiffness is on removed material; set pattern.keep")
 
 
+def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
+    """What acts on the cut sheet otherwise than on the uncut one, on which the directions were sought."""
+    parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
+    if any(one.weight.any() for one in parts):
+        whole, left = (force(preset.statics.weight * area) for area in (surface.area, sheet.surface.area))
+        log.note(
+            "slicing",
+            f"the cut sheet weighs {left}, and is judged and compared with that; the directions were sought with "
+            f"{whole}, the weight of the uncut sheet",
+        )
+    if any(one.bare.any() for one in parts):
+        log.note("slicing", "what is not covered acts on the members alone; the directions were sought with all of it")
+
+
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
     """Offsets are made on the uncut surface, where normals are clean, and carried through the cut."""
     ask = preset.thickening
@@ -301,7 +318,9 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
         proven = apart(layer)[kept_cells(cells, slicing.sheet)]
         solid = thicken(slicing.sheet.surface, D, ask.side, proven)
         solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))
-        solid = with_extras(solid, ask.extra, Base(surface, slicing.sheet.surface, slicing.sheet.between))
+        solid = with_extras(
+            solid, ask.extra, Base(surface, slicing.sheet.surface, partial(slicing.sheet.between, surface))
+        )
     if ask.strict and solid.repairs.pairs:
         told = next(text for text in reversed(solid.notes) if "intersect" in text)
         raise SolidError(f"{told}; thickening.strict refuses such a solid: make the sheet thinner there")

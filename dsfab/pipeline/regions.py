@@ -13,7 +13,7 @@ from dsfab.diffusion import Symmetry
 from dsfab.errors import SurfaceError
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
-from dsfab.surface import All, Load, PatternRegion, Support, Surface, Vertices, region_key, with_regions
+from dsfab.surface import All, Load, PatternRegion, Support, Surface, VerticesLeft, edges_of, region_key, with_regions
 
 OFF = 0.3
 """A region may differ from its image by this share of its area: it is cut out of triangles."""
@@ -58,7 +58,10 @@ def acting_on(preset: Preset, surface: Surface) -> Acting:
     whole, vertices = _before_voids(preset, surface)
     words = _void_words(preset)
     support, load = (
-        tuple(_left(f"surface.{key}.{k}", one, whole, vertices, words) for k, one in enumerate(getattr(given, key)))
+        tuple(
+            _left(f"surface.{key}.{k}", one, whole, vertices, surface.edges.ends, words)
+            for k, one in enumerate(getattr(given, key))
+        )
         for key in ("support", "load")
     )
     return Acting(support, load)
@@ -76,17 +79,20 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
     return _BEFORE[surface]
 
 
-def _left(key: str, one: Any, whole: Surface, vertices: Ints, voids: str) -> Any:
-    """A support or a load at what it picks on a whole surface, of which some vertices (n,) are left."""
+def _left(key: str, one: Any, whole: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
+    """A support or a load at what it picks on a whole surface, of which vertices (n,) and edges (e, 2) are left."""
     at = getattr(one, "at", None)
     if at is None or isinstance(at, All):
         return one
-    left = np.flatnonzero(at.vertices(whole)[vertices])
+    picked = at.vertices(whole)[vertices]
+    left = np.flatnonzero(picked)
     if not len(left):
         raise SurfaceError(
             f"{key}: everything that it picks has been taken away by {voids}; draw that smaller, or pick something else"
         )
-    return replace(one, at=Vertices(tuple(left.tolist())))
+    both = edges[picked[edges].all(axis=1)]
+    meant = edges_of(at, whole)[whole.edges.between(*vertices[both].T)]
+    return replace(one, at=VerticesLeft(tuple(left.tolist()), ends=tuple(map(tuple, both[meant].tolist()))))
 
 
 def one_sided_words(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:

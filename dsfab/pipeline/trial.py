@@ -15,7 +15,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Drawable, Layer, counted_share
-from dsfab.pipeline.handover import lost_load, sheet_load
+from dsfab.pipeline.handover import held_vertices, loads_on, lost_load
 from dsfab.pipeline.patterns import (
     SHARE_SNAP,
     WidthSearch,
@@ -104,7 +104,7 @@ class Trial:
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)
         area = np.bincount(label, material.surface.areas, count)
-        held = np.bincount(label, material.between(self.given.load.held)[F].any(axis=1), count) > 0
+        held = np.bincount(label, held_vertices(surface, material, self.given.load)[F].any(axis=1), count) > 0
         if not held.any():
             raise PatternError("no piece of material reaches a support")
         sheet = material if held.all() else material.kept(held[label])
@@ -115,7 +115,7 @@ class Trial:
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
         """By name, what acts on such a sheet of what the pattern follows."""
-        return {name: sheet_load(self.surface, sheet, load) for name, load in self.loads.items()}
+        return loads_on(self.surface, sheet, self.loads)
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
         """Of a sheet's faces."""

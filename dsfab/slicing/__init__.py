@@ -6,7 +6,7 @@ from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.openings import Openings, filled_openings, filled_slits
 from dsfab.slicing.pinch import Pinched, resolve_pinches
-from dsfab.slicing.sheet import Sheet
+from dsfab.slicing.sheet import Sheet, three_each
 from dsfab.slicing.tidy import Tidy
 from dsfab.slicing.widening import widened_members
 
@@ -26,5 +26,6 @@ __all__ = [
     "halved",
     "material_area",
     "resolve_pinches",
+    "three_each",
     "widened_members",
 ]

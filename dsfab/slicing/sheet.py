@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.errors import PatternError
-from dsfab.surface import Surface
+from dsfab.surface import Surface, spanned_edges
 
 if TYPE_CHECKING:
     import pyvista
@@ -100,9 +100,26 @@ class Sheet:
         total = np.stack([np.bincount(row, v, self.surface.n) for v in values.T], axis=1)
         return np.asarray(np.where((corner >= 0)[:, None], total, 0.0))
 
-    def between(self, marks: Bools) -> Bools:
-        """(n', ...) vertices that lie between marked vertices (n, ...) of the uncut surface only."""
-        return np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
+    def between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
+        """(n', ...) vertices that lie where marks (n, ...) on the vertices of the uncut surface mean them to be.
+
+        edges : (e, ...) of the uncut surface, those that are marked between their ends; left out, those that the marks
+                span (`spanned_edges`). A vertex within a face lies there if all three of its edges are marked, and not
+                all of them are free: then the boundary is.
+        """
+        found: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
+        table = surface.edges
+        edges = spanned_edges(surface.F, table, marks) if edges is None else edges
+        column, weight = three_each(self.weights)
+        off = weight > 1 - ON_SIMPLEX
+        free = np.ones(self.surface.n, dtype=bool)
+        for i, j in ((0, 1), (1, 2), (0, 2)):
+            both = np.flatnonzero(off[:, i] & off[:, j])
+            edge = table.between(column[both, i], column[both, j])
+            found[both] &= edges[edge]
+            free[both] &= table.boundary[edge]
+        found[off.all(axis=1) & free] = False
+        return found
 
     def same_vertex(self) -> Ints:
         """(n,) the vertex of this sheet at each vertex of the uncut surface, -1 where it was cut away."""
@@ -138,3 +155,14 @@ class Sheet:
         return replace(
             self, surface=surface, parent=self.parent[mask], family=self.family[mask], weights=self.weights[vertices]
         )
+
+
+def three_each(weights: csr_array) -> tuple[Ints, Floats]:
+    """(k, 3) columns and values of the rows of barycentric weights (k, n), at most three in each; filled up with
+    zeros."""
+    count = np.diff(weights.indptr)
+    place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
+    row = np.repeat(np.arange(len(count)), count)
+    column, value = np.zeros((len(count), 3), dtype=np.int64), np.zeros((len(count), 3))
+    column[row, place], value[row, place] = weights.indices, weights.data
+    return column, value

@@ -8,10 +8,8 @@ import numpy as np
 
 from dsfab.arrays import Floats, lock
 from dsfab.statics.elements import BUBBLES, Elements, edge_frames
-from dsfab.surface.climate import Snow, Wind
-from dsfab.surface.loads import Line, Load, Pressure, SelfWeight
+from dsfab.surface.loads import Force, Line, Load
 from dsfab.surface.mesh import Surface
-from dsfab.surface.pickers import unit_vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +69,10 @@ def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) ->
     """
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
-        if isinstance(load, Pressure):
-            face -= (load.pressure * surface.faces_of(load.at.vertices(surface)))[:, None] * surface.normals
-        elif isinstance(load, SelfWeight):
-            face += weight * unit_vector(load.direction, "a load of kind 'self_weight'")
-        elif isinstance(load, Snow | Wind):
-            face += load.traction(surface)
-        elif isinstance(load, Line):
+        if isinstance(load, Line):
             edge += load.on_edges(surface)
+        elif not isinstance(load, Force):
+            face += load.traction(surface, weight)
     return SpreadLoad.on(surface, face, edge)
 
 

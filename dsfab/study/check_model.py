@@ -7,8 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats
 from dsfab.export.calculix import CalculixModel, Element
-from dsfab.pipeline import Design, Log, Progress, acting_on, surface_step
-from dsfab.pipeline.handover import sheet_load
+from dsfab.pipeline import Design, Log, Progress, acting_on, sheet_load, surface_step
 from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.structure import check_scale
 from dsfab.preset import Preset
@@ -22,6 +21,12 @@ UNRELIABLE = (
     "uncut sheet instead, or a sheet that is flat and loaded in its plane"
 )
 
+
+LOADS = {
+    "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
+    "cut": "Loads are those of the cut sheet: its own weight, and what lies on coverings at the material nearest to it",
+}
+"""Which loads a model has."""
 
 ROUNDING = 1e-9
 """Components under this share of the largest are shown as zero."""
@@ -59,8 +64,9 @@ def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()
     ]
-    fixed = (support.fixed(design.surface) for support in acting_on(preset, design.surface).support)
-    held = {f"SUPPORT_{k}": sheet.between(of) for k, of in enumerate(fixed, 1)}
+    surface, supports = design.surface, acting_on(preset, design.surface).support
+    fixed = (sheet.between(surface, one.fixed(surface), one.fixed_edges(surface)) for one in supports)
+    held = {f"SUPPORT_{k}": of for k, of in enumerate(fixed, 1)}
     return _checked(preset, sheet.surface, acting, held, "cut", progress)
 
 
@@ -91,6 +97,7 @@ def _checked(
     notes = (
         *(f"WARNING: {text}" for text in warnings),
         f"The {kind} sheet, {sheet.thickness:g} m thick, solved in plane stress",
+        LOADS[kind],
         *model.notes,
         *_on_supports(preset, model),
         *(

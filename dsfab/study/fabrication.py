@@ -11,7 +11,7 @@ from dsfab.pipeline import acting_on
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
-from dsfab.surface import load_names, pieces, support_names
+from dsfab.surface import Picker, edges_of, load_names, pieces, support_names
 from dsfab.thickening.wall import Wall, thinnest_wall
 
 
@@ -104,7 +104,7 @@ def _touches(design: Design) -> tuple[Touches, ...]:
         found: list[list[int]] = [[] for _ in range(count)]
         for number, entry in enumerate(entries, 1):
             if (at := getattr(entry, "at", None)) is not None:  # self-weight acts everywhere
-                for k in _pieces_at(design, at.vertices(design.surface), label):
+                for k in _pieces_at(design, at, label):
                     found[k].append(number)
         return found
 
@@ -118,6 +118,8 @@ def _touches(design: Design) -> tuple[Touches, ...]:
     return tuple(map(piece, range(count)))
 
 
-def _pieces_at(design: Design, marks: np.ndarray, label: Ints) -> list[int]:
-    faces = design.sheet.between(marks)[design.sheet.surface.F].any(axis=1)
+def _pieces_at(design: Design, at: Picker, label: Ints) -> list[int]:
+    surface = design.surface
+    there = design.sheet.between(surface, at.vertices(surface), edges_of(at, surface))
+    faces = there[design.sheet.surface.F].any(axis=1)
     return [int(k) for k in np.unique(label[faces])]

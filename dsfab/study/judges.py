@@ -51,7 +51,7 @@ def full(
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=told)
     statics = task.preset.statics
     made = statics.sheet(structure.thickness)
-    loads = task.all_loads if every else task.loads
+    loads = task.loads_on(structure, every)
     found = check(LoadedSurface(task.surface, made, loads), structure.drawn, "full", budget, progress)
     if found.status == "fail":
         raise StaticsError(found.reason)

@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Bools, Floats
 from dsfab.errors import StaticsError
 from dsfab.limits import Status
-from dsfab.pipeline import acting_on
-from dsfab.pipeline.handover import sheet_loads
+from dsfab.pipeline import acting_on, sheet_loads
+from dsfab.slicing import Sheet
 from dsfab.statics import (
     LAYERS,
     Ask,
@@ -24,7 +24,7 @@ from dsfab.statics import (
 from dsfab.statics.supports import all_clamped
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.verdict import Verdict, rules
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import LoadCase, Support, Surface
 
 QUANTILE = 0.999
 """Share of the area that a stress is told of which all but the worst places keep to: peaks grow with the mesh."""
@@ -119,7 +119,7 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
     support counts as not carried.
     """
     statics, surface = task.preset.statics, structure.sheet.surface
-    given = task.all_loads if every else task.loads
+    given = task.loads_on(structure, every)
     loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
     sheet = statics.sheet(structure.thickness).on(surface)
     answers = solve_for(sheet, loads, "displacement")
@@ -194,10 +194,15 @@ def _reactions(
 ) -> tuple[tuple[float, float, float], ...]:
     """Of each support, newtons: what several of them hold is shared equally."""
     supports = acting_on(task.preset, task.surface).support
-    holds = [support.fixed(task.surface) | (support.springs(task.surface) > 0) for support in supports]
-    marks = np.array([structure.sheet.between(hold) for hold in holds])
+    marks = np.array([_held_by(support, task.surface, structure.sheet) for support in supports])
     shares = marks / np.maximum(marks.sum(axis=0), 1)
     return tuple(_point((answer.reaction * share).sum(axis=0)) for share in shares)
+
+
+def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
+    """(n', 3) where a support of the uncut surface holds a sheet of it, rigidly or on springs."""
+    springs = sheet.between(surface, support.springs(surface) > 0)
+    return sheet.between(surface, support.fixed(surface), support.fixed_edges(surface)) | springs
 
 
 def _modes(

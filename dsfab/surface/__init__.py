@@ -9,15 +9,17 @@ from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.formats.ply import ply_chunks
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
-from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
+from dsfab.surface.load_parts import LoadParts
+from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
 from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import load_names, support_names
 from dsfab.surface.nearest import NearestPlaces, nearest
+from dsfab.surface.neighbours import spanned_edges
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
-from dsfab.surface.picker import Picker
-from dsfab.surface.pickers import All, Ball, Boundary, Box, CaseName, Facing, Nearest, Side, Vertices
+from dsfab.surface.picker import Picker, edges_of
+from dsfab.surface.pickers import All, Ball, Boundary, Box, CaseName, Facing, Nearest, Side, Vertices, VerticesLeft
 from dsfab.surface.places import coincident
 from dsfab.surface.reader import (
     MeshFacts,
@@ -50,6 +52,7 @@ __all__ = [
     "Box",
     "Brush",
     "CaseName",
+    "Cladding",
     "ClosedCurves",
     "Combination",
     "CombinationRule",
@@ -63,6 +66,7 @@ __all__ = [
     "Line",
     "Load",
     "LoadCase",
+    "LoadParts",
     "MendedMesh",
     "MeshFacts",
     "Nearest",
@@ -82,6 +86,7 @@ __all__ = [
     "SurfaceInFile",
     "Up",
     "Vertices",
+    "VerticesLeft",
     "Wind",
     "action_mistakes",
     "box",
@@ -89,11 +94,13 @@ __all__ = [
     "coincident",
     "connected",
     "describe",
+    "edges_of",
     "en1990_combinations",
     "finite_faces",
     "geodesic_distances",
     "load_cases",
     "load_names",
+    "load_parts",
     "mended",
     "mended_raw",
     "nearest",
@@ -109,6 +116,7 @@ __all__ = [
     "self_contained",
     "signed_volume",
     "signed_volumes",
+    "spanned_edges",
     "support_names",
     "surface_in_file",
     "surface_of_file",

@@ -1,13 +1,14 @@
 """Load cases by name, and combinations of them: a load belongs to the case that it names."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import ConfigDict
 
 from dsfab.errors import SurfaceError
+from dsfab.surface.load_parts import LoadParts
 from dsfab.surface.loads import Load, LoadCase
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, CaseName, Real
@@ -62,11 +63,15 @@ def load_cases(
         except SurfaceError as error:
             raise SurfaceError(f"case {name}: {error}") from None
     loaded = np.logical_or.reduce([case.loaded for case in cases.values()])
-    return {name: case.loading(case.force, loaded) for name, case in cases.items()}
+    return {name: replace(case, loaded=loaded) for name, case in cases.items()}
 
 
 def together(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
     """Cases that act at the same time, each multiplied with its factor: all of them once when left out."""
     first = next(iter(cases.values()))
     taken = dict.fromkeys(cases, 1.0) if factors is None else factors
-    return first.loading(np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0))
+    force = np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0)
+    parts = {name: case.parts for name, case in cases.items() if case.parts is not None}
+    if len(parts) < len(cases):
+        return first.loading(force)
+    return replace(first, force=force, parts=LoadParts.total(parts, taken))

@@ -25,6 +25,9 @@ class Snow:
     At angles where snow slides off, make it smaller or pick less: s is what lies on the ground plan, shape factor and
     all [EN 1991-1-3, 5.2]. Open sheets carry it whichever way their normals point, so pick the upper part of one that
     overhangs; on closed surfaces only the faces that look against `direction` carry.
+
+    covered : whether something covers the openings of the structure and carries it to the ribs; else it lies on these
+              alone.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -34,8 +37,9 @@ class Snow:
     kind: Literal["snow"] = "snow"
     case: CaseName = "load"
     name: Name = ""
+    covered: bool = True
 
-    def traction(self, surface: Surface) -> Floats:
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """(m, 3) Pa on each face; times the areas it sums to `pressure` times the plan area of the faces."""
         _require_pressure("snow", self.pressure)
         d = unit_vector(self.direction, "a load of kind 'snow'")
@@ -63,6 +67,8 @@ class Wind:
     the walls across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1]
     and fade with the cosine to the sides. This is a first estimate for choosing a pattern: suction along roofs and side
     walls, and the inside of open halls, are not in it; give those as a `pressure` on picked faces.
+
+    covered : as of snow; an open lattice has other coefficients too, for what blows through it [EN 1991-1-4, 7.11].
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -74,8 +80,9 @@ class Wind:
     kind: Literal["wind"] = "wind"
     case: CaseName = "load"
     name: Name = ""
+    covered: bool = True
 
-    def traction(self, surface: Surface) -> Floats:
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """(m, 3) Pa on each face."""
         _require_pressure("wind", self.pressure)
         picked = picked_faces(surface, self.at, "wind")

@@ -11,6 +11,7 @@ from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import SurfaceError
 from dsfab.surface.climate import Snow, Wind, picked_faces, to_corners
 from dsfab.surface.cover import require_two_sides
+from dsfab.surface.load_parts import AREAS, LoadParts
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import Name
 from dsfab.surface.picker import Picker
@@ -47,6 +48,8 @@ class Pressure:
     """A pressure in pascals on the faces whose corners are all picked; positive presses against their normals.
 
     A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
+
+    covered : whether something covers the openings of the structure and carries it to the ribs (see `Snow`).
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -55,6 +58,11 @@ class Pressure:
     kind: Literal["pressure"] = "pressure"
     case: CaseName = "load"
     name: Name = ""
+    covered: bool = True
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face."""
+        return (-self.pressure * surface.faces_of(self.at.vertices(surface)))[:, None] * surface.normals
 
     def on(self, surface: Surface, weight: float) -> Floats:
         """(n, 3) newtons; they sum to -pressure times the vector area of the faces."""
@@ -68,7 +76,8 @@ class Pressure:
 
 @dataclass(frozen=True)
 class SelfWeight:
-    """The weight of the whole uncut sheet, towards `direction` (any length)."""
+    """The weight of the sheet, towards `direction` (any length): of the whole of it while it is uncut and directions
+    are sought, and of what is left of it once it is cut."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     direction: Vector = (0.0, 0.0, -1.0)
@@ -84,6 +93,42 @@ class SelfWeight:
                 "material a density and a thickness"
             )
         return weight * surface.vertex_areas[:, None] * unit_vector(self.direction, "a load of kind 'self_weight'")
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face of a sheet of `weight` newtons per square metre."""
+        along = weight * unit_vector(self.direction, "a load of kind 'self_weight'")
+        return np.broadcast_to(along, (surface.m, 3))
+
+
+@dataclass(frozen=True)
+class Cladding:
+    """The weight of what covers the surface, glass, a membrane or boards: a permanent load in pascals of the surface's
+    own area, on openings too, which it carries to the ribs; towards `direction` (any length).
+
+    It lies on the faces whose corners are all picked.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pressure: Real
+    direction: Vector = (0.0, 0.0, -1.0)
+    at: Picker = field(default_factory=All)
+    kind: Literal["cladding"] = "cladding"
+    case: CaseName = "load"
+    name: Name = ""
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face."""
+        if not self.pressure > 0:
+            raise SurfaceError(
+                f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; its weight "
+                "is its thickness times its density times 9.81: 10 mm of glass are 250 Pa"
+            )
+        along = self.pressure * unit_vector(self.direction, "a load of kind 'cladding'")
+        return picked_faces(surface, self.at, "cladding")[:, None] * along
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons; they sum to pressure times the area of the faces."""
+        return to_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
 @dataclass(frozen=True)
@@ -126,7 +171,24 @@ class Line:
         return force
 
 
-Load = Annotated[Force | Pressure | SelfWeight | Line | Snow | Wind, Field(discriminator="kind")]
+Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, Field(discriminator="kind")]
+
+
+def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
+    """Loads by what they act on.
+
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does.
+    """
+    spread: dict[str, Floats] = {on: np.zeros((surface.m, 3)) for on in AREAS}
+    point = np.zeros((surface.n, 3))
+    for load in loads:
+        if isinstance(load, Force | Line):
+            point += load.on(surface, weight)
+        else:
+            covered = isinstance(load, Cladding) or (not isinstance(load, SelfWeight) and load.covered)
+            on = "weight" if isinstance(load, SelfWeight) else "covered" if covered else "bare"
+            spread[on] = spread[on] + load.traction(surface, weight)
+    return LoadParts(point, **spread)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +201,9 @@ class LoadCase:
              which the pattern may protect with `keep`.
     spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; none when left out.
     clamped: (e,) edges that may not turn about themselves; empty, as when left out, for none.
+    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty, as when left out, where the
+             held vertices alone say so (`spanned_edges`).
+    parts  : what the forces are made of, by what it acts on; None where all of it acts on the vertices themselves.
     """
 
     fixed: Bools
@@ -146,6 +211,8 @@ class LoadCase:
     loaded: Bools
     spring: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     clamped: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    fixed_edges: Bools = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
+    parts: LoadParts | None = None
 
     def __post_init__(self) -> None:
         lock(self, "fixed", np.bool_, (None, 3))
@@ -155,6 +222,7 @@ class LoadCase:
             object.__setattr__(self, "spring", np.zeros((len(self.fixed), 3)))
         lock(self, "spring", np.float64, (len(self.fixed), 3))
         lock(self, "clamped", np.bool_, (None,))
+        lock(self, "fixed_edges", np.bool_, (None, 3))
 
     @classmethod
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
@@ -185,13 +253,38 @@ class LoadCase:
             elif isinstance(load, Line):
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
-        return cls(fixed, force, loaded, spring, np.logical_or.reduce([s.clamped(surface) for s in supports]))
+        clamped = np.logical_or.reduce([support.clamped(surface) for support in supports])
+        # a free edge from one support to the next is held as its ends are, by elements with a middle too
+        between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
+        between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
+        return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))
 
     @property
     def held(self) -> Bools:
         """(n,) vertices with any support, springs among them."""
         return np.asarray((self.fixed | (self.spring > 0)).any(axis=1))
 
+    @property
+    def point(self) -> Floats:
+        """(n, 3) newtons that act on the vertices themselves, of forces and lines."""
+        return self.force if self.parts is None else self.parts.point
+
     def loading(self, force: Floats, loaded: Bools | None = None) -> Self:
-        """The same supports under other forces (n, 3), newtons."""
-        return replace(self, force=force, loaded=self.loaded if loaded is None else loaded)
+        """The same supports under other forces (n, 3), newtons, on the vertices."""
+        return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
+
+    def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
+        """The same supports under other loads."""
+        return replace(self, force=parts.forces(surface), parts=parts)
+
+    def of_thickness(self, surface: Surface, share: float) -> Self:
+        """The same on a sheet that is `share` times as thick: it weighs as much less."""
+        if self.parts is None or share == 1:
+            return self
+        return self.with_parts(surface, self.parts.on_share(weight=share))
+
+    def on_share(self, surface: Surface, share: Floats) -> Self:
+        """The same where shares (m,) of the faces are there, which carry themselves and what acts on them alone."""
+        if self.parts is None:
+            return self
+        return self.with_parts(surface, self.parts.on_share(share, share))

@@ -33,6 +33,22 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
     return np.asarray(a | b | c)
 
 
+def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
+    """(e, ...) the edges that marked vertices (n, ...) span: those with both ends marked.
+
+    An edge within the sheet that joins two vertices of its boundary does so by the mesh alone: what is marked there is
+    the boundary. It counts beside a face with all corners marked, but no face with two free edges (an ear of the mesh).
+    """
+    found = marks[edges.ends].all(axis=1)
+    rim = on_boundary(edges, len(marks))
+    chord = rim[edges.ends].all(axis=1) & ~edges.boundary
+    beside = np.zeros_like(found)
+    ears = edges.boundary[edges.of].sum(axis=1) > 1
+    for k in range(3):
+        np.logical_or.at(beside, edges.of[~ears, k], marks[F[~ears]].all(axis=1))
+    return np.asarray(found & (beside | ~chord.reshape(-1, *[1] * (marks.ndim - 1))))
+
+
 def smoothing_pairs(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
     """(p,) vertices and neighbours (p,), to whose mean they may move: for those on the boundary only along it."""
     i, j = _both_ways(edges)

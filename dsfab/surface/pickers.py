@@ -218,6 +218,20 @@ class Vertices:
         return _some(self, surface, picked, "")
 
 
+@dataclass(frozen=True)
+class VerticesLeft(Vertices):
+    """What voids have left of what another picker means: vertices, and the edges between them by their `ends`, the
+    smaller first."""
+
+    ends: tuple[tuple[int, int], ...] = ()
+
+    def edges(self, surface: Surface) -> Bools:
+        """(e,) the edges."""
+        table = surface.edges.ends
+        ends = np.array(self.ends, dtype=np.int64).reshape(-1, 2)
+        return np.isin(table[:, 0] * surface.n + table[:, 1], ends[:, 0] * surface.n + ends[:, 1])
+
+
 def unit_vector(direction: Vector, whose: str) -> Floats:
     """(3,) the direction at length 1; raises SurfaceError for the zero vector."""
     d = np.array(direction, dtype=np.float64)

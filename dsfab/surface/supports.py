@@ -10,7 +10,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.names import Name
-from dsfab.surface.picker import Picker
+from dsfab.surface.picker import Picker, edges_of
 from dsfab.surface.pickers import STRICT, Vector
 
 Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
@@ -28,8 +28,8 @@ class Support:
              is a `spring` instead.
     spring : stiffness along x, y and z, newtons per metre: the whole of it, shared over the picked vertices in
              proportion to their areas as a force is. 0 leaves a direction free (or to `hold`).
-    clamp  : whether the edges that have both ends picked cannot turn about themselves either. Edges across an ear of
-             the mesh (a face with two boundary edges) lie inside and stay free.
+    clamp  : whether the edges that the picker means (`edges_of`) cannot turn about themselves either. Edges across an
+             ear of the mesh (a face with two boundary edges) lie inside and stay free.
     name   : what people call it, wherever supports are listed; it changes no result.
 
     Raises SupportError for a support that holds nothing, a negative spring, or one along a held direction.
@@ -63,6 +63,10 @@ class Support:
         """(n, 3) what it holds rigidly."""
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
+    def fixed_edges(self, surface: Surface) -> Bools:
+        """(e, 3) what it holds rigidly between the ends of edges: a finer mesh has vertices there."""
+        return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
+
     def springs(self, surface: Surface) -> Floats:
         """(n, 3) newtons per metre; they sum to `spring`. Raises SurfaceError on vertices without faces."""
         if self.spring is None:
@@ -80,7 +84,7 @@ class Support:
         ear = edges.boundary[edges.of].sum(axis=1) > 1
         across = np.zeros(len(edges.ends), dtype=bool)
         across[edges.of[ear]] = True
-        found = np.asarray(self.at.vertices(surface)[edges.ends].all(axis=1) & ~(across & ~edges.boundary))
+        found = np.asarray(edges_of(self.at, surface) & ~(across & ~edges.boundary))
         if not found.any():
             raise SurfaceError("clamp = true is on no edge: none has both ends picked; pick two neighbours at least")
         return found

@@ -58,6 +58,11 @@ class EdgeTable:
         twin[one], twin[two] = two, one
         return twin
 
+    def between(self, i: Ints, j: Ints) -> Ints:
+        """(k,) the edges from vertices i (k,) to j (k,), which must be there."""
+        n = int(self.ends.max()) + 1
+        return np.searchsorted(self.ends[:, 0] * n + self.ends[:, 1], np.minimum(i, j) * n + np.maximum(i, j))
+
 
 def half_edges(F: Ints) -> tuple[Ints, Ints]:
     """(3 m,) first and last vertex of every half-edge."""

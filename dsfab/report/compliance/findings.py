@@ -5,7 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from dsfab.arrays import Floats
+from dsfab.errors import StaticsError
 from dsfab.limits import BALANCE, CONVERGED, FACETS, RESIDUAL, Mark, Status, worst
+from dsfab.pipeline import loads_on
 from dsfab.report.compliance.document import escaped
 from dsfab.report.compliance.words import length, percent, quantity, share_of, times, within
 from dsfab.statics import flat_axis
@@ -99,6 +102,18 @@ class Findings:
         """What is drawn, of each load."""
         every = set(self.judged.cases) != set(self.task.loads)
         return solved_loads(self.task, self.structure, every)
+
+    @cached_property
+    def sums(self) -> Mapping[str, Floats]:
+        """(3,) newtons of each case and combination on the cut sheet; nothing where that does not carry them all."""
+        if not self.carries:
+            return {}
+        task, made = self.task, self.structure
+        try:
+            loads = loads_on(task.surface, made.sheet, task.loads_on(made, every=True))
+        except StaticsError:
+            return {}
+        return {name: load.force.sum(axis=0) for name, load in loads.items()}
 
     @cached_property
     def cases(self) -> list[str]:

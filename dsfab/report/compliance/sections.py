@@ -172,11 +172,13 @@ def scope(found: Findings) -> list[ReportSection]:
     statics = found.task.preset.statics
     assumed = [
         "Linear elastic, isotropic material; small displacements; loads that do not follow the motion.",
-        f"A thin sheet of one thickness ({length(statics.thickness)}); its own weight acts where a load asks "
-        "for it, as that of the whole sheet.",
+        f"A thin sheet of one thickness ({length(statics.thickness)}); where a load asks for its own weight, it is "
+        "that of the material that is there, of the design and of each competitor. The directions of the stripes were "
+        "sought with that of the uncut sheet.",
         "Supports are rigid unless they are springs, and hold in both directions.",
-        "Loads on what was cut away are handed to the nearest material, with their sum kept; a concentrated load is "
-        "spread over the material around the vertex on which it acts.",
+        "What lies on openings (snow, wind, pressure, cladding) is carried by a covering to the material nearest along "
+        "the surface, with its sum and its moment, unless a load is not covered: then it acts on the members alone. A "
+        "concentrated load on what was cut away goes to the nearest material, and is spread over the material around.",
         "The middle surface is smooth: new points of finer meshes lie on a surface through the vertices.",
         "All competitors have the same mass to a thousandth, the same loads, supports, kept regions and, but for the "
         "thinner sheet, the same thickness.",

@@ -6,16 +6,20 @@ from typing import Any
 
 import numpy as np
 
+from dsfab.arrays import Floats
 from dsfab.report.compliance.document import Numbers, Table, escaped
 from dsfab.report.compliance.findings import LABELS, CheckLine, Findings
 from dsfab.report.compliance.words import digits_of, length, percent, point, quantity, share_of, unit_for, within
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality
-from dsfab.statics import elements_of, resultant
+from dsfab.statics import elements_of
 from dsfab.study.competitors import Competitor
 from dsfab.surface import Surface
-from dsfab.wording import mass
+from dsfab.wording import force, mass
 
 GB = 1e9
+
+MORE = 1e-6
+"""Share by which the loads of the uncut sheet have to be larger to be told beside those of the cut one."""
 
 
 def checks_table(checks: list[CheckLine], number: Numbers, caption: str) -> Table:
@@ -106,11 +110,13 @@ def _kept(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(found: Findings, number: Numbers) -> Table:
-    """The sum of the forces of each case and combination, and what is judged in it."""
+    """The sum of the forces of each case and combination, on the cut sheet where it carries them, and what is judged in
+    it."""
     task, rows = found.task, []
-    surface, cases = task.surface, task.statics.cases
-    sums = {name: resultant(surface, case.load.force).force for name, case in cases.items()}
-    factor, unit = unit_for(max(float(np.abs(force).max()) for force in sums.values()), "N")
+    cases = task.statics.cases
+    uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
+    sums = found.sums or uncut
+    factor, unit = unit_for(max(float(np.abs(total).max()) for total in sums.values()), "N")
     combined = any(case.factors for case in cases.values())
     states = {one.name: one.limit_state for one in task.preset.surface.sums}
     asked = {"ULS": "stress, buckling", "SLS": "displacement", "": "all" if any(states.values()) else "yes"}
@@ -124,9 +130,22 @@ def loads_table(found: Findings, number: Numbers) -> Table:
     more, wide = (("Made of",), (2.4,)) if combined else ((), ())
     head = ("Load case", *more, *(f"F{axis}, {unit}" for axis in "xyz"), "Pattern follows", "Checked")
     widths = (2, *wide, 1.3, 1.3, 1.3, 1.5, 1.2)
+    told = f"Sums of the loads on the {'cut' if found.sums else 'uncut'} sheet."
     rule = task.preset.surface.combinations
-    note = f"Combined after {rule}, with its factors where surface.factors gives no others." if rule else ""
-    return Table(number.table("Sums of the loads."), head, rows, 2 if combined else 1, note, widths)
+    note = f"Combined after {rule}, with its factors where surface.factors gives no others. " if rule else ""
+    return Table(number.table(told), head, rows, 2 if combined else 1, note + _uncut_note(sums, uncut), widths)
+
+
+def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
+    """What the uncut sheet carries, where that is more."""
+    size = {name: tuple(float(np.linalg.norm(of[name])) for of in (sums, uncut)) for name in uncut}
+    more = [f"{escaped(name)} {force(whole)}" for name, (cut, whole) in size.items() if whole > (1 + MORE) * cut]
+    if not more:
+        return ""
+    return (
+        f"The uncut sheet, on which the directions were sought, carries more of its own weight, or of what is not "
+        f"covered: {', '.join(more)}."
+    )
 
 
 def found_order(found: Findings) -> list[str]:
@@ -170,7 +189,9 @@ def _places(thing: Any) -> str:
     told: list[str] = []
     for one in fields(thing):
         value = getattr(thing, one.name)
-        if one.name in ("kind", "case", "hold", "name") or value is None or value is False:
+        if one.name in ("kind", "case", "hold", "name", "covered") or value is None or value is False:
+            if one.name == "covered" and not value:
+                told.append("on the members alone")
             continue
         if one.name == "at":
             told.insert(0, _picker(value))

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 from dsfab.wording import force, length, table, towards
 
 if TYPE_CHECKING:
+    from dsfab.arrays import Floats
     from dsfab.pipeline import Design
+    from dsfab.surface import Load
 
 BALANCED = 1e-3
 """A load whose resultant is a smaller share of its sum of magnitudes cancels out, as pressure all around does."""
@@ -16,7 +18,9 @@ ROUNDING = 1e-9
 
 
 def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
-    """`supports` and `loads` of `design.json`; reactions and shares by case and combination.
+    """`supports` and `loads` of `design.json`; reactions and shares by case and combination, of the uncut sheet.
+
+    Of each load the sum on the uncut surface (`force_N`), and on the cut sheet where that is there (`cut_force_N`).
 
     solved : whether reactions are told, which takes the statics; without them it is known what is held and loaded.
     Raises DsfabError for supports and loads that pick nothing, and of the statics.
@@ -24,7 +28,7 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
     from dsfab.pipeline import acting_on
     from dsfab.statics import load_entries, support_entries
 
-    surface = design.surface
+    surface, weight = design.surface, design.preset.statics.weight
     on = acting_on(design.preset, surface)
     answers = {name: case.equilibrium for name, case in design.statics.cases.items()} if solved else {}
     return {
@@ -46,15 +50,27 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
                 "name": entry.name,
                 "kind": entry.kind,
                 "case": entry.case,
-                "force_N": entry.force.tolist(),
+                "force_N": entry.force.tolist(),  # on the uncut surface
+                **({"cut_force_N": _on_cut(design, load).tolist()} if design.has("slicing") else {}),
                 "sum_of_magnitudes_N": entry.total,
                 "area_m2": entry.area,
                 "along_m": entry.length,
                 "vertices": entry.vertices,
             }
-            for entry in load_entries(surface, on.load, design.preset.statics.weight)
+            for entry, load in zip(load_entries(surface, on.load, weight), on.load, strict=True)
         ],
     }
+
+
+def _on_cut(design: "Design", load: "Load") -> "Floats":
+    """(3,) newtons of a load on the cut sheet: what acts on material alone is less there."""
+    from dsfab.surface import load_parts
+
+    surface, sheet = design.surface, design.sheet
+    parts = load_parts(surface, [load], design.preset.statics.weight)
+    own = (parts.weight + parts.bare)[sheet.parent]
+    total: Floats = sheet.surface.areas @ own + surface.areas @ parts.covered + parts.point.sum(axis=0)
+    return total
 
 
 def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
@@ -62,12 +78,13 @@ def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1
-        head = ["support", "vertices", "along", "holds", *(["carries", "share"] if supports[0]["share"] else [])]
+        head = ["support", "vertices", "along", "holds", *(["carries uncut", "share"] if supports[0]["share"] else [])]
         rows = [_support(entry, several) for entry in supports]
         yield from table([*head, *(["under"] if several else [])], rows).split("\n")
     if loads:
         several = len({entry["case"] for entry in loads}) > 1
-        head = ["load", *(["case"] if several else []), "total", "towards", "on"]
+        sheets = ["uncut sheet", *(["cut sheet"] if "cut_force_N" in loads[0] else [])]
+        head = ["load", *(["case"] if several else []), *sheets, "towards", "on"]
         yield from table(head, [_load(entry, several) for entry in loads]).split("\n")
 
 
@@ -82,12 +99,11 @@ def _support(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
 
 
 def _load(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
-    size = _size(entry["force_N"])
-    if size < BALANCED * entry["sum_of_magnitudes_N"]:
-        sums = "0 N", "cancels out"
-    else:
-        sums = force(size), towards(entry["force_N"])
-    return entry["name"], *([entry["case"]] if several else []), *sums, _extent(entry)
+    sizes = [_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
+    balanced = sizes[0] < BALANCED * entry["sum_of_magnitudes_N"]
+    sums = ["0 N" if balanced else force(size) for size in sizes]
+    way = "cancels out" if balanced else towards(entry["force_N"])
+    return entry["name"], *([entry["case"]] if several else []), *sums, way, _extent(entry)
 
 
 def _extent(entry: Mapping[str, Any]) -> str:

@@ -32,6 +32,19 @@ def case_facts(design: "Design") -> dict[str, Any]:
     return told
 
 
+def cut_load_facts(design: "Design") -> dict[str, Any]:
+    """`load_N`: what acts on the cut sheet, by case and combination; nothing where it finds no material."""
+    from dsfab.errors import DsfabError
+    from dsfab.pipeline import loads_on
+
+    loads = {name: case.load for name, case in design.statics.cases.items()}
+    try:
+        on_sheet = loads_on(design.surface, design.sheet, loads)
+    except DsfabError:
+        return {}
+    return {"load_N": {name: load.force.sum(axis=0).tolist() for name, load in on_sheet.items()}}
+
+
 def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
     """Sums of loads and reactions, moments about the origin, in all and support by support."""
     from dsfab.pipeline import acting_on

@@ -10,7 +10,7 @@ from dsfab import __version__
 from dsfab.pipeline.design import Design
 from dsfab.report.design.acting import acting_facts
 from dsfab.report.design.answers import answer_facts
-from dsfab.report.design.balance import case_facts, equilibrium_facts
+from dsfab.report.design.balance import case_facts, cut_load_facts, equilibrium_facts
 from dsfab.report.design.choice import attempt_facts, choice_facts
 
 
@@ -27,6 +27,7 @@ def facts(
         **({"file": asdict(design.file)} if design.file else {}),
         **acting_facts(design),
         "statics": {
+            "of": "the uncut sheet",
             **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
             **answer_facts(design, design.statics),
             "cases": case_facts(design),
@@ -40,6 +41,7 @@ def facts(
             "triangles": sheet.m,
             "area_m2": sheet.area,
             "kept_share": sheet.area / uncut.area,
+            **cut_load_facts(design),
             "pinches": design.slicing.pinches,
             "pieces": [piece._asdict() for piece in design.slicing.pieces],
         },

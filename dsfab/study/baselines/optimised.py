@@ -19,10 +19,11 @@ def simp(task: ComparisonTask) -> list[Variant]:
 
 
 def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densities:
-    """The densities of faces for the area, loads and kept regions of a task."""
+    """The densities of faces for the area, loads and kept regions of a task; they weigh what that area does."""
     statics, weights = task.preset.statics, task.preset.followed
     sheet = statics.sheet().on(task.surface)
-    return densities(sheet, task.loads, task.area, task.kept_faces, weights, ask)
+    loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
+    return densities(sheet, loads, task.area, task.kept_faces, weights, ask)
 
 
 def level_line(task: ComparisonTask, density: Floats) -> Structure:

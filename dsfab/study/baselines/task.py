@@ -83,6 +83,12 @@ class ComparisonTask:
         """Every case and combination, on the uncut surface."""
         return {name: case.load for name, case in self.statics.cases.items()}
 
+    def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
+        """`loads`, or `all_loads`, on the uncut surface of a sheet as thick as a structure, which weighs as much."""
+        share = structure.thickness / self.preset.statics.thickness
+        given = self.all_loads if every else self.loads
+        return {name: load.of_thickness(self.surface, share) for name, load in given.items()}
+
     @cached_property
     def kept(self) -> Sequence[Layer]:
         """What every competitor that is cut keeps: the discs around loads and supports, and the rim."""

@@ -124,7 +124,7 @@ def _ersatz(made: Design) -> float:
     """Compliance of the uncut surface, every face as stiff as the share of it that is kept."""
     surface = made.surface
     kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
-    loads = list(made.statics.loads(made.preset.followed).values())
+    loads = [load.on_share(surface, kept) for load in made.statics.loads(made.preset.followed).values()]
     sheet = FaceStiffness.of(made.preset.statics.sheet().on(surface), loads)
     u = sheet.factor(ERSATZ + (1 - ERSATZ) * np.clip(kept, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.errors import StaticsError
+from dsfab.pipeline import held_vertices, sheet_loads
 from dsfab.pipeline.design import Design
-from dsfab.pipeline.handover import sheet_loads
 from dsfab.slicing import Sheet
 from dsfab.statics import SheetMaterial, flat_axis
 from dsfab.statics.mechanisms import require_held
@@ -30,8 +30,9 @@ class LoadedSurface:
     def of(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
         """That of a design, its cases and combinations, with `share` of its thickness."""
         statics = design.preset.statics
-        made = statics.sheet(share * statics.thickness)
-        return cls(design.surface, made, {name: case.load for name, case in design.statics.cases.items()})
+        made, surface = statics.sheet(share * statics.thickness), design.surface
+        loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
+        return cls(surface, made, loads)
 
 
 class Dropped(NamedTuple):
@@ -55,10 +56,10 @@ def attached_material(
     Raises StaticsError when nothing is held, when a load stands on a piece that is not or finds no material, and when
     the supports leave a motion free.
     """
-    s, held = material.surface, next(iter(setting.loads.values())).held
+    s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
-    reach = np.bincount(label, material.between(held)[s.F].any(axis=1), count) > 0
+    reach = np.bincount(label, held_vertices(setting.surface, material, load)[s.F].any(axis=1), count) > 0
     if not reach.any():
         raise StaticsError("no piece of material reaches a support; set pattern.keep to protect the supports")
     loose = sorted(np.flatnonzero(~reach).tolist(), key=lambda k: -area[k])

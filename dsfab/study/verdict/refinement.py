@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 
-from dsfab.arrays import Floats
 from dsfab.errors import DsfabError
 from dsfab.limits import CONVERGED, Status
 from dsfab.pipeline.log import Progress
@@ -12,7 +11,7 @@ from dsfab.slicing import Sheet
 from dsfab.sparse import NotPositiveDefinite
 from dsfab.statics import Elements, flat_axis
 from dsfab.study.verdict import rules
-from dsfab.study.verdict.finer import meshes, on_mesh, shares
+from dsfab.study.verdict.finer import Shares, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level, memory_needed
 from dsfab.study.verdict.loaded_surface import LoadedSurface
 from dsfab.study.verdict.smooth import SmoothSurface
@@ -81,7 +80,7 @@ class Refinement:
             f"{self.budget / 1e9:.1f} GB; raise the budget or make the surface's mesh coarser"
         )
 
-    def _solve(self, mesh: Sheet, forces: Mapping[str, Floats]) -> None:
+    def _solve(self, mesh: Sheet, forces: Mapping[str, Shares]) -> None:
         if self.progress:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats, Ints, lock
+from dsfab.arrays import Floats, lock
+from dsfab.slicing import three_each
 from dsfab.surface import Surface
 
 CREASE = np.cos(np.radians(30))
@@ -46,17 +47,12 @@ class SmoothSurface:
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
-        column, weight = _three_each(weights)
+        edges, (column, weight) = self.surface.edges, three_each(weights)
         for i, j in ((0, 1), (1, 2), (0, 2)):
             product = 4 * weight[:, i] * weight[:, j]
             between = np.flatnonzero(product > 0)
-            flat[between] += product[between, None] * self.bulge[self._edge(column[between, i], column[between, j])]
+            flat[between] += product[between, None] * self.bulge[edges.between(column[between, i], column[between, j])]
         return flat
-
-    def _edge(self, i: Ints, j: Ints) -> Ints:
-        """(k,) the edges between vertices i and j."""
-        ends, n = self.surface.edges.ends, self.surface.n
-        return np.searchsorted(ends[:, 0] * n + ends[:, 1], np.minimum(i, j) * n + np.maximum(i, j))
 
 
 def _along(chord: Floats, normal: Floats) -> Floats:
@@ -76,13 +72,3 @@ def _corner_normals(surface: Surface) -> Floats:
     mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
     smooth = np.abs((own * mean[corner]).sum(axis=1)) > CREASE
     return np.asarray(np.where(smooth[:, None], mean[corner], own).reshape(-1, 3, 3))
-
-
-def _three_each(weights: csr_array) -> tuple[Ints, Floats]:
-    """(k, 3) columns and values of rows with at most three entries, filled up with zeros."""
-    count = np.diff(weights.indptr)
-    place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
-    row = np.repeat(np.arange(len(count)), count)
-    column, value = np.zeros((len(count), 3), dtype=np.int64), np.zeros((len(count), 3))
-    column[row, place], value[row, place] = weights.indices, weights.data
-    return column, value

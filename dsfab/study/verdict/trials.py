@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.arrays import Floats
 from dsfab.errors import DsfabError
 from dsfab.pipeline import run
 from dsfab.pipeline.design import Design
@@ -15,7 +14,7 @@ from dsfab.slicing import Sheet
 from dsfab.statics import Elements
 from dsfab.study.verdict.calibration import TrialRow
 from dsfab.study.verdict.check import facets_of, members
-from dsfab.study.verdict.finer import meshes, on_mesh, shares
+from dsfab.study.verdict.finer import Shares, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level
 from dsfab.study.verdict.loaded_surface import LoadedSurface, attached_material
 from dsfab.study.verdict.smooth import SmoothSurface
@@ -118,7 +117,7 @@ def measured_trial(kind: str, seed: int, count: int = 4) -> TrialRow:
     return row
 
 
-def _solved(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Floats], *pairs: Elements) -> Level:
+def _solved(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *pairs: Elements) -> Level:
     given = on_mesh(setting.surface, mesh, setting.loads, forces)
     return level(mesh.surface, setting.made, *given, pairs)
 

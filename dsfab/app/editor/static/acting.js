@@ -16,6 +16,7 @@ export const KINDS = {
   line: { list: 'load', size: 1e3, unit: 'N/m', choices: TOWARDS, made: (along, size) => ({ per_metre: times(along, size) }) },
   pressure: { list: 'load', size: 1e3, unit: 'Pa', made: (_, size) => ({ pressure: size }) },
   snow: { list: 'load', size: 1e3, unit: 'Pa', made: (_, size) => ({ pressure: size }) },
+  cladding: { list: 'load', size: 250, unit: 'Pa', made: (_, size) => ({ pressure: size }) },
 };
 
 const NAMES = { 'N/m': 'newtons per metre', N: 'newtons', Pa: 'pascals' };
@@ -56,7 +57,7 @@ export function magnitude(thing) {
   if (thing.spring && Math.max(...thing.spring) > 0) return ['spring', Math.max(...thing.spring), 'N/m'];
   if (thing.kind === 'force') return ['force', Math.hypot(...thing.force), 'N'];
   if (thing.kind === 'line') return ['per_metre', Math.hypot(...thing.per_metre), 'N/m'];
-  if (['pressure', 'snow', 'wind'].includes(thing.kind)) return ['pressure', Math.abs(thing.pressure), 'Pa'];
+  if (['pressure', 'snow', 'wind', 'cladding'].includes(thing.kind)) return ['pressure', Math.abs(thing.pressure), 'Pa'];
   return null;
 }
 
