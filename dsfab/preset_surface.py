@@ -25,6 +25,7 @@ from pydantic import (
 
 from dsfab.errors import PresetError
 from dsfab.preset_errors import mistakes
+from dsfab.preset_list import PRESETS
 from dsfab.surface import (
     SHAPES,
     Combination,
@@ -116,10 +117,6 @@ class OwnSurface(Given):
             return super().build()
         curved = self.finest if self.finest_at != "stress" else 0.0
         return remeshed(self.given(), self.edge, curved, self.smooth, sizes)
-
-
-PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[:2])
-"""Where the presets lie that come with dsfab: in a wheel in the package, in a checkout at the top level."""
 
 
 class FileSurface(OwnSurface):

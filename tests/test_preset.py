@@ -12,15 +12,14 @@ from dsfab.errors import DsfabError, PresetError
 from dsfab.materials import KEYS, MATERIALS
 from dsfab.preset import STAGES, Preset
 from dsfab.preset_file import (
-    headline,
     load_preset,
     overridden,
     parse_override,
     preset_from,
     preset_toml,
     require_mesh,
-    shipped_presets,
 )
+from dsfab.preset_list import headline, shipped_presets
 from dsfab.preset_surface import FileSurface
 
 SHIPPED = sorted(shipped_presets())
@@ -198,7 +197,7 @@ def test_unreadable_preset_files_are_refused(write, says, tmp_path):
 
 def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
     (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
-    for part in ("preset_file", "preset_surface"):
+    for part in ("preset_list", "preset_surface"):
         monkeypatch.setattr(f"dsfab.{part}.PRESETS", (tmp_path,))
     with pytest.raises(PresetError, match="preset roof needs a mesh of yours: add --mesh FILE"):
         require_mesh(load_preset("roof"))
