@@ -191,7 +191,13 @@ class MeshSurface(OwnSurface):
 
 
 class ShapeSurface(Given):
-    """A procedural surface; each shape adds its own parameters."""
+    """A procedural surface; each shape adds its own parameters.
+
+    What pydantic checks of a shape is derived when one is made alone: a preset derives it of all shapes together, and
+    supports and loads again for each of twenty are half of the time in which dsfab starts.
+    """
+
+    model_config = ConfigDict(defer_build=True)
 
     shape: str
 
