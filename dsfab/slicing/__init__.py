@@ -1,7 +1,7 @@
 """Stage 5, slicing: from stripes to a sheet that is cut along their edges."""
 
 from dsfab.slicing.chart import Chart, chart_of
-from dsfab.slicing.cut import cut, material_area
+from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.openings import Openings, filled_openings, filled_slits
@@ -21,10 +21,12 @@ __all__ = [
     "bridged_necks",
     "chart_of",
     "cut",
+    "cut_polygons",
     "filled_openings",
     "filled_slits",
     "halved",
     "material_area",
     "resolve_pinches",
+    "sheet_of",
     "widened_members",
 ]

@@ -63,6 +63,11 @@ class PolygonMesh:
         """(c,) polygons that no field made material."""
         return np.asarray(self.family == VOID)
 
+    @property
+    def material_area(self) -> float:
+        """Square metres of the polygons that are not void."""
+        return float(self.cells.areas(self.X)[0][~self.void].sum())
+
     @cached_property
     def face(self) -> Ints:
         """(h,) the parent face of each slot."""
