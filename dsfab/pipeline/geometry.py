@@ -13,6 +13,7 @@ from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.slicing import (
+    PolygonMesh,
     Sheet,
     bridged_gaps,
     bridged_necks,
@@ -27,7 +28,6 @@ from dsfab.slicing import (
 from dsfab.slicing.features import kept_cells
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.slicing.improve import improved
-from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
 

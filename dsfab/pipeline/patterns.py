@@ -29,8 +29,7 @@ from dsfab.pipeline.log import Log
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
-from dsfab.slicing import cut_polygons
-from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.slicing import PolygonMesh, cut_polygons
 from dsfab.surface import LoadCase, Surface
 
 SHARE_TOLERANCE = 4e-4

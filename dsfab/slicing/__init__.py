@@ -6,6 +6,7 @@ from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.openings import Openings, filled_openings, filled_slits
 from dsfab.slicing.pinch import Pinched, resolve_pinches
+from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.tidy import Tidy
 from dsfab.slicing.widening import widened_members
@@ -15,6 +16,7 @@ __all__ = [
     "Halved",
     "Openings",
     "Pinched",
+    "PolygonMesh",
     "Sheet",
     "Tidy",
     "bridged_gaps",
