@@ -325,6 +325,15 @@ def test_what_only_lists_imports_no_library_of_numbers(command):
     assert loaded & {"numpy", "scipy", "igl", "pydantic", "dsfab.preset", "dsfab.surface", *LAZY} == set()
 
 
+@pytest.mark.parametrize("module", ["app.build", "app.preview", "export", "render.previewer"])
+def test_a_build_begins_without_half_of_scipy(module):
+    """scipy.interpolate takes half a second, optimize with it, and only curves of some files need them."""
+    slow = {"scipy.interpolate", "scipy.optimize", "scipy.stats"}
+    code = f"import sys, dsfab.pipeline, dsfab.export, dsfab.{module}; print(*({slow!r} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
 def test_every_public_name_is_there():
     import dsfab
 
