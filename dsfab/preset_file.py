@@ -13,19 +13,9 @@ from dsfab.errors import PresetError, did_you_mean
 from dsfab.materials import KEYS
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
+from dsfab.preset_list import read_toml, shipped_presets
 from dsfab.preset_material import own_values, replaced
-from dsfab.preset_surface import PRESETS, FileSurface, Given, MeshSurface, OwnSurface, missing_preset
-
-
-def shipped_presets() -> dict[str, Path]:
-    """The presets that come with dsfab: name -> file, in alphabetical order."""
-    files = [file for folder in PRESETS for file in folder.glob("*.toml")]
-    return {path.stem: path for path in sorted(files, key=lambda path: path.stem)}
-
-
-def headline(path: Path) -> str:
-    """The first sentence of a preset's description, without checking the preset."""
-    return str(read_toml(path).get("description", "")).strip().split("\n")[0]
+from dsfab.preset_surface import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
 
 
 def load_preset(
@@ -56,18 +46,6 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
     names_file = isinstance(values, dict) and (key == "surface" or values.get("pick") == "curve")
     if names_file and isinstance(values.get("file"), str):
         values["file"] = str(folder / values["file"])
-
-
-def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
-    """The tables of a TOML file, not checked yet; raises PresetError, which calls the file a `kind`."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise PresetError(f"{kind} {path.name} is not valid TOML: {error}") from None
-    except UnicodeDecodeError:
-        raise PresetError(f"{kind} {path.name} is not a text file; give a .toml {kind}") from None
-    except OSError as error:
-        raise PresetError(f"{kind} {path} cannot be read: {error.strerror}") from None
 
 
 def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:

@@ -25,6 +25,7 @@ from pydantic import (
 
 from dsfab.errors import PresetError
 from dsfab.preset_errors import mistakes
+from dsfab.preset_list import PRESETS
 from dsfab.surface import (
     DEFAULT_TRIANGLES,
     SHAPES,
@@ -147,10 +148,6 @@ class OwnSurface(Given):
         return remeshed(given, self.edge, curved, self.smooth, sizes)
 
 
-PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[:2])
-"""Where the presets lie that come with dsfab: in a wheel in the package, in a checkout at the top level."""
-
-
 class FileSurface(OwnSurface):
     """A surface read from a mesh file."""
 
@@ -231,7 +228,13 @@ class MeshSurface(OwnSurface):
 
 
 class ShapeSurface(Given):
-    """A procedural surface; each shape adds its own parameters."""
+    """A procedural surface; each shape adds its own parameters.
+
+    What pydantic checks of a shape is derived when one is made alone: a preset derives it of all shapes together, and
+    supports and loads again for each of twenty are half of the time in which dsfab starts.
+    """
+
+    model_config = ConfigDict(defer_build=True)
 
     shape: str
 

@@ -17,7 +17,8 @@ from dsfab.app.check import Expected
 from dsfab.app.cli import main
 from dsfab.app.terminal import Reporter
 from dsfab.export import FORMATS
-from dsfab.preset_file import load_preset, shipped_presets
+from dsfab.preset_file import load_preset
+from dsfab.preset_list import shipped_presets
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
 
 SLOW = (".step", ".stp", ".stpz", ".brep")

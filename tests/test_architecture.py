@@ -10,9 +10,9 @@ statics  diffusion  pattern   slicing   thickening ──► export
                   ▼                                       │
                pipeline ──► delivery ──► study ──► render ──► report ──► app
 
-proposal: a preset for a mesh of the user's own. delivery: what of a design goes into which file. study: questions about
-designs. render: everything that draws and knows no command. report: pages, charts and folders for people. app: one file
-for each command, and the editor.
+preset_list: what lies in presets/, unchecked; it needs errors alone. proposal: a preset for a mesh of the user's own.
+delivery: what of a design goes into which file. study: questions about designs. render: everything that draws and knows
+no command. report: pages, charts and folders for people. app: one file for each command, and the editor.
 """
 
 import ast
@@ -62,18 +62,20 @@ ALLOWED: dict[str, set[str]] = {
     "surface": GROUND,
     **{stage: GROUND | {"surface"} for stage in STAGES},
     "export": GROUND | {"surface", "thickening"},
+    "preset_list": {"errors"},
     "preset_cases": GROUND | {"surface"},
     "preset_errors": GROUND | {"pattern", "surface", "thickening"},
-    "preset_surface": GROUND | {"preset_errors", "surface"},
+    "preset_surface": GROUND | {"preset_errors", "preset_list", "surface"},
     "preset_material": GROUND | {"materials"},
     "preset": GROUND | {"surface", "preset_cases", "preset_material", "preset_surface"} | STAGES,
-    "preset_file": GROUND | {"materials", "preset", "preset_errors", "preset_material", "preset_surface"},
+    "preset_file": GROUND
+    | {"materials", "preset", "preset_errors", "preset_list", "preset_material", "preset_surface"},
     "proposal": GROUND | {"materials", "surface", "preset", "preset_file"},
     "results": GROUND | {"surface", "preset"} | STAGES,
     "pipeline": GROUND | {"surface", "preset", "preset_surface", "results"} | STAGES,
     "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "export", "pipeline"} | STAGES,
     "study": GROUND
-    | {"surface", "preset", "preset_surface", "preset_file", "results", "pipeline"}
+    | {"surface", "preset", "preset_list", "preset_surface", "preset_file", "results", "pipeline"}
     | {"export", "delivery"}
     | STAGES,
     "render": GROUND | {"surface", "preset", "preset_file", "results", "pipeline", "export", "study"} | STAGES,
@@ -82,7 +84,8 @@ ALLOWED: dict[str, set[str]] = {
     | {"delivery", "study", "render"}
     | STAGES,
     "app": GROUND
-    | {"materials", "surface", "preset", "preset_file", "proposal", "results", "pipeline", "export"}
+    | {"materials", "surface", "preset", "preset_file", "preset_list", "proposal"}
+    | {"results", "pipeline", "export"}
     | {"delivery", "study", "render", "report"}
     | STAGES,
 }
@@ -310,6 +313,25 @@ def test_importing_dsfab_loads_no_heavy_library():
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
     )
+
+
+@pytest.mark.parametrize("command", ["presets", "materials", "--version", "--help"])
+def test_what_only_lists_imports_no_library_of_numbers(command):
+    """`dsfab presets` takes a tenth of the second that the models of presets take, and what these import."""
+    code = f"import sys; from dsfab.app.cli import main; main([{command!r}]); print([*sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(ast.literal_eval(done.stdout.strip().splitlines()[-1]))
+    assert "dsfab.app.cli" in loaded
+    assert loaded & {"numpy", "scipy", "igl", "pydantic", "dsfab.preset", "dsfab.surface", *LAZY} == set()
+
+
+@pytest.mark.parametrize("module", ["app.build", "app.preview", "export", "render.previewer"])
+def test_a_build_begins_without_half_of_scipy(module):
+    """scipy.interpolate takes half a second, optimize with it, and only curves of some files need them."""
+    slow = {"scipy.interpolate", "scipy.optimize", "scipy.stats"}
+    code = f"import sys, dsfab.pipeline, dsfab.export, dsfab.{module}; print(*({slow!r} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
 
 
 def test_every_public_name_is_there():

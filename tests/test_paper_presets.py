@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.preset_file import headline, shipped_presets
+from dsfab.preset_list import headline, shipped_presets
 from dsfab.study.paper import FIGURES
 
 COARSER = 2.2

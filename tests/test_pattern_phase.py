@@ -106,6 +106,26 @@ def test_a_phase_that_is_symmetric_stays_under_projection_whatever_the_mesh():
         assert off[:, inside].max() < 1e-9
 
 
+def test_phases_are_read_at_images_as_by_the_blocks_of_a_matrix():
+    """Turned by their growth from where they are to where they are read, and conjugated where that is turned over."""
+    plate = jittered(grid(7, 6, 2.0, 2.0), 0.2)
+    plate = Surface(plate.V - [1.0, 1.0, 0.0], plate.F)
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    T = _point_map(plate, face_tree(plate), plate.V @ mirror)[1]
+    rng = np.random.default_rng(0)
+    growth = rng.normal(size=(plate.n, 3)) * [1.0, 1.0, 0.0]
+    blocks = np.zeros((2 * plate.n, 2 * plate.n))
+    for i, j in zip(*T.nonzero(), strict=True):
+        seen, here = mirror @ growth[i], growth[j]
+        sign = -1.0 if seen @ here < 0 else 1.0
+        turn = np.pi * (here + sign * seen) @ ((T @ plate.V)[i] - plate.V[j])
+        block = np.array([[np.cos(turn), -np.sin(turn)], [sign * np.sin(turn), sign * np.cos(turn)]])
+        blocks[np.ix_([i, plate.n + i], [j, plate.n + j])] = T[i, j] * block
+    x = rng.normal(size=2 * plate.n)
+    assert T.nnz > plate.n  # some images lie between vertices
+    np.testing.assert_allclose(Images._phase_map(mirror, T, plate.V, growth) @ x, blocks @ x, atol=1e-13)
+
+
 def test_a_line_runs_through_the_peak_of_the_start():
     plate = grid(20, 12, 4.0, 2.4)
     peak = np.exp(-8 * (plate.V[:, 0] - 1.3) ** 2) ** 4

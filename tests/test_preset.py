@@ -1,5 +1,7 @@
 """Presets: shipped ones, round trip, overrides, and one sentence for every mistake."""
 
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -12,15 +14,14 @@ from dsfab.errors import DsfabError, PresetError
 from dsfab.materials import KEYS, MATERIALS
 from dsfab.preset import STAGES, Preset
 from dsfab.preset_file import (
-    headline,
     load_preset,
     overridden,
     parse_override,
     preset_from,
     preset_toml,
     require_mesh,
-    shipped_presets,
 )
+from dsfab.preset_list import headline, shipped_presets
 from dsfab.preset_surface import FileSurface
 
 SHIPPED = sorted(shipped_presets())
@@ -198,7 +199,7 @@ def test_unreadable_preset_files_are_refused(write, says, tmp_path):
 
 def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
     (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
-    for part in ("preset_file", "preset_surface"):
+    for part in ("preset_list", "preset_surface"):
         monkeypatch.setattr(f"dsfab.{part}.PRESETS", (tmp_path,))
     with pytest.raises(PresetError, match="preset roof needs a mesh of yours: add --mesh FILE"):
         require_mesh(load_preset("roof"))
@@ -208,6 +209,16 @@ def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch
         open_preset("roof")
     (tmp_path / "roof.obj").write_text("a mesh")
     require_mesh(load_preset("roof"))
+
+
+def test_shapes_are_derived_with_the_preset_alone():
+    """Twenty shapes of which each derives supports and loads of its own take longer than all else of the import."""
+    code = (
+        "from dsfab.preset_surface import SHAPE_SECTIONS as s; from dsfab.preset_file import load_preset;"
+        "load_preset('dome'); print(sum(m.__pydantic_complete__ for m in s.values()), s['dome'](span=3.0).span)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0", "3.0"]
 
 
 def test_an_unknown_preset_names_the_nearest_one():

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 
 from dsfab.pattern import Flow, Frames, corner_phase
 from dsfab.slicing import cut
+from dsfab.slicing.parts import part_of
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.seen import Seen
+from dsfab.slicing.split import SideValues, split_cells
 from dsfab.surface import Surface, read_surface
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.topology import euler_characteristic, manifold_faults
@@ -322,6 +324,33 @@ def test_turned_edges_are_those_whose_polygons_disagree(name):
     assert np.array_equal(first, expected[0])
     assert np.array_equal(second, expected[1])
     assert surface.m < 50 or first.any()
+
+
+@zoo
+def test_a_part_has_the_marked_faces_and_no_other_vertex(name):
+    surface = ZOO[name]()
+    mask = np.random.default_rng(0).random(surface.m) < 0.4
+    mask[0] = True
+    part, faces = part_of(surface, mask)
+    assert np.array_equal(faces, np.flatnonzero(mask))
+    assert np.array_equal(part.V[part.F], surface.V[surface.F[mask]])
+    assert part.n == len(np.unique(surface.F[mask]))
+    assert np.array_equal(part.V, surface.V[np.unique(surface.F[mask])])
+
+
+@zoo
+def test_weights_of_a_split_stand_below_those_before(name):
+    surface = ZOO[name]()
+    mesh = PolygonMesh.of(surface)
+    x = ripples(surface, 1)
+    levels = np.arange(np.floor(x.min()), np.ceil(x.max()) + 1) + 0.27
+    split = split_cells(mesh.cells, surface.n, SideValues.of(mesh.cells, x), levels, mesh.void)
+    new = mesh.after(split)
+    assert len(new.X) > surface.n
+    assert new.weights.shape == (len(new.X), surface.n)
+    assert (np.diff(new.weights.indptr)[surface.n :] == 2).all()
+    np.testing.assert_allclose(new.weights @ surface.V, new.X, atol=1e-12 * surface.size)
+    np.testing.assert_allclose((new.weights @ x)[surface.n :], split.level, atol=1e-12 * np.abs(x).max())
 
 
 def test_parts_are_what_sides_connect():

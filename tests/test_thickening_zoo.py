@@ -9,7 +9,7 @@ import trimesh
 
 import dsfab
 from dsfab.errors import PatternError
-from dsfab.preset_file import shipped_presets
+from dsfab.preset_list import shipped_presets
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces

@@ -24,7 +24,7 @@ DONE, REFUSED = 0, 1
 
 def presets() -> int:
     """List the presets that come with dsfab."""
-    from dsfab.preset_file import headline, shipped_presets
+    from dsfab.preset_list import headline, shipped_presets
 
     found = shipped_presets()
     width = max(map(len, found), default=0)
@@ -72,7 +72,7 @@ def inspect(
     file
         OBJ, PLY, STL, OFF, GLB, glTF or 3MF; a preset (a name or a TOML file); or a folder of results.
     """
-    from dsfab.preset_file import shipped_presets
+    from dsfab.preset_list import shipped_presets
 
     path, named = Path(file), file in shipped_presets()  # a folder of a preset's name hides nothing
     if not (named or path.is_dir() or path.suffix == ".toml"):

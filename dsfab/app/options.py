@@ -57,7 +57,7 @@ def built_folder(name: str) -> Path | None:
     Raises PresetError for a folder that it did not write.
     """
     from dsfab.export import complete
-    from dsfab.preset_file import shipped_presets
+    from dsfab.preset_list import shipped_presets
 
     folder = Path(name)
     if name in shipped_presets() or not folder.is_dir():

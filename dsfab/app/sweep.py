@@ -144,7 +144,7 @@ def sweep(
 
 def _goes_on(what: str, varied: bool) -> bool:
     """Whether a sweep's folder is named; where something varies, a shipped preset of that name goes before it."""
-    from dsfab.preset_file import shipped_presets
+    from dsfab.preset_list import shipped_presets
 
     return Path(what).is_dir() and not (varied and what in shipped_presets())
 

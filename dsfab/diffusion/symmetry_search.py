@@ -168,13 +168,13 @@ def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface) -> Floats
     outer = V[distance > np.partition(distance, -count)[-count] - FAR * surface.size]
     near, edge = cKDTree(outer), surface.mean_edge
 
-    def fit(normal: Floats) -> tuple[float, float]:
-        """How far images are from vertices; of those that fit alike that is best with the most vertices on it."""
-        off = float(np.sum(np.square(near.query(outer @ _mirror(normal).T)[0]))) / edge**2
-        on = sum(float(np.sum(1 / (1 + np.square(outer @ n / edge)))) for n in (normal, np.cross(axis, normal)))
-        return round(off, 6), -round(on, 6)
-
-    return np.asarray(min(_far_directions(x, surface.size)[:AROUND], key=fit))
+    normals = _far_directions(x, surface.size)[:AROUND]
+    images = np.concatenate([outer @ _mirror(normal).T for normal in normals])
+    off = np.square(near.query(images)[0]).reshape(len(normals), -1).sum(axis=1) / edge**2
+    on = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (normals, np.cross(axis, normals)))
+    # how far images are from vertices; of those that fit alike that is best with the most vertices on it
+    fits = zip(np.round(off, 6).tolist(), (-np.round(on, 6)).tolist(), range(len(normals)), strict=True)
+    return np.asarray(normals[min(fits)[2]])
 
 
 def _planes(axis: Floats, far: Floats) -> Iterator[Floats]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from dsfab.arrays import Bools, Floats
 from dsfab.export.splines import LeastSquares, Spline, hats
@@ -91,6 +90,8 @@ def fitted(line: Floats, tolerance: float, smooth: bool = False, most: int = MOS
 
 def _refined(line: Floats, length: Floats, total: float, count: int, tolerance: float, smooth: bool) -> Curve | None:
     """The spline from so many samples, its spans halved until it is near enough; None if that takes more samples."""
+    from scipy.interpolate import BSpline
+
     even = np.arange(count + 1) / count
     samples = _on(line, length, even)
     share = np.union1d(np.arange(4 * count + 1) / (4 * count), length / length[-1])
@@ -112,6 +113,8 @@ def _refined(line: Floats, length: Floats, total: float, count: int, tolerance: 
 
 def halves(curve: Curve) -> list[Curve]:
     """A spline cut near the middle of its parameters: the same points, in two curves."""
+    from scipy.interpolate import BSpline
+
     middle = float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS))
     spline = BSpline(curve.knots, curve.poles, curve.degree)
     for _ in range(curve.degree - int(np.count_nonzero(curve.knots == middle))):

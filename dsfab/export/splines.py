@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array
 
@@ -25,6 +24,8 @@ class Spline:
 
     def __call__(self, x: Floats) -> Floats:
         """(k, d) points at parameters x (k,)."""
+        from scipy.interpolate import BSpline
+
         return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # a third of the time
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.sparse import block_array, csr_array, eye_array
+from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
@@ -68,19 +68,28 @@ class Images:
         Where the image of a vertex lies between others, their phases are carried to it before they are averaged: they
         are turned by what a phase grows by in between, or where few edges make a period the mean of them would lag.
         """
-        own = [self._phase_map(R, T, V, density[:, None] * g) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
+        growth = density[:, None] * g
+        own = [self._phase_map(R, T, V, growth) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
         return lambda x: np.asarray(sum((T @ x for T in own), x) / len(self.maps))
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> csr_array:
         """(2 n, 2 n) growth (n, 3) is the gradient of the phase, up to sign, periods per metre."""
-        entries = T.tocoo()
-        row, column = entries.coords
+        count, column = np.diff(T.indptr), T.indices
+        row = np.repeat(np.arange(T.shape[0]), count)
         there, here = growth[row] @ R.T, growth[column]
         sign = np.where(dots(there, here) < 0, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
         turn = np.pi * dots(here + sign[:, None] * there, step)  # of the mean growth of both ends
-        c, s = entries.data * np.cos(turn), entries.data * np.sin(turn)
-        parts = ((c, -s), (sign * s, sign * c))
-        blocks = [[csr_array((part, (row, column)), shape=T.shape) for part in line] for line in parts]
-        return csr_array(block_array(blocks, format="csr"))
+        c, s = T.data * np.cos(turn), T.data * np.sin(turn)
+        # each row of T gives one of real parts and one of imaginary ones, with its entries on both parts one after
+        # the other
+        real = np.arange(T.nnz) + T.indptr[row]
+        imaginary = real + count[row]
+        data, indices = np.empty((2, 2 * T.nnz)), np.empty(2 * T.nnz, dtype=T.indices.dtype)
+        data[0, real], data[0, imaginary] = c, -s
+        data[1, real], data[1, imaginary] = sign * s, sign * c
+        indices[real], indices[imaginary] = column, column + T.shape[1]
+        begins = 2 * T.indptr
+        pointer = np.concatenate([begins, begins[-1] + begins[1:]])
+        return csr_array((data.ravel(), np.tile(indices, 2), pointer), shape=(2 * T.shape[0], 2 * T.shape[1]))

@@ -143,7 +143,7 @@ class Course:
         whole = surface.areas * ~phase.singular
         size = np.linalg.norm(phase.gradients(surface), axis=1)
         grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
-        slope = images.mean(_slope(surface, phase, finest))
+        slope = images.mean(_slope(surface, size, phase.singular, finest))
         return Lines(phase, most, self.halved.wish[surface.F].mean(axis=1), slope, grown)
 
 
@@ -169,10 +169,9 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
     return found_symmetry(surface, load_axes(surface, statics.load), loads)
 
 
-def _slope(surface: Surface, phase: CornerPhase, asked: Floats) -> Floats:
-    """(n,) periods per metre around each vertex, of the faces that have a phase."""
-    size = np.linalg.norm(phase.gradients(surface), axis=1)
-    whole = (~phase.singular).astype(float)
+def _slope(surface: Surface, size: Floats, singular: Bools, asked: Floats) -> Floats:
+    """(n,) periods per metre around each vertex, of those `size` (m,) on the faces that have a phase."""
+    whole = (~singular).astype(float)
     mean, known = vertex_means(surface, np.stack([size * whole, whole], axis=1)).T
     slope = np.divide(mean, known, out=asked.copy(), where=known > 0)
     return np.asarray(np.clip(slope, SLOPES[0] * asked, SLOPES[1] * asked))

@@ -1,8 +1,9 @@
 """The last two steps: the sheet cut along the stripes, and the solid."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,13 +14,16 @@ from dsfab.pipeline.log import Log
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.slicing import (
+    PolygonMesh,
     Sheet,
     bridged_gaps,
     bridged_necks,
     cut,
+    cut_polygons,
     filled_openings,
     filled_slits,
     resolve_pinches,
+    sheet_of,
     widened_members,
 )
 from dsfab.slicing.features import kept_cells
@@ -49,11 +53,14 @@ def slicing_step(
     """The fifth stage: the surface cut, and the sheet that is kept; raises PatternError where nothing is."""
     ask, radius = preset.slicing, preset.pattern.fillet
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
-        cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
+        smallest = _smallest(pattern.settled(preset), surface)
+        rehearsal = _REHEARSALS.pop(surface, None)  # its memory is needed from here on
+        if rehearsal and not rehearsal.serves(pattern, _terms(preset, ask, smallest, pattern)):
+            rehearsal = None
+        cells = rehearsal.cells if rehearsal else cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        smallest = _smallest(pattern.settled(preset), surface)
-        done = finished_cells(preset, cells, ask, smallest, _merged(pattern))
+        done = finished_cells(preset, cells, ask, smallest, _merged(pattern), AGAIN, rehearsal)
         cells, pinches, rounded = done.cells, done.pinches, done.rounded
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
@@ -99,6 +106,49 @@ class Finished(NamedTuple):
     widened: int = 0
 
 
+class Unrounded(NamedTuple):
+    """Cells without point contacts, specks, slits and necks, and how many of each there were."""
+
+    cells: Sheet
+    pinches: int
+    filled: int
+    merged: int
+    bridged: int
+
+
+class FirstRounding(NamedTuple):
+    """Cells whose corners were rounded for the first time, the radii, and the slits that were filled then."""
+
+    cells: Sheet
+    radii: Floats
+    merged: int
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """The sheet of a pattern as it was measured while its widths were sought: slicing by the same terms goes on from
+    it.
+
+    terms : of `_terms`.    cells : as they were cut.
+    """
+
+    pattern: PatternResult
+    terms: tuple[Any, ...]
+    cells: Sheet
+    unrounded: Unrounded
+    rounded: FirstRounding | None
+
+    def serves(self, pattern: PatternResult, terms: tuple[Any, ...]) -> bool:
+        """Whether the same would be cut of a pattern and finished by these terms."""
+        mine = self.pattern
+        same = pattern.fields is mine.fields and pattern.levels is mine.levels and pattern.tidy is mine.tidy
+        return same and terms == self.terms
+
+
+_REHEARSALS: WeakKeyDictionary[Surface, Rehearsal] = WeakKeyDictionary()
+"""The last one of each surface that lives, until it is sliced."""
+
+
 class Smallest(NamedTuple):
     """Metres: smaller openings are filled, and bridged where they are narrower than a neck may be; 0 for neither."""
 
@@ -106,11 +156,38 @@ class Smallest(NamedTuple):
     neck: float
 
 
+def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternResult) -> tuple[Any, ...]:
+    """All that finishing goes by, until corners have been rounded once."""
+    own = preset.statics.thickness, preset.pattern.fillet
+    return (ask.snap, ask.pinch, ask.min_opening, smallest, _merged(pattern), *own)
+
+
 def finished_cells(
-    preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: bool, again: int = AGAIN
+    preset: Preset,
+    cells: Sheet,
+    ask: Slicing,
+    smallest: Smallest,
+    merge: bool,
+    again: int = AGAIN,
+    rehearsal: Rehearsal | None = None,
 ) -> Finished:
     """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so, and gaps between
-    rounded members `again` and again."""
+    rounded members `again` and again.
+
+    rehearsal : of these cells, if there was one: what was done there is not done again.
+    """
+    plain = rehearsal.unrounded if rehearsal else unrounded_cells(preset, cells, ask, smallest, merge)
+    if not preset.pattern.fillet:
+        return Finished(*plain, np.empty(0))
+    least = Least(smallest.neck, ask.min_member) if merge else Least(0.0, 0.0)
+    first = rehearsal.rounded if rehearsal else None
+    done = _rounded_cells(plain.cells, preset.pattern.fillet, merge, least, again, first)
+    merged, bridged = plain.merged + done.merged, plain.bridged + done.bridged
+    return Finished(done.cells, plain.pinches, plain.filled, merged, bridged, done.radii, done.widened)
+
+
+def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: bool) -> Unrounded:
+    """What is made of cells as they were cut before corners are rounded."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
     cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
     late = merge and ask.min_opening is None  # most of these are slits
@@ -122,13 +199,7 @@ def finished_cells(
         cells, filled = filled_openings(cells, smallest.opening, alike=True)
     if smallest.neck and merge:
         cells, bridged = bridged_necks(cells, smallest.neck)
-    if not preset.pattern.fillet:
-        return Finished(cells, pinched.count, filled, merged, bridged, np.empty(0))
-    least = Least(smallest.neck, ask.min_member) if merge else Least(0.0, 0.0)
-    done = _rounded_cells(cells, preset.pattern.fillet, merge, least, again)
-    return Finished(
-        done.cells, pinched.count, filled, merged + done.merged, bridged + done.bridged, done.radii, done.widened
-    )
+    return Unrounded(cells, pinched.count, filled, merged, bridged)
 
 
 class Least(NamedTuple):
@@ -149,12 +220,17 @@ class Rounded(NamedTuple):
     widened: int
 
 
-def _rounded_cells(cells: Sheet, radius: float, merge: bool, least: Least, again: int) -> Rounded:
-    """Cells with round corners, `again` and again where that leaves what is too narrow; slits filled if `merge`."""
+def _rounded_cells(
+    cells: Sheet, radius: float, merge: bool, least: Least, again: int, first: FirstRounding | None = None
+) -> Rounded:
+    """Cells with round corners, `again` and again where that leaves what is too narrow; slits filled if `merge`.
+
+    first : what comes first, where it is known.
+    """
     bridged, widened, last = 0, 0, cells.surface.m
     for attempt in range(again + 1):
-        done, radii = rounded_corners(cells, radius)
-        done, merged = filled_slits(done) if merge and len(radii) else (done, 0)  # corners take their share of openings
+        done, radii, merged = first or _rounded_once(cells, radius, merge)
+        first = None
         if attempt == again:
             break
         better, bridges, places = _broadened(cells, done, least)
@@ -162,6 +238,12 @@ def _rounded_cells(cells: Sheet, radius: float, merge: bool, least: Least, again
             break
         cells, bridged, widened, last = better, bridged + bridges, widened + places, places or last
     return Rounded(done, radii, merged, bridged, widened)
+
+
+def _rounded_once(cells: Sheet, radius: float, merge: bool) -> FirstRounding:
+    done, radii = rounded_corners(cells, radius)
+    done, merged = filled_slits(done) if merge and len(radii) else (done, 0)  # corners take their share of openings
+    return FirstRounding(done, radii, merged)
 
 
 def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, int]:
@@ -192,18 +274,24 @@ def _bridges(count: int) -> str:
     return f"{count} bridges were built" if count > 1 else "a bridge was built"
 
 
-def added_share(preset: Preset, surface: Surface, pattern: PatternResult) -> float:
+def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None) -> float:
     """The share of the surface that the sheet of a pattern has beyond what its stripes keep: round corners above all.
 
-    By the defaults of [slicing]: no stage depends on a later section.
+    By the defaults of [slicing]: no stage depends on a later section. Slicing goes on from that sheet if it can.
+    polygons : what the surface is cut into, where it is at hand.
     """
-    ask = Slicing()
-    cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
+    ask, fields = Slicing(), (pattern.fields, pattern.levels)
+    cells = sheet_of(polygons or cut_polygons(surface, *fields, ask.snap, pattern.tidy))
     if not cells.material.any():
         return 0.0
-    plain = preset.model_copy(update={"slicing": ask})
-    smallest = _smallest(pattern.settled(plain), surface)
-    done = finished_cells(preset, cells, ask, smallest, _merged(pattern), again=0).cells  # a few bridges weigh nothing
+    smallest = _smallest(pattern.settled(preset.model_copy(update={"slicing": ask})), surface)
+    merge = _merged(pattern)
+    unrounded = unrounded_cells(preset, cells, ask, smallest, merge)
+    radius = preset.pattern.fillet
+    rounded = _rounded_once(unrounded.cells, radius, merge) if radius else None  # a few bridges later weigh nothing
+    done = rounded.cells if rounded else unrounded.cells
+    terms = _terms(preset, ask, smallest, pattern)
+    _REHEARSALS[surface] = Rehearsal(pattern, terms, cells, unrounded, rounded)
     before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
     return (after - before) / surface.area
 

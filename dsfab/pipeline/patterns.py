@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ from dsfab.pipeline.log import Log
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
-from dsfab.slicing import material_area
+from dsfab.slicing import PolygonMesh, cut_polygons
 from dsfab.surface import LoadCase, Surface
 
 SHARE_TOLERANCE = 4e-4
@@ -72,6 +72,33 @@ class WidthSearch(NamedTuple):
     added: float = 0.0
 
 
+@dataclass
+class _Shares:
+    """Called with layers it cuts them, and tells the share of the surface that they keep.
+
+    reached : all such shares.    layers, polygons : the last ones, and what the surface was cut into along them.
+    """
+
+    preset: Preset
+    given: StressedSurface
+    reached: list[float] = field(default_factory=list)
+    layers: Sequence[Layer] | None = None
+    polygons: PolygonMesh | None = None
+
+    def __call__(self, layers: Sequence[Layer]) -> float:
+        self.forget()  # its memory, before more is needed
+        surface = self.given.surface
+        fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
+        self.polygons = cut_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
+        self.layers = layers
+        self.reached.append(self.polygons.material_area / surface.area)
+        return self.reached[-1]
+
+    def forget(self) -> None:
+        """Forget the last layers."""
+        self.layers = self.polygons = None
+
+
 def pattern_step(
     preset: Preset,
     given: StressedSurface,
@@ -93,30 +120,26 @@ def pattern_step(
         if not even:
             _note_spacings(preset, families, log)
         counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
-        reached: list[float] = []
-
-        def share(layers: Sequence[Layer]) -> float:
-            fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
-            tidy = tidy_of(preset, given, layers)
-            reached.append(material_area(surface, fields, levels, SHARE_SNAP, tidy) / surface.area)
-            return reached[-1]
+        share = _Shares(preset, given)
 
         def made(added: float = 0.0, guess: float = 0.0) -> PatternResult:
-            reached.clear()
+            share.reached.clear()
             search = WidthSearch(share, SHARE_TOLERANCE, guess, None if guess else counted, added)
             layers, factor = solved_layers(preset, surface, kept, families, search)
+            if share.layers is not layers:
+                share.forget()
             tidy = tidy_of(preset, given, layers)
             found = pattern_of(preset, families, layers)
             return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
 
         result, added = made(), 0.0
         for _ in range(CORRECTIONS if (ask.fillet or even) and ask.width.solid_fraction else 0):
-            more = added_share(preset, surface, result)
+            more = added_share(preset, surface, result, share.polygons)
             if abs(more - added) < SHARE_TOLERANCE:
                 break
             result, added = made(more, result.factor), more
         if wanted := ask.width.solid_fraction:
-            nearest = min(reached, key=lambda one: abs(one + added - wanted)) + added
+            nearest = min(share.reached, key=lambda one: abs(one + added - wanted)) + added
             log.note("pattern", _solved(preset, widths, result.factor, nearest))
     return result
 
@@ -190,15 +213,32 @@ def _reached(
     """
     refused = list[PatternError]()
     for closing in (factor * shift for shift in CLOSINGS):
+        drawn = _LastDrawn(layers, factor, closing)
         try:
-            relative = solve(lambda x: share(layers(factor * x, closing)))  # noqa: B023
+            relative = solve(lambda x: share(drawn.at(x)))  # noqa: B023
         except PatternError as error:
             refused.append(error)
         else:
-            return layers(factor * relative, closing), factor * relative
+            return drawn.at(relative), factor * relative
     if isinstance(refused[0], ShareJumpError):
         raise PatternError(f"{refused[0]}, or allow more with pattern.width.solid_fraction_tolerance")
     raise refused[0]
+
+
+@dataclass
+class _LastDrawn:
+    """Layers at some part of a factor, the last ones at hand: it is mostly these that are wanted in the end."""
+
+    layers: Callable[[float, float], list[Layer]]
+    factor: float
+    closing: float
+    last: tuple[float, list[Layer]] = (-1.0, [])
+
+    def at(self, relative: float) -> list[Layer]:
+        """The layers whose widths are so many times the factor."""
+        if self.last[0] != relative:
+            self.last = relative, self.layers(self.factor * relative, self.closing)
+        return self.last[1]
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:

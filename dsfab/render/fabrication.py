@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from dsfab.arrays import Floats
 from dsfab.render.drawing import FINER, Ground, check_ground, rendered
@@ -120,6 +118,8 @@ def called_out(image: "Image", callouts: list[Callout], view: View, palette: Pal
     Rings are drawn over everything: a place on the far side has one too.
     """
     from PIL import Image, ImageDraw, ImageFont
+    from scipy.optimize import linear_sum_assignment
+    from scipy.spatial.distance import cdist
 
     if not callouts:
         return image

@@ -1,11 +1,12 @@
 """Stage 5, slicing: from stripes to a sheet that is cut along their edges."""
 
 from dsfab.slicing.chart import Chart, chart_of
-from dsfab.slicing.cut import cut, material_area
+from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.openings import Openings, filled_openings, filled_slits
 from dsfab.slicing.pinch import Pinched, resolve_pinches
+from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet, three_each
 from dsfab.slicing.tidy import Tidy
 from dsfab.slicing.widening import widened_members
@@ -15,17 +16,20 @@ __all__ = [
     "Halved",
     "Openings",
     "Pinched",
+    "PolygonMesh",
     "Sheet",
     "Tidy",
     "bridged_gaps",
     "bridged_necks",
     "chart_of",
     "cut",
+    "cut_polygons",
     "filled_openings",
     "filled_slits",
     "halved",
     "material_area",
     "resolve_pinches",
+    "sheet_of",
     "three_each",
     "widened_members",
 ]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.slicing.straight import FarEnds, far_ends
 from dsfab.surface import Surface, next_half_edge
 
@@ -141,7 +141,7 @@ def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
     """The loop of each edge (e,) by its ends (e, 2), the edges loop by loop in their order, and the number of loops."""
-    slot = np.argsort(ends.ravel(), kind="stable")  # 2 i + s is end s of edge i; by vertex, an even number at each
+    slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; by vertex, an even number at each
     onward = np.empty_like(slot)
     onward[slot] = (
         slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1

@@ -1,6 +1,7 @@
 """Stripes of a `CornerField` cut out of polygons: as those of two plain fields, whoever sees them from which side."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -92,10 +93,16 @@ class Cutting:
 
     def _ends(self, side: int) -> tuple[Ints, Ints, Floats]:
         """Of the sides of the active polygons: the places of the values at both ends, and their difference."""
-        cells = self.seen.mesh.cells
         place, y = self.seen.entity(side), self.seen.slots(side)
-        on = self.active[cells.owner]
-        return place[on], cells.ahead(place)[on], np.abs(y - cells.ahead(y))[on]
+        on, ahead = self._sides
+        return place[on], place[ahead], np.abs(y[on] - y[ahead])
+
+    @cached_property
+    def _sides(self) -> tuple[Ints, Ints]:
+        """The slots of the active polygons, and the next slot of each."""
+        cells = self.seen.mesh.cells
+        on = np.flatnonzero(self.active[cells.owner])
+        return on, cells.following[on]
 
     def snapped(self, fraction: float) -> "Cutting":
         """Each stripe moved onto the vertices that it nearly meets, keeping its width."""

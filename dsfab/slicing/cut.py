@@ -62,9 +62,13 @@ def cut(
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells that have no
     area whatever is moved.
     """
-    done = _divided(surface, fields, levels, snap, tidy)
-    cut_surface, cell = filled_polygons(done.cells, done.X, done.parent)
-    return Sheet(cut_surface, done.parent[cell], done.family[cell], done.weights)
+    return sheet_of(cut_polygons(surface, fields, levels, snap, tidy))
+
+
+def sheet_of(mesh: PolygonMesh) -> Sheet:
+    """The polygons of `cut_polygons` filled with triangles; raises PatternError as `cut` does."""
+    cut_surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights)
 
 
 def material_area(
@@ -76,17 +80,17 @@ def material_area(
 ) -> float:
     """Area of the material of `cut` with the same arguments (fields (n,), levels (k,)), square metres; cells are not
     filled."""
-    done = _divided(surface, fields, levels, snap, tidy)
-    return float(done.cells.areas(done.X)[0][~done.void].sum())
+    return cut_polygons(surface, fields, levels, snap, tidy).material_area
 
 
-def _divided(
+def cut_polygons(
     surface: Surface,
     fields: Sequence[Field],
     levels: Sequence[ArrayLike],
-    snap: float,
-    tidy: Tidy | None,
+    snap: float = 0.05,
+    tidy: Tidy | None = None,
 ) -> PolygonMesh:
+    """What `cut` divides the surface into, before it is filled with triangles."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     steps = [_checked_levels(k, x, wanted) for k, (x, wanted) in enumerate(zip(values, levels, strict=True))]
     if not 0 <= snap <= 0.4:

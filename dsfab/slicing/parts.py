@@ -8,9 +8,10 @@ from dsfab.surface import Surface
 
 def part_of(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
     """The marked faces as a surface, and the faces that they were."""
-    F = surface.F[mask]
-    used = np.unique(F)
-    return Surface(surface.V[used], np.searchsorted(used, F)), np.flatnonzero(mask)
+    F, used = surface.F[mask], np.zeros(surface.n, dtype=bool)
+    used[F] = True
+    number = np.cumsum(used) - 1
+    return Surface(surface.V[used], number[F]), np.flatnonzero(mask)
 
 
 def whole_edges(part: Surface, whole: Surface, faces: Ints) -> Ints:

@@ -5,7 +5,7 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.sparse import csr_array, eye_array, vstack
+from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats, Ints, grouped
 from dsfab.slicing.cells import Cells
@@ -62,6 +62,11 @@ class PolygonMesh:
     def void(self) -> Bools:
         """(c,) polygons that no field made material."""
         return np.asarray(self.family == VOID)
+
+    @property
+    def material_area(self) -> float:
+        """Square metres of the polygons that are not void."""
+        return float(self.cells.areas(self.X)[0][~self.void].sum())
 
     @cached_property
     def face(self) -> Ints:
@@ -122,4 +127,7 @@ def places(F: Ints, vertex: Ints) -> Ints:
 
 def extended_weights(weights: csr_array, split: Split) -> csr_array:
     """Rows (n' + k, n) for the new vertices of a split below the old ones: at most three entries, all of one face."""
-    return csr_array(vstack([weights, split.blend(weights.shape[0]) @ weights], format="csr"))
+    new = split.blend(weights.shape[0]) @ weights
+    data, indices = (np.concatenate([getattr(part, name) for part in (weights, new)]) for name in ("data", "indices"))
+    begins = np.concatenate([weights.indptr, weights.indptr[-1] + new.indptr[1:]])
+    return csr_array((data, indices, begins), shape=(weights.shape[0] + new.shape[0], weights.shape[1]))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.arrays import Ints
+from dsfab.arrays import Ints, sorted_order
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.cut import filled_polygons
 from dsfab.slicing.polygon_mesh import PolygonMesh
@@ -43,11 +43,13 @@ class Recut:
         """
         sheet, surface, new = self.sheet, self.sheet.surface, len(mesh.X) - len(self.vertices)
         number = np.concatenate([self.vertices, surface.n + np.arange(new)])
-        others = np.setdiff1d(np.arange(surface.m), self.cells)
+        stay = np.ones(surface.m, dtype=bool)
+        stay[self.cells] = False
+        others = np.flatnonzero(stay)
         start = np.concatenate([3 * np.arange(len(others)), 3 * len(others) + mesh.cells.start])
         cells = Cells(start, np.concatenate([surface.F[others].ravel(), number[mesh.cells.corner]]))
         came = np.concatenate([others, self.cells[source]])
-        order = np.argsort(came, kind="stable")
+        order = sorted_order(came)
         X = np.concatenate([surface.V, mesh.X[len(self.vertices) :]])
         weights = csr_array(vstack([sheet.weights, mesh.weights[len(self.vertices) :]], format="csr"))
         cells, parent = cells.some(order), sheet.parent[came[order]]

@@ -36,11 +36,16 @@ class Seen:
         lead[corner[::-1]] = mesh.face[::-1]
         telling = np.flatnonzero(~field.blank[mesh.face])[::-1]
         lead[corner[telling]] = mesh.face[telling]
-        weights = mesh.weights.tocoo()
-        row, column = (at.astype(np.int64) for at in weights.coords)
-        seen = field.corners(mesh.F)[lead[row], mesh.corner(lead[row], column)]
-        values = np.stack([np.bincount(row, weights.data * seen[:, k], n) for k in range(field.x.shape[1])], axis=1)
-        return cls._on(mesh, field, values.astype(np.float64), lead)
+        weights = mesh.weights
+        row = np.repeat(np.arange(n), np.diff(weights.indptr))
+        face, column = lead[row], weights.indices.astype(np.int64)
+        place = 3 * face + mesh.corner(face, column)
+        x, sign, shift = field.x[column], field.sign.ravel()[place], field.shift.ravel()[place]
+        values = np.empty((n, x.shape[1]))
+        for k in range(x.shape[1]):
+            seen = np.where(sign > 0, x[:, k], -x[:, -1 - k]) + shift
+            values[:, k] = np.bincount(row, weights.data * seen, n)
+        return cls._on(mesh, field, values, lead)
 
     @classmethod
     def _on(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, lock
+from dsfab.arrays import Bools, Floats, Ints, lock, sorted_order
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import VOID
 from dsfab.surface.topology import connected
@@ -198,6 +198,6 @@ class _Contacts:
 def _meeting(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
     """Pairs (l,), (l,) of sides of the same group (k,) that share one of their ends (k, 2), vertices of `count`."""
     key = (group[:, None] * count + ends).ravel()
-    order = np.argsort(key, kind="stable")
+    order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)
     return order[meet] // 2, order[meet + 1] // 2

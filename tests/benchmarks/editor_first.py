@@ -16,7 +16,8 @@ import time
 from pathlib import Path
 
 from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset, shipped_presets
+from dsfab.preset_file import load_preset
+from dsfab.preset_list import shipped_presets
 from tests.browser import Tab, opened
 
 SIZE = (1280, 800)

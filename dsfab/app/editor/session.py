@@ -31,7 +31,7 @@ from dsfab.pattern.wave import GLSL
 from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
-from dsfab.preset_file import shipped_presets
+from dsfab.preset_list import shipped_presets
 from dsfab.render.striped_mesh import StripedMesh
 from dsfab.surface import MESH_SUFFIXES
 from dsfab.units import METRES_PER

@@ -10,7 +10,8 @@ from dsfab.app.editor.outputs import Outputs
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.errors import DsfabError, PresetError, SurfaceError
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml, shipped_presets
+from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml
+from dsfab.preset_list import shipped_presets
 from dsfab.proposal import Decision, preset_name, propose
 from dsfab.study.variations import spelled_value
 

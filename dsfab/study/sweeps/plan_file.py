@@ -10,7 +10,8 @@ from pydantic_core import ErrorDetails
 
 from dsfab.errors import PresetError, did_you_mean
 from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, read_toml, require_mesh
+from dsfab.preset_file import load_preset, require_mesh
+from dsfab.preset_list import read_toml
 from dsfab.study.sweeps.plan import Plan, Search
 from dsfab.study.sweeps.values import Range
 
