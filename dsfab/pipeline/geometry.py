@@ -48,6 +48,7 @@ def slicing_step(
     ask, radius = preset.slicing, preset.pattern.fillet
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         cells = cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
+        stubs = cells.stubs
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         smallest = _smallest(pattern.settled(preset), surface)
@@ -65,6 +66,8 @@ def slicing_step(
         if ask.loose == "drop" and carried is not sheet:
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
+    if stubs:
+        log.note("slicing", f"members that met past their last crossings were cut off there at {_places(stubs)}")
     if done.filled:
         log.note("slicing", f"{done.filled} openings smaller than {smallest.opening:.3g} m were filled")
     if done.merged:

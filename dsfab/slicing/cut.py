@@ -21,6 +21,7 @@ from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.snap import SNAP_FLOOR, TIP, ranges, settled_cells, snapped_together
 from dsfab.slicing.split import Split
+from dsfab.slicing.stubs import without_stubs
 from dsfab.slicing.tidy import Tidy, tidied
 from dsfab.slicing.triangulate import triangulate
 from dsfab.surface import Surface
@@ -62,9 +63,9 @@ def cut(
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells that have no
     area whatever is moved.
     """
-    done = _divided(surface, fields, levels, snap, tidy)
+    done, stubs = _divided(surface, fields, levels, snap, tidy)
     cut_surface, cell = filled_polygons(done.cells, done.X, done.parent)
-    return Sheet(cut_surface, done.parent[cell], done.family[cell], done.weights)
+    return Sheet(cut_surface, done.parent[cell], done.family[cell], done.weights, stubs)
 
 
 def material_area(
@@ -76,7 +77,7 @@ def material_area(
 ) -> float:
     """Area of the material of `cut` with the same arguments (fields (n,), levels (k,)), square metres; cells are not
     filled."""
-    done = _divided(surface, fields, levels, snap, tidy)
+    done, _ = _divided(surface, fields, levels, snap, tidy)
     return float(done.cells.areas(done.X)[0][~done.void].sum())
 
 
@@ -86,7 +87,8 @@ def _divided(
     levels: Sequence[ArrayLike],
     snap: float,
     tidy: Tidy | None,
-) -> PolygonMesh:
+) -> tuple[PolygonMesh, int]:
+    """The cells as polygons, and at how many places stubs were cut off."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     steps = [_checked_levels(k, x, wanted) for k, (x, wanted) in enumerate(zip(values, levels, strict=True))]
     if not 0 <= snap <= 0.4:
@@ -108,9 +110,10 @@ def _divided(
         if tidy:
             mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank))
     if not tidy:
-        return mesh
+        return mesh, 0
     mesh = with_meeting_ends(mesh, fields, steps)
-    return tidied(with_closed(mesh, tidy.closed), tidy)
+    nodes = (mesh.also == mesh.family) & ~mesh.void
+    return without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:
