@@ -5,11 +5,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from dsfab.pipeline import draft
+from dsfab.pipeline.measures import measured_pattern
+from dsfab.proposal import preset_for
 from dsfab.slicing import Tidy, cut, material_area
 from dsfab.slicing.sheet import Sheet
+from dsfab.slicing.stubs import LARGE, LARGER
 from dsfab.surface import pieces
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.topology import manifold_faults
+from tests.meshes import mesh_file
+from tests.own_meshes import OWN
 from tests.zoo import grid
 
 LONG, HIGH, FRAME, HALF, STEP = 5.0, 3.0, 0.1, 0.15, 0.25
@@ -120,3 +126,24 @@ def test_it_is_a_whole_bar_or_nothing(steps, y, column):
     k = int(np.searchsorted(sides, middle))
     bar = 2 * HALF * (sides[k] - sides[k - 1] - 0.2)
     assert material(sheet) == pytest.approx(whole(posts) - sheet.stubs * bar, abs=1e-3)  # thin corners stay
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "least", "gone"), [("roof", 4, (1.8, 3.53)), ("terrain", 4, (1.4, 22.3))])
+def test_hooks_of_a_surface_of_ones_own_go_and_nothing_gets_worse(name, least, gone, tmp_path, monkeypatch):
+    """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
+    mesh = mesh_file("roof_with_opening.obj") if name == "roof" else OWN["terrain"](tmp_path)
+    made = draft(preset_for(mesh))
+    found = []
+    for large, larger in ((0.0, 0.0), (LARGE, LARGER)):
+        monkeypatch.setattr("dsfab.slicing.stubs.LARGE", large)
+        monkeypatch.setattr("dsfab.slicing.stubs.LARGER", larger)
+        sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, made.preset.slicing.snap, made.pattern.tidy)
+        solid = sheet.kept().surface
+        away = np.linalg.norm(solid.centroids[:, :2] - gone, axis=1).min() / made.preset.pattern.major.spacing
+        found.append((sheet.stubs, parts(sheet), measured_pattern(made, False, sheet).dead_ends, away))
+    (_, pieces_before, ends_before, near), (stubs, pieces_after, ends_after, far) = found
+    assert stubs >= least
+    assert pieces_before == pieces_after == 1
+    assert ends_after <= ends_before
+    assert near < 0.1 < 0.3 < far

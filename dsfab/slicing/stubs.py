@@ -48,12 +48,23 @@ def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonM
 
     Nothing falls apart and no end is made: what touches a bar goes by, and hangs together without it, or it stays.
     """
-    nodes = nodes & ~mesh.void
-    if not nodes.any() or not mesh.void.any():
-        return mesh, 0
-    bars = _Bars.of(mesh, held_by(mesh, tidy, nodes))
-    off = bars.cut & (bars.lumps | bars.eyelets)
-    return replace(mesh, family=np.where(off[bars.label] & (bars.label >= 0), VOID, mesh.family)), int(off.sum())
+    count = 0
+    for joined in (False, True):
+        lumps = _with_crossings(mesh, nodes & ~mesh.void) if joined else nodes & ~mesh.void
+        if not lumps.any() or not mesh.void.any():
+            break
+        bars = _Bars.of(mesh, held_by(mesh, tidy, lumps))
+        off = bars.cut & ((bars.eyelets & (bars.beside == 2)) if joined else (bars.lumps | bars.eyelets))
+        mesh = replace(mesh, family=np.where(off[bars.label] & (bars.label >= 0), VOID, mesh.family))
+        count += int(off.sum())
+    return mesh, count
+
+
+def _with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
+    """(c,) nodes (c,), and crossings that touch them: of stubs that overlap before they end. Other members may cross
+    there too: only a bar between two openings is cut off with them."""
+    crossing = mesh.parts(~mesh.void & ((mesh.also != VOID) | nodes))
+    return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +116,7 @@ class _Bars:
     @cached_property
     def sizes(self) -> Floats:
         """(o,) of the openings, over the median."""
-        found = 4 * self.opening[:, 0] / self.opening[:, 1]
+        found: Floats = 4 * self.opening[:, 0] / self.opening[:, 1]
         return np.asarray(found / np.median(found))
 
     @cached_property
@@ -125,7 +136,7 @@ class _Bars:
         )
         around -= np.bincount(group[bar[out]], self.shared[out], count)
         scale = np.median(4 * self.opening[:, 0] / self.opening[:, 1])
-        return np.divide(4 * area, scale * around, out=np.full(count, np.inf), where=around > 0)
+        return np.asarray(np.divide(4 * area, scale * around, out=np.full(count, np.inf), where=around > 0))
 
     @cached_property
     def alone(self) -> Floats:
@@ -140,7 +151,7 @@ class _Bars:
         bar, opening = self.pair.T
         np.minimum.at(least, bar, self.sizes[opening])
         np.maximum.at(most, bar, self.sizes[opening])
-        return np.divide(least, most, out=np.full_like(least, np.inf), where=most > 0)
+        return np.asarray(np.divide(least, most, out=np.full_like(least, np.inf), where=most > 0))
 
     @cached_property
     def lumps(self) -> Bools:
