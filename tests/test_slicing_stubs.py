@@ -99,6 +99,16 @@ def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(mon
     assert sheet_of(posts, 2.22, 1.7).stubs == 0
 
 
+def test_what_divides_good_openings_stays(monkeypatch):
+    """Both halves are larger than most, though the opening without it would be no larger than is allowed."""
+    posts = [1.0, 2.0, 3.0, 4.18]
+    sheet = sheet_of(posts, 1.5, 3.45)
+    assert sheet.stubs == 0
+    assert material(sheet) == pytest.approx(whole(posts), abs=1e-9)
+    monkeypatch.setattr("dsfab.slicing.stubs.GOOD", 9.0)
+    assert sheet_of(posts, 1.5, 3.45).stubs == 1
+
+
 def test_what_holds_the_sheet_together_stays():
     """Posts without the edges hang on the stripe alone."""
     assert sheet_of([1.0, 2.0, 3.0, 4.0], 1.5, 2.45, kept_edges=False).stubs == 0

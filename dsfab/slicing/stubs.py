@@ -31,6 +31,8 @@ LARGE = 1.6
 EYELET, LARGER = 0.5, 2.5
 """Where an opening beside them has less than the first share of the size of another, this is the limit: a hook around
 an eyelet divides nothing. The largest openings of a pattern are so large."""
+GOOD = 1.1
+"""They stay where all openings beside them have so many times the size of most: a stub of a Y divides those well."""
 SMALL = 0.6
 """They stay where the opening would be smaller than this share of most: it is better filled."""
 SMOOTHER = 1.02
@@ -145,26 +147,26 @@ class _Bars:
         return self.without(every, len(every))
 
     @cached_property
-    def _ratio(self) -> Floats:
-        """(b,) size of the smallest opening beside each bar over that of the largest."""
-        least, most = np.full(len(self.area), np.inf), np.full(len(self.area), -np.inf)
+    def extremes(self) -> tuple[Floats, Floats]:
+        """(b,) sizes of the smallest and of the largest opening beside each bar; infinite and 0 without."""
+        least, most = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(least, bar, self.sizes[opening])
         np.maximum.at(most, bar, self.sizes[opening])
-        return np.asarray(np.divide(least, most, out=np.full_like(least, np.inf), where=most > 0))
+        return least, most
 
     @cached_property
     def lumps(self) -> Bools:
         """(b,) bars in one opening, which is larger and has a shorter outline without them."""
-        before = np.zeros(len(self.area))
-        np.maximum.at(before, self.pair[:, 0], self.sizes[self.pair[:, 1]])
-        return np.asarray((self.beside == 1) & (self.alone > np.maximum(SMOOTHER * before, SMALL)))
+        return np.asarray((self.beside == 1) & (self.alone > np.maximum(SMOOTHER * self.extremes[1], SMALL)))
 
     @cached_property
     def eyelets(self) -> Bools:
         """(b,) bars between openings that are one good opening without them; all or none of those at one opening."""
-        largest = np.where(_within(self._ratio, EYELET), LARGER, LARGE)
-        fits = (self.beside > 1) & (self.alone > SMALL) & _within(self.alone, largest)
+        least, most = self.extremes
+        ratio = np.divide(least, most, out=np.full_like(least, np.inf), where=most > 0)
+        largest = np.where(_within(ratio, EYELET), LARGER, LARGE)
+        fits = (self.beside > 1) & _within(least, GOOD) & (self.alone > SMALL) & _within(self.alone, largest)
         group, count = self._groups(fits)
         most = np.full(count, LARGE)
         np.maximum.at(most, group[fits], largest[fits])
