@@ -162,7 +162,8 @@ class Family(Section):
     mode: Mode = 1
     """Which mode the stripes run on; 1 is the first that is not constant. auto: of the first four, the stiffest."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: as spacing asks."""
+    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: as spacing asks. Evenly
+    spaced stripes have none."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Metres from the middle of one stripe to the next, in the mean over the surface. 0: as frequency says; of
     evenly spaced stripes a twelfth of the surface's side, but not less than an edge of its mesh."""

@@ -96,3 +96,16 @@ def test_a_constant_mode_has_no_spacing():
     plate = grid(3, 3, 1.0, 1.0)
     with pytest.raises(PatternError, match="a mode that is not constant"):
         frequency_for(plate, np.ones(plate.n), 0.1)
+
+
+def test_a_frequency_of_evenly_spaced_stripes_is_said_to_have_no_effect():
+    asked = {"surface.edge": 0.5, "pattern.method": "stripes"}
+    both = {"pattern.major": {"frequency": 12.0}, "pattern.minor": {"spacing": 1.1}}
+    told, silent = (
+        [note.text for note in draft(dsfab.load_preset("dome", changes)).notes if "frequency" in note.text]
+        for changes in ({**asked, **both}, {**asked, "pattern.major": {}, "pattern.minor": {"frequency": 8.0}})
+    )
+    assert len(told) == 1
+    assert told[0].startswith("pattern.major.frequency = 12 has no effect on evenly spaced stripes, which are ")
+    assert told[0].endswith(" m apart: set pattern.major.spacing instead")
+    assert not silent

@@ -58,6 +58,7 @@ def slicing_step(
         if rehearsal and not rehearsal.serves(pattern, _terms(preset, ask, smallest, pattern)):
             rehearsal = None
         cells = rehearsal.cells if rehearsal else cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
+        stubs = cells.stubs
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         done = finished_cells(preset, cells, ask, smallest, _merged(pattern), AGAIN, rehearsal)
@@ -75,6 +76,8 @@ def slicing_step(
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
     _note_loads(preset, surface, sheet, statics, log)
+    if stubs:
+        log.note("slicing", f"members that met past their last crossings were cut off there at {_places(stubs)}")
     if done.filled:
         log.note("slicing", f"{done.filled} openings smaller than {smallest.opening:.3g} m were filled")
     if done.merged:

@@ -10,9 +10,10 @@ from dsfab.pipeline.method import Way, method_step
 from dsfab.pipeline.patterns import pattern_step
 from dsfab.pipeline.regions import one_sided_words
 from dsfab.pipeline.stressing import stressed_step
-from dsfab.preset import Pattern, Preset
+from dsfab.preset import Family, Pattern, Preset
 from dsfab.results import Attempt, EvenStripes, PatternResult, StressedSurface
 from dsfab.sparse import give_back
+from dsfab.surface import Surface
 
 
 class Before(NamedTuple):
@@ -37,10 +38,24 @@ def pattern_stage(preset: Preset, given: StressedSurface, log: Log, before: Befo
         log.note("pattern", way.even.steered.told)
     if way.even and (told := one_sided_words(given.surface, preset.pattern.region, way.even.symmetry)):
         log.note("pattern", told)
+    if way.even:
+        for told in _idle_frequencies(preset.pattern, given.surface):
+            log.note("pattern", told)
     drawn = pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
     asked = None if way.preset is preset else way.preset.pattern
     give_back()  # what the solvers held: whoever draws needs memory of another shape
     return replace(drawn, asked=asked, attempts=attempts)
+
+
+def _idle_frequencies(ask: Pattern, surface: Surface) -> list[str]:
+    """What is said of frequencies that evenly spaced stripes do not have; the default is in every complete preset."""
+    idle = [(name, getattr(ask, name)) for name in ask.family_names]
+    return [
+        f"pattern.{name}.frequency = {family.frequency:g} has no effect on evenly spaced stripes, which are "
+        f"{family.distance(surface.area, surface.mean_edge):.3g} m apart: set pattern.{name}.spacing instead"
+        for name, family in idle
+        if ask.method == "stripes" and family.frequency not in (0.0, Family().frequency)
+    ]
 
 
 def _asked_way(preset: Preset, given: StressedSurface, log: Log, before: Before | None) -> Way:

@@ -21,6 +21,7 @@ from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.snap import SNAP_FLOOR, TIP, ranges, settled_cells, snapped_together
 from dsfab.slicing.split import Split
+from dsfab.slicing.stubs import without_stubs
 from dsfab.slicing.tidy import Tidy, tidied
 from dsfab.slicing.triangulate import triangulate
 from dsfab.surface import Surface
@@ -68,7 +69,7 @@ def cut(
 def sheet_of(mesh: PolygonMesh) -> Sheet:
     """The polygons of `cut_polygons` filled with triangles; raises PatternError as `cut` does."""
     cut_surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
-    return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights)
+    return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs)
 
 
 def material_area(
@@ -114,7 +115,9 @@ def cut_polygons(
     if not tidy:
         return mesh
     mesh = with_meeting_ends(mesh, fields, steps)
-    return tidied(with_closed(mesh, tidy.closed), tidy)
+    nodes = (mesh.also == mesh.family) & ~mesh.void
+    mesh, stubs = without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
+    return replace(mesh, stubs=stubs)
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:

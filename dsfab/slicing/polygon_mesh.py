@@ -32,6 +32,7 @@ class PolygonMesh:
     family: Ints
     again: Bools
     also: Ints
+    stubs: int = 0
 
     @classmethod
     def of(cls, surface: Surface, divided: Divided | None = None) -> Self:

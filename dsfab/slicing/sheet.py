@@ -31,12 +31,14 @@ class Sheet:
     family  : (m',) index of the field that made the cell material, `VOID` (-1) for void.
     weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
               in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
+    stubs   : at how many places stripes were cut off that met past their last crossings, when it was cut.
     """
 
     surface: Surface
     parent: Ints
     family: Ints
     weights: csr_array
+    stubs: int = 0
 
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))

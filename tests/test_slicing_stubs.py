@@ -1,0 +1,159 @@
+"""Stubs that meet past their last crossings: on a plate of five rows between two kept edges, where areas are known."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from dsfab.pipeline import draft
+from dsfab.pipeline.measures import measured_pattern
+from dsfab.proposal import preset_for
+from dsfab.slicing import Tidy, cut, material_area
+from dsfab.slicing.sheet import Sheet
+from dsfab.slicing.stubs import LARGE, LARGER
+from dsfab.surface import pieces
+from dsfab.surface.corner_field import CornerField
+from dsfab.surface.topology import manifold_faults
+from tests.meshes import mesh_file
+from tests.own_meshes import OWN
+from tests.zoo import grid
+
+LONG, HIGH, FRAME, HALF, STEP = 5.0, 3.0, 0.1, 0.15, 0.25
+PLATE = grid(20, 5, LONG, HIGH)
+
+
+def stripe(y: float, blank: np.ndarray) -> CornerField:
+    """One along a height, .3 wide, but for blank faces (m,)."""
+    z = PLATE.V[:, 1] - y
+    return CornerField(np.stack([z + HALF, z - HALF], axis=1), np.ones((PLATE.m, 3)), np.zeros((PLATE.m, 3)), blank)
+
+
+def blank_face(x: float, y: float) -> np.ndarray:
+    """(m,) the one face at a place."""
+    V = PLATE.V[PLATE.F]
+    side = [np.cross(V[:, (k + 1) % 3] - V[:, k], np.array([x, y, 0.0]) - V[:, k])[:, 2] for k in range(3)]
+    found = np.all(np.array(side) > 0, axis=0)
+    assert found.sum() == 1
+    return np.asarray(found)
+
+
+def sheet_of(posts: list[float], y: float, at: float, more: tuple = (), kept_edges: bool = True) -> Sheet:
+    """Two edges and what else is kept, a stripe that is broken at one face, and posts across it, .2 wide."""
+    x, d = PLATE.V[:, 0], np.full(PLATE.n, 0.1)
+    edge = np.minimum(PLATE.V[:, 1], HIGH - PLATE.V[:, 1])
+    fields = [
+        -edge - (0 if kept_edges else LONG),
+        *more,
+        stripe(y, blank_face(at, y)),
+        np.stack([x + d, x - d], axis=1),
+    ]
+    levels = [[-FRAME], *([0.0] for _ in more), [0.0], posts]
+    striped = (False, *(False for _ in more), True, True)
+    tidy = Tidy(striped, (None,) * len(striped), np.zeros(PLATE.n, dtype=bool))
+    sheet = cut(PLATE, fields, levels, 0, tidy)
+    assert material_area(PLATE, fields, levels, 0, tidy) == pytest.approx(material(sheet))
+    assert sheet.surface.area == pytest.approx(PLATE.area)
+    assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)
+    assert parts(sheet) == 1
+    return sheet
+
+
+def material(sheet: Sheet) -> float:
+    return float(sheet.surface.areas[sheet.material].sum())
+
+
+def parts(sheet: Sheet) -> int:
+    kept = sheet.kept().surface
+    return pieces(kept.F, kept.edges)[0]
+
+
+def whole(posts: list[float]) -> float:
+    """Area of both edges, the posts and the stripe, nothing missing."""
+    return 2 * FRAME * LONG + 0.2 * len(posts) * (HIGH - 2 * FRAME) + 2 * HALF * (LONG - 0.2 * len(posts))
+
+
+def test_a_bar_across_one_opening_is_cut_off_at_both_members():
+    """Without it an opening is .8 x 2.8, and most are .8 x 1.25: 1.3 times as large."""
+    posts = [1.0, 2.0, 3.0, 4.0]
+    sheet = sheet_of(posts, 1.5, 2.45)
+    assert sheet.stubs == 1
+    assert material(sheet) == pytest.approx(whole(posts) - 2 * HALF * 0.8, abs=1e-9)
+    x, y, _ = sheet.surface.centroids[sheet.material].T
+    assert not ((x > 2.1) & (x < 2.9) & (y > FRAME) & (y < HIGH - FRAME)).any()
+
+
+def test_it_stays_where_the_opening_would_be_large():
+    posts = [1.0, 4.0]
+    sheet = sheet_of(posts, 1.5, 2.45)
+    assert sheet.stubs == 0
+    assert material(sheet) == pytest.approx(whole(posts), abs=1e-9)
+
+
+def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(monkeypatch):
+    """Without it an opening is 1.3 x 2.8, over twice the size of most; it parts one of 1.97 from one of .53 height."""
+    posts = [1.0, 2.5, 3.5, 4.4]
+    sheet = sheet_of(posts, 2.22, 1.7)
+    assert sheet.stubs == 1
+    assert material(sheet) == pytest.approx(whole(posts) - 2 * HALF * 1.3, abs=1e-9)
+    monkeypatch.setattr("dsfab.slicing.stubs.EYELET", 0.0)
+    assert sheet_of(posts, 2.22, 1.7).stubs == 0
+
+
+def test_what_divides_good_openings_stays(monkeypatch):
+    """Both halves are larger than most, though the opening without it would be no larger than is allowed."""
+    posts = [1.0, 2.0, 3.0, 4.18]
+    sheet = sheet_of(posts, 1.5, 3.45)
+    assert sheet.stubs == 0
+    assert material(sheet) == pytest.approx(whole(posts), abs=1e-9)
+    monkeypatch.setattr("dsfab.slicing.stubs.GOOD", 9.0)
+    assert sheet_of(posts, 1.5, 3.45).stubs == 1
+
+
+def test_what_holds_the_sheet_together_stays():
+    """Posts without the edges hang on the stripe alone."""
+    assert sheet_of([1.0, 2.0, 3.0, 4.0], 1.5, 2.45, kept_edges=False).stubs == 0
+
+
+def test_no_end_is_made():
+    """A tongue that is kept comes from the right, past a post, and the stripe goes on from it: cut off there the tongue
+    would end in the air. The openings alone would allow it: without the tongue the stripe goes."""
+    y, d = PLATE.V[:, 1] - 1.5, np.where(PLATE.V[:, 0] < 2.9, -4 * HALF, HALF)
+    tongue = np.stack([y + d, y - d], axis=1)
+    posts = [1.0, 2.2, 3.4, 4.2]
+    assert [sheet_of(posts, 1.5, 2.7, more).stubs for more in ((tongue,), ())] == [0, 1]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.floats(0.5, 1.4), min_size=3, max_size=6), st.floats(1.36, 1.64), st.integers(2, 17))
+def test_it_is_a_whole_bar_or_nothing(steps, y, column):
+    """Posts anywhere, the node in any face of the middle row: the sheet is one piece, and the bar between two posts is
+    gone from one to the other, or is all there."""
+    posts = [float(p) for p in np.cumsum(steps) if p < LONG - 0.4]
+    middle = STEP * (column + 0.5)
+    assume(all(abs(p - middle) > 0.25 for p in posts))  # the face is free of posts
+    sheet = sheet_of(posts, y, middle + 0.07)
+    sides = np.array([-0.1, *posts, LONG + 0.1])
+    k = int(np.searchsorted(sides, middle))
+    bar = 2 * HALF * (sides[k] - sides[k - 1] - 0.2)
+    assert material(sheet) == pytest.approx(whole(posts) - sheet.stubs * bar, abs=1e-3)  # thin corners stay
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "least", "gone"), [("roof", 4, (1.8, 3.53)), ("terrain", 4, (1.4, 22.3))])
+def test_hooks_of_a_surface_of_ones_own_go_and_nothing_gets_worse(name, least, gone, tmp_path, monkeypatch):
+    """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
+    mesh = mesh_file("roof_with_opening.obj") if name == "roof" else OWN["terrain"](tmp_path)
+    made = draft(preset_for(mesh))
+    found = []
+    for large, larger in ((0.0, 0.0), (LARGE, LARGER)):
+        monkeypatch.setattr("dsfab.slicing.stubs.LARGE", large)
+        monkeypatch.setattr("dsfab.slicing.stubs.LARGER", larger)
+        sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, made.preset.slicing.snap, made.pattern.tidy)
+        solid = sheet.kept().surface
+        away = np.linalg.norm(solid.centroids[:, :2] - gone, axis=1).min() / made.preset.pattern.major.spacing
+        found.append((sheet.stubs, parts(sheet), measured_pattern(made, False, sheet).dead_ends, away))
+    (_, pieces_before, ends_before, near), (stubs, pieces_after, ends_after, far) = found
+    assert stubs >= least
+    assert pieces_before == pieces_after == 1
+    assert ends_after <= ends_before
+    assert near < 0.1 < 0.3 < far
