@@ -4,7 +4,9 @@ from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, material_area
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
+from dsfab.slicing.on_parts import divided_at_vertices
 from dsfab.slicing.openings import Openings, filled_openings, filled_slits
+from dsfab.slicing.overlay import DrawnBand, Overlay, overlaid
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.tidy import Tidy
@@ -12,8 +14,10 @@ from dsfab.slicing.widening import widened_members
 
 __all__ = [
     "Chart",
+    "DrawnBand",
     "Halved",
     "Openings",
+    "Overlay",
     "Pinched",
     "Sheet",
     "Tidy",
@@ -21,10 +25,12 @@ __all__ = [
     "bridged_necks",
     "chart_of",
     "cut",
+    "divided_at_vertices",
     "filled_openings",
     "filled_slits",
     "halved",
     "material_area",
+    "overlaid",
     "resolve_pinches",
     "widened_members",
 ]

@@ -2,10 +2,12 @@
 
 from dsfab.surface.cases import Combination, load_cases, together
 from dsfab.surface.climate import Snow, Wind
+from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
+from dsfab.surface.lines import chains
 from dsfab.surface.loads import Force, Line, Load, LoadCase, Pressure, SelfWeight
 from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.mesh import Surface
@@ -44,6 +46,7 @@ __all__ = [
     "Brush",
     "ClosedCurves",
     "Combination",
+    "CornerField",
     "Distances",
     "DividedField",
     "Facing",
@@ -71,6 +74,7 @@ __all__ = [
     "Vertices",
     "Wind",
     "box",
+    "chains",
     "change_sizes",
     "coincident",
     "connected",
