@@ -129,9 +129,8 @@ def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLi
     cuts = []
     while turn.max() > TURN:
         first, last = _bend(turn)
-        middle = (x[first] + x[last]) / 2
-        cuts.append(int(np.clip(np.searchsorted(line.s, middle), 1, len(line.points) - 2)))
-        away = np.abs(x - middle)
+        cuts.append(_corner(line, x[max(first - STEPS // 2, 0)], x[min(last + STEPS // 2, count)]))
+        away = np.abs(x - (x[first] + x[last]) / 2)
         turn[np.minimum(away, line.length - away) < window if line.closed else away < window] = 0.0
     cuts = sorted(set(cuts))
     if not cuts:
@@ -147,16 +146,31 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
     points, normals = (
         np.stack([np.interp(x, line.s, column) for column in y.T], axis=1) for y in (line.points, line.normals)
     )
-    step = np.diff(points, axis=0)
-    before, after = (np.roll(step, 1, axis=0), step) if line.closed else (step[:-1], step[1:])
-    N = normals[:-1] if line.closed else normals[1:-1]
-    before, after = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (before, after))
-    turn = np.arctan2(np.einsum("ki,ki->k", np.cross(before, after), N), np.einsum("ki,ki->k", before, after))
+    turn = _turning(np.diff(points, axis=0), normals, line.closed)
     around = np.concatenate([turn[-STEPS:], turn, turn[:STEPS]]) if line.closed else np.pad(turn, STEPS)
     summed = np.convolve(around, np.ones(STEPS + 1), mode="same")[STEPS:-STEPS]
     found = np.zeros(len(x))
     found[np.arange(len(turn)) + (0 if line.closed else 1)] = np.abs(summed)
     return found
+
+
+def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
+    """Angles, radians, between the steps (k - 1, 3) of a line in the planes across the normals (k, 3) at its points:
+    (k - 2,) at the inner ones, or of a closed line (k - 1,) at the first and those."""
+    before, after = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
+    N = normals[:-1] if closed else normals[1:-1]
+    before, after = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (before, after))
+    return np.arctan2(np.einsum("ki,ki->k", np.cross(before, after), N), np.einsum("ki,ki->k", before, after))
+
+
+def _corner(line: MiddleLine, begin: float, end: float) -> int:
+    """The inner point of a line, between two places along it, before and after which it turns equally much."""
+    inner = np.flatnonzero((line.s[1:-1] >= begin) & (line.s[1:-1] <= end)) + 1
+    if len(inner) < 2:
+        return int(np.clip(np.searchsorted(line.s, (begin + end) / 2), 1, len(line.points) - 2))
+    some = slice(inner[0] - 1, inner[-1] + 2)
+    turned = np.cumsum(_turning(np.diff(line.points[some], axis=0), line.normals[some], closed=False))
+    return int(inner[np.argmax(np.abs(turned) >= np.abs(turned[-1]) / 2)])
 
 
 def _bend(turn: Floats) -> tuple[int, int]:

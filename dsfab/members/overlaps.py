@@ -14,6 +14,10 @@ from dsfab.arrays import Floats, Ints
 from dsfab.slicing import Overlay
 from dsfab.surface import connected
 
+EXACT = 2.0**-30
+"""Offsets that are less, in periods or metres, count as this much, with the sign at the first end of the edge: so that
+a crossing on an edge is in one of the two cells beside it."""
+
 
 class SharedPatch(NamedTuple):
     """Cells (c,) that two members a, b share and that hang together; points (k, 3) at which their middles cross there,
@@ -90,24 +94,24 @@ def _crossings(overlay: Overlay, shared: _Shared) -> tuple[Ints, Floats]:
     crossed = np.sign(one) * np.roll(np.sign(one), -1, axis=1) < 0
     row = np.flatnonzero(crossed.sum(axis=1) == 2)
     side = np.nonzero(crossed[row])[1].reshape(-1, 2)
-    at, other = (
-        _on_sides(x, one[row], surface.F[cells[row]], side) for x in (surface.V[surface.F[cells[row]]], two[row])
-    )
+    F, one, two = surface.F[cells[row]], one[row], two[row]
+    here, there, t = _places_on_sides(one, F, side)
+    every = np.arange(len(row))[:, None]
+    other = two[every, here] + t * (two[every, there] - two[every, here])
+    other = np.where(np.abs(other) < EXACT, np.copysign(EXACT, two[every, here]), other)
     meets = np.sign(other[:, 0]) * np.sign(other[:, 1]) < 0
-    row, at, other = row[meets], at[meets], np.abs(other[meets])
-    t = other[:, 0] / other.sum(axis=1)
-    return row, at[:, 0] + t[:, None] * (at[:, 1] - at[:, 0])
+    a, b = surface.V[F[every, here]], surface.V[F[every, there]]
+    at, other = (a + t[..., None] * (b - a))[meets], np.abs(other[meets])
+    t = other[:, :1] / other.sum(axis=1, keepdims=True)
+    return row[meets], at[:, 0] + t * (at[:, 1] - at[:, 0])
 
 
-def _on_sides(x: Floats, offset: Floats, F: Ints, side: Ints) -> Floats:
-    """(q, 2, ...) values x (q, 3, ...) at corners of cells, where offsets (q, 3) are 0 on two of their sides (q, 2).
-
-    Both cells at an edge find the same: it is worked out from the vertex with the lower number, F (q, 3).
-    """
+def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
+    """(q, 2) corners at the ends of two sides (q, 2) of cells F (q, 3), the vertex with the lower number first, and
+    (q, 2) the share of the way between them at which offsets (q, 3) are 0. Both cells at an edge find the same."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
     p, q = np.where(turn, q, p), np.where(turn, p, q)
     a, b = np.abs(offset[row, p]), np.abs(offset[row, q])
-    t = (a / (a + b)).reshape(*side.shape, *[1] * (x.ndim - 2))
-    return np.asarray(x[row, p] + t * (x[row, q] - x[row, p]))
+    return p, q, a / (a + b)
