@@ -273,7 +273,14 @@ def assert_on_both(graph, edge):
     assert np.percentile(off, 95) < 0.2 * edge
 
 
-@pytest.mark.parametrize("name", ["barrel_vault", "cantilever", BARREL_VAULT_MODES, DOME_MODES])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "barrel_vault",
+        DOME_MODES,
+        *(pytest.param(x, marks=pytest.mark.slow) for x in ("cantilever", BARREL_VAULT_MODES)),
+    ],
+)
 def test_members_are_the_finished_sheet(name):
     made = design(name)
     assert_whole(made.members, made.sheet)
