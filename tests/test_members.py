@@ -336,7 +336,7 @@ def test_a_dome_has_rings_and_meridians_of_which_every_other_one_ends_on_a_ring(
     angle = [np.degrees(np.arctan2(*one.axis.P.mean(axis=0)[[1, 0]])) % 360 for one in meridians]
     assert (np.diff(angle[1:]) > 0).all()
     assert len(meridians) == 48
-    short = np.array([one.length < 4 for one in meridians])
+    short = np.array([one.length < 5 for one in meridians])
     assert short[::2].all() != short[1::2].all()
     assert {end[0] for one in meridians for end in one.ends} == {"N"}
 

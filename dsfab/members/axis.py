@@ -27,9 +27,8 @@ LEAST = 16
 PENALTY = 1e-3
 """Weight of third differences of the coefficients, over that of the points."""
 CLOSE = 0.05
-"""The spline is farther from the line on the mesh by less than this share of an edge, or has more knots ..."""
-HALVINGS = 2
-"""... so often twice as many."""
+"""Where the spline is farther from the line on the mesh than this share of an edge, it gets twice as many knots, and
+again, until they are an edge apart."""
 DEGREE = 3
 
 
@@ -84,10 +83,10 @@ class MemberAxis:
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
     """The axis along a line (k, 3) of a member with a width, metres, on a mesh with an edge, metres."""
     step = max(KNOTS * width, COARSE * edge)
-    for halving in range(HALVINGS + 1):
-        axis = _fitted(line, step / 2**halving)
-        if axis.strayed < CLOSE * edge:
-            break
+    axis = _fitted(line, step)
+    while axis.strayed > CLOSE * edge and step >= 2 * edge:
+        step /= 2
+        axis = _fitted(line, step)
     return axis
 
 
