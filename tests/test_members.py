@@ -138,7 +138,7 @@ def graph_of(surface, pattern):
     return member_graph(surface, cut(surface, pattern.fields, pattern.levels).kept(), pattern)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.floats(0, np.pi), st.floats(0.5, np.pi / 2), st.floats(0, 1), st.floats(0, 1))
 def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, between, one, two):
     angles = turn, turn + between
@@ -163,7 +163,7 @@ def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, betw
     assert found >= set(zip(i[inside].tolist(), j[inside].tolist(), strict=True))
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_members_do_not_depend_on_how_faces_see_a_phase(seed):
     surface, pattern = plate([lambda x, y: 3 * x + 0.4 * y + 0.13, lambda x, y: 2.7 * y - 0.3 * x + 0.21], 0.15)
