@@ -8,11 +8,12 @@ statics  diffusion  pattern   slicing   thickening ──► export
    └─────────┴────┬────┴─────────┴──────────┘            │
     preset_errors ─► preset ─► preset_file ─► proposal    │
                   ▼                                       │
-               pipeline ──► delivery ──► study ──► render ──► report ──► app
+    members ─► pipeline ──► delivery ──► study ──► render ──► report ──► app
 
-preset_list: what lies in presets/, unchecked; it needs errors alone. proposal: a preset for a mesh of the user's own.
-delivery: what of a design goes into which file. study: questions about designs. render: everything that draws and knows
-no command. report: pages, charts and folders for people. app: one file for each command, and the editor.
+members: the graph of named parts, on the finished sheet; it knows slicing and no other stage. preset_list: what lies in
+presets/, unchecked; it needs errors alone. proposal: a preset for a mesh of the user's own. delivery: what of a design
+goes into which file. study: questions about designs. render: everything that draws and knows no command. report: pages,
+charts and folders for people. app: one file for each command, and the editor.
 """
 
 import ast
@@ -72,13 +73,16 @@ ALLOWED: dict[str, set[str]] = {
     | {"materials", "preset", "preset_errors", "preset_list", "preset_material", "preset_surface"},
     "proposal": GROUND | {"materials", "surface", "preset", "preset_file"},
     "results": GROUND | {"surface", "preset"} | STAGES,
-    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results"} | STAGES,
-    "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "export", "pipeline"} | STAGES,
+    "members": GROUND | {"surface", "results", "slicing"},
+    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members"} | STAGES,
+    "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "members", "export", "pipeline"} | STAGES,
     "study": GROUND
     | {"surface", "preset", "preset_list", "preset_surface", "preset_file", "results", "pipeline"}
     | {"export", "delivery"}
     | STAGES,
-    "render": GROUND | {"surface", "preset", "preset_file", "results", "pipeline", "export", "study"} | STAGES,
+    "render": GROUND
+    | {"surface", "preset", "preset_file", "results", "members", "pipeline", "export", "study"}
+    | STAGES,
     "report": GROUND
     | {"surface", "preset", "preset_file", "results", "pipeline", "export"}
     | {"delivery", "study", "render"}

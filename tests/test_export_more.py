@@ -260,11 +260,13 @@ def test_a_family_that_covers_everything_or_nothing_has_no_middles():
 def test_what_goes_into_which_format(design):
     for suffix, form in FORMATS.items():
         thing, how = deliverable(design, suffix)
-        expected = {"mesh": design.solid, "both": design.solid, "lines": design.sheet.surface, "fields": design.surface}
+        expected = {"mesh": design.solid, "both": design.solid, "fields": design.surface}
+        expected |= dict.fromkeys(("lines", "members"), design.sheet.surface)
         assert thing is expected[form.takes], suffix
         details = how.get("details", Details())
         assert bool(details.lines) == (form.takes in ("lines", "both"))
         assert bool(details.values) == (form.takes == "fields")
+        assert bool(details.records) == (form.takes == "members")
         if details.lines:
             assert isinstance(details.lines[0], StructureLine)
             assert details.tolerance == design.preset.statics.thickness / 40

@@ -24,13 +24,20 @@ if TYPE_CHECKING:
 CALCULIX = "calculix"
 SUFFIX = ".inp"
 SAME_AS_STEP = ".stp"
-GROUPS = {"mesh": "the solid", "both": "the solid", "lines": "lines and drawings", "fields": "fields"}
+GROUPS = {
+    "mesh": "the solid",
+    "both": "the solid",
+    "lines": "lines and drawings",
+    "fields": "fields",
+    "members": "members",
+}
 """What a format is for in words, by what it takes."""
 
 TO = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
     "edges and centre lines. Lines by family: dxf (with plan and elevations), svg (a drawing to scale), lines.step "
-    "(curves), csv, json. Fields on the uncut surface: vtu. A check: calculix. [as the suffix of -o]"
+    "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv. Fields on the uncut "
+    "surface: vtu. A check: calculix. [as the suffix of -o]"
 )
 
 Which = Literal["uncut", "cut"]

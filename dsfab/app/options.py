@@ -34,7 +34,8 @@ Show = Annotated[
     Parameter(
         help="structure, families, stress, major, minor; of the uncut sheet: loads, directions, major_mode, "
         "minor_mode, vonmises, utilisation, energy, displacement, buckling, frequency; fabrication (preview only): the "
-        "finished solid and where its smallest member, gap, wall and edge are."
+        "finished solid and where its smallest member, gap, wall and edge are; members (preview only): the finished "
+        "sheet with every member named."
     ),
 ]
 

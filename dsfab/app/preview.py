@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+from numpy.typing import NDArray
 
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, built_folder, picture_size
 from dsfab.app.terminal import Reporter, out
@@ -16,11 +17,12 @@ from dsfab.render.colouring import MODES, check_show
 from dsfab.wording import size
 
 if TYPE_CHECKING:
+    from dsfab.pipeline import Design
     from dsfab.preset import Preset
     from dsfab.render.previewers import Previewers
 
-FINISHED = "fabrication"
-"""The one picture that needs the finished solid."""
+FINISHED = ("fabrication", "members")
+"""Pictures of what is made: of the finished solid, and of the finished sheet."""
 
 POLL = 0.25
 """Seconds between looks at the file that is watched."""
@@ -88,7 +90,7 @@ class PictureOptions:
         """What is to be drawn of a preset, into `folder` unless told; raises DsfabError for what cannot be."""
         from dsfab.render.drawing import check_ground
 
-        names = (FINISHED,) if self.show.strip() == FINISHED else shows(self.show, preset)
+        names = (self.show.strip(),) if self.show.strip() in FINISHED else shows(self.show, preset)
         marks = {} if self.layers is None else {"marks": _layers(self.layers)}
         pixels = picture_size(self.size_ or ("1600x1200" if len(names) == 1 else "800x600"))
         path = self.output or folder / f"{preset.name}.png"
@@ -130,7 +132,7 @@ def preview(
     with Previewers(show=page.names[0], **page.options) as previewers:
 
         def draw(preset: "Preset") -> None:
-            if page.names == (FINISHED,):
+            if page.names[0] in FINISHED:
                 _draw_finished(preset, page, reporter, folder)
             else:
                 _draw(previewers, preset, page, reporter)
@@ -182,22 +184,40 @@ def _draw(previewers: "Previewers", preset: "Preset", page: Page, reporter: Repo
 
 
 def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
-    """The design cut, thickened and measured, and where it is smallest; not made again if `built` holds it."""
+    """The design as it is made; not made again if `built` holds it."""
     from dsfab.delivery.archive import read_archive
-    from dsfab.pipeline import run
-    from dsfab.render.fabrication import workshop_picture
+    from dsfab.pipeline import Design
     from dsfab.render.png import write_png
+
+    members = page.names == ("members",)
+    design = read_archive(built, preset) if built else None
+    design = design or Design.of(preset, None, reporter).until("slicing" if members else "thickening")
+    picture = _members if members else _measured
+    write_png(picture(design, page, reporter), page.path)
+    reporter.done()
+    for text in design.members.notes if members else ():
+        reporter.say(f"note (members): {text}")
+    for note in design.notes:
+        reporter.say(f"note ({note.stage}): {note.text}")
+
+
+def _measured(design: "Design", page: Page, reporter: Reporter) -> NDArray[Any]:
+    """The solid, and where it is smallest."""
+    from dsfab.render.fabrication import workshop_picture
     from dsfab.study.fabrication import fabrication
 
-    design = (read_archive(built, preset) if built else None) or run(preset, reporter)
     reporter("fabrication", "measuring members, gaps and walls")
     made = fabrication(design)
     reporter("preview", f"drawing {page.path.name}")
-    side, ground = page.options["view"], page.options["ground"]
-    write_png(workshop_picture(design, made, size=page.pixels, view=side, ground=ground), page.path)
-    reporter.done()
-    for note in design.notes:
-        reporter.say(f"note ({note.stage}): {note.text}")
+    return workshop_picture(design, made, size=page.pixels, view=page.options["view"], ground=page.options["ground"])
+
+
+def _members(design: "Design", page: Page, reporter: Reporter) -> NDArray[Any]:
+    """The sheet, with its members named."""
+    from dsfab.render.members import members_picture
+
+    reporter("members", f"naming members, and drawing {page.path.name}")
+    return members_picture(design, size=page.pixels, view=page.options["view"], ground=page.options["ground"])
 
 
 def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:

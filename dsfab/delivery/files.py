@@ -11,6 +11,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.delivery.fields import design_fields
 from dsfab.delivery.lines import design_lines
+from dsfab.delivery.member_records import graph_records
 from dsfab.errors import ExportError
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
@@ -65,13 +66,15 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
-    The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines; the
-    uncut surface for fields, which are known there.
+    The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines and of
+    members; the uncut surface for fields, which are known there.
     """
     ask, takes = design.preset.export, FORMATS[suffix].takes
     if takes == "fields":
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
+    if takes == "members":
+        return design.sheet.surface, {"details": Details(records=graph_records(design.members))}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         details = Details(measures=_measures(design))

@@ -16,6 +16,8 @@ from dsfab.export import (
     gltf,
     ifc,
     ladder,
+    members_json,
+    members_table,
     obj,
     off,
     ply,
@@ -38,7 +40,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
 
-Takes = Literal["mesh", "lines", "both", "fields"]
+Takes = Literal["mesh", "lines", "both", "fields", "members"]
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Format:
     refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
     """What to raise when all ways were refused."""
     takes: Takes = "mesh"
-    """What it is for: a mesh; lines on a sheet; a solid and lines; or fields on a sheet."""
+    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; or its members."""
     curves: bool = False
     """Whether it draws lines as smooth curves, and so wants them exact."""
     ready: Callable[[], None] = lambda: None
@@ -112,6 +114,15 @@ FORMATS: dict[str, Format] = {
     ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
     ".csv": Format(tables.prepare, tables.encode, tables.check, sheets=True, takes="lines"),
     ".json": Format(records.prepare, records.encode, records.check, sheets=True, takes="lines"),
+    ".members.json": Format(
+        members_json.prepare, members_json.encode, members_json.check, sheets=True, takes="members"
+    ),
+    ".members.csv": Format(
+        members_json.prepare, members_table.encode_members, members_table.check_members, sheets=True, takes="members"
+    ),
+    ".nodes.csv": Format(
+        members_json.prepare, members_table.encode_nodes, members_table.check_nodes, sheets=True, takes="members"
+    ),
     ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
 }
 """The suffixes that `write` knows."""
@@ -215,9 +226,10 @@ def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportEr
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix in small letters, of two words where that names a format: `.lines.step`."""
+    """The suffix in small letters, of two words where that names a format: `.lines.step`, and `members.json` alone."""
     double = "".join(path.suffixes[-2:]).lower()
-    return double if double in FORMATS else path.suffix.lower()
+    whole = f".{path.name}".lower() if path.suffix else ""
+    return next((name for name in (whole, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> Format:

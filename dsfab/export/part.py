@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -36,6 +36,7 @@ class Details:
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
+    records   : notes, members and nodes, see `dsfab.delivery.member_records`; in millimetres.
     """
 
     lines: tuple[StructureLine, ...] = ()
@@ -43,6 +44,7 @@ class Details:
     values: Mapping[str, Floats] = field(default_factory=dict)
     facts: tuple[str, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
+    records: Mapping[str, Any] = field(default_factory=dict)
 
     def scaled(self, factor: float) -> "Details":
         """The same with `lines` and `tolerance` in another unit of length."""

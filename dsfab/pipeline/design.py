@@ -31,6 +31,8 @@ from dsfab.wording import length, mass
 if TYPE_CHECKING:
     import build123d
 
+    from dsfab.members import MemberGraph
+
 ROWS = {
     "surface": ("surface",),
     "statics": ("membrane", "bending", "statics", "stress", "answers"),
@@ -176,6 +178,13 @@ class Design:
     def sheet(self) -> Sheet:
         """The sheet that is kept."""
         return self.slicing.sheet
+
+    @property
+    def members(self) -> "MemberGraph":
+        """The members of the sheet by their names, and the nodes at which they meet."""
+        from dsfab.members import member_graph  # takes half of the time of `import dsfab`, and few designs need it
+
+        return self.once("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
 
     @cached_property
     def solid(self) -> Solid:

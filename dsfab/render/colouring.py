@@ -14,7 +14,7 @@ from dsfab.render.scene import Bytes
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-    from dsfab.pipeline.design import Design
+    from dsfab.pipeline import Design
 
 Show = Literal[
     "structure",
@@ -101,6 +101,8 @@ def check_show(show: str) -> None:
     """Raises DsfabError for what cannot be shown."""
     if show == "fabrication":
         raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
+    if show == "members":
+        raise DsfabError("show 'members' names the parts of the finished sheet: ask dsfab preview for it alone")
     if show not in get_args(Show):
         raise DsfabError(f"show {show!r} is not known; use one of {', '.join(get_args(Show))}")
 

@@ -4,7 +4,9 @@ from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
+from dsfab.slicing.on_parts import divided_at_vertices
 from dsfab.slicing.openings import Openings, filled_openings, filled_slits
+from dsfab.slicing.overlay import DrawnBand, Overlay, overlaid
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet, three_each
@@ -13,8 +15,10 @@ from dsfab.slicing.widening import widened_members
 
 __all__ = [
     "Chart",
+    "DrawnBand",
     "Halved",
     "Openings",
+    "Overlay",
     "Pinched",
     "PolygonMesh",
     "Sheet",
@@ -24,10 +28,12 @@ __all__ = [
     "chart_of",
     "cut",
     "cut_polygons",
+    "divided_at_vertices",
     "filled_openings",
     "filled_slits",
     "halved",
     "material_area",
+    "overlaid",
     "resolve_pinches",
     "sheet_of",
     "three_each",

@@ -2,6 +2,7 @@
 
 from dsfab.surface.cases import Combination, LimitState, load_cases, together
 from dsfab.surface.climate import Snow, Wind
+from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
 from dsfab.surface.en1990 import ActionKind, CombinationRule, DesignFactors, action_mistakes, en1990_combinations
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
@@ -9,6 +10,7 @@ from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.formats.ply import ply_chunks
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
+from dsfab.surface.lines import chains
 from dsfab.surface.load_parts import LoadParts
 from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
 from dsfab.surface.mend import MendedMesh, mended
@@ -56,6 +58,7 @@ __all__ = [
     "ClosedCurves",
     "Combination",
     "CombinationRule",
+    "CornerField",
     "DesignFactors",
     "Distances",
     "DividedField",
@@ -90,6 +93,7 @@ __all__ = [
     "Wind",
     "action_mistakes",
     "box",
+    "chains",
     "change_sizes",
     "coincident",
     "connected",

@@ -1,0 +1,125 @@
+"""The members of a design in one picture: coloured by family, and every one of them named."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.render.drawing import FINER, Ground, check_ground, rendered
+from dsfab.render.lettering import lettered
+from dsfab.render.naming_plate import Nameplate, placed_names, with_names
+from dsfab.render.opengl import require_rendering
+from dsfab.render.palette import PAPER, Palette
+from dsfab.render.scene import Body, Bytes, Colour, Scene
+from dsfab.render.stage import Annotations, Stage, legend, set_stage
+from dsfab.render.view import View, named_side, up_axis
+
+if TYPE_CHECKING:
+    from dsfab.members import Member, MemberGraph
+    from dsfab.pipeline import Design
+
+LETTERS = 62
+"""So many lines of names would fill the height of a picture, or more, if there are many ..."""
+CROWDED = 90
+"""... members than this."""
+DARK = 0.55
+"""Names are so much as bright as the members that they name; those of hidden ones are paler."""
+BEHIND = 0.02
+"""A place is hidden if something is in front of it by more than this share of the structure's radius."""
+CLEAR = 1.5
+"""Names stand so many widths away from nodes if they can."""
+PLACES = 41
+"""Places along a member at which its name may stand."""
+
+
+def members_picture(
+    design: "Design",
+    *,
+    size: tuple[int, int] = (1600, 1200),
+    view: str = "iso",
+    ground: Ground = "paper",
+    palette: Palette = PAPER,
+) -> Bytes:
+    """The sheet of a design with its members named, (height, width, 3 or 4) bytes.
+
+    Names of members that are hidden wholly stand where these are, and are pale: see them from another side.
+
+    Raises DsfabError where nothing can be drawn.
+    """
+    check_ground(ground)
+    require_rendering()
+    palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
+    graph, sheet = design.members, design.members.sheet.surface
+    load = design.load if design.has("statics") else None
+    up = up_axis(sheet.V, design.surface, load)
+    body = Body(sheet.V, sheet.F, _colours(design, palette), casts=True)
+    stage = set_stage(body, named_side(sheet.V, up, view), up, 0.0, Annotations(layers=()), palette, size)
+    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
+        image = rendered(scene, stage, palette, size, clear=ground == "transparent")
+        depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
+    letter = size[1] / LETTERS * min(1.0, np.sqrt(CROWDED / len(graph.members)))
+    plates = list(_plates(graph, stage, depth, size, palette))
+    image = with_names(image, placed_names(plates, size, letter), letter, palette.paper)
+    words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
+    return np.asarray(lettered(image, legend(stage, words, palette, size, _swatches(graph, palette)), palette))
+
+
+def _colour(kind: str, family: str, palette: Palette) -> Colour:
+    """Of a member; what is neither of the two families has the third."""
+    if kind not in ("strip", "stub"):
+        return palette.tints[2]
+    return palette.tints[0] if family == "major" else palette.tints[1]
+
+
+def _colours(design: "Design", palette: Palette) -> Bytes:
+    """(m, 3) of the cells: where members cross, of the one that is on top."""
+    graph, names = design.members, design.pattern.names
+    family = np.array([_colour("strip" if name in ("major", "minor") else name, name, palette) for name in names])
+    found = family[graph.sheet.family].astype(np.uint8)
+    for member in graph.members:
+        if member.kind in ("fill", "plate"):
+            found[member.cells] = palette.tints[2]
+    return found
+
+
+def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour], ...]:
+    """What the colours mean, of those that there are."""
+    known = (("A: major", "major"), ("B: minor", "minor"))
+    there = {member.family for member in graph.members if member.kind in ("strip", "stub")}
+    found = [(words, _colour("strip", name, palette)) for words, name in known if name in there]
+    if any(member.kind not in ("strip", "stub") for member in graph.members):
+        found.append(("rims, kept and filled", palette.tints[2]))
+    return tuple(found)
+
+
+def _plates(
+    graph: "MemberGraph", stage: Stage, depth: np.ndarray, size: tuple[int, int], palette: Palette
+) -> Iterator[Nameplate]:
+    """The names with the places where they may stand, the best first."""
+    for member in graph.members:
+        points = _points(graph, member, stage.view)
+        seen = stage.view.seen(points)
+        at = np.stack([size[0] / 2 + seen[:, 0] * size[1] / 2, size[1] / 2 - seen[:, 1] * size[1] / 2], axis=1)
+        column, row = (np.clip(FINER * at[:, k], 0, FINER * size[k] - 1).astype(int) for k in (0, 1))
+        visible = np.asarray(depth[row, column] > seen[:, 2] - BEHIND * stage.radius)
+        shade = DARK * np.array(_colour(member.kind, member.family, palette))
+        if not visible.any():
+            shade = (shade + palette.paper) / 2
+        red, green, blue = shade.astype(int).tolist()
+        yield Nameplate(member.id, (red, green, blue), at, visible)
+
+
+def _points(graph: "MemberGraph", member: "Member", view: View) -> Floats:
+    """(k, 3) places on a member, metres: between its nodes before those on a node, from its middle on outwards, or of a
+    closed one from the side that is near to the eye."""
+    if member.axis is None or member.kind == "disc":
+        places = graph.sheet.surface.centroids[member.cells]
+        return places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:PLACES]]
+    s = np.linspace(0.04, 0.96, PLACES) * member.length
+    points = member.axis.at(s)[0]
+    away = view.seen(points)[:, 2] if member.axis.closed else np.abs(s - member.length / 2)
+    nodes = np.array([node.at[node.members.index(member.id)] for node in graph.along[member.id]])
+    near = np.abs(s[:, None] - nodes).min(axis=1, initial=np.inf) < CLEAR * member.mean_width
+    return np.asarray(points[np.lexsort([away, near])])
