@@ -1,7 +1,7 @@
 """A sweep of 60 designs under 40 random kills of its workers and of the scheduler, against an undisturbed one.
 
-    python tests/benchmarks/killed_sweeps.py                # three rounds, with seeds 1, 2 and 3
-    python tests/benchmarks/killed_sweeps.py 1 7 --kills 10 # one round, seed 7, ten kills
+    python -m tests.benchmarks.killed_sweeps                # three rounds, with seeds 1, 2 and 3
+    python -m tests.benchmarks.killed_sweeps 1 7 --kills 10 # one round, seed 7, ten kills
 
 Each kill is a SIGKILL, of a worker (about three of five) or of `dsfab sweep` itself, at a random moment after workers
 have begun; a sweep whose scheduler was killed is started again with the same command. After the last kill the command
