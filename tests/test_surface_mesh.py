@@ -232,3 +232,11 @@ def test_nearest_places_on_triangles_edges_and_vertices():
     assert_allclose(nearest(points, V, np.array([[0, 1]])).squared, [9.04, 1])
     assert nearest(points, V, np.array([[0], [1], [2]])).simplex.tolist() == [0, 1]
     assert [len(part) for part in nearest(points[:0], V, F)] == [0, 0, 0]
+
+
+@pytest.mark.parametrize("scale", [3e38, 1e10, 1e-12])
+def test_sizes_that_no_surface_has_are_refused_before_anything_overflows(scale):
+    with pytest.raises(SurfaceError, match="check the unit and the coordinates"):
+        Surface(scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), [[0, 1, 2]])
+    with pytest.raises(SurfaceError, match="check the unit and the coordinates"):
+        Surface(3e38 + np.array([[0, 0, 0], [1e30, 0, 0], [0, 1e30, 0.0]]), [[0, 1, 2]])

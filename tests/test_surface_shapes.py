@@ -237,3 +237,17 @@ def test_every_parameter_has_a_type_with_bounds_that_pydantic_enforces_and_a_def
             assert adapter.validate_python(p.default) == p.default
             with pytest.raises(ValidationError):
                 adapter.validate_python(-1e9)
+
+
+@pytest.mark.parametrize("value", [1e308, 1e-300])
+@pytest.mark.parametrize("name", SHAPES)
+def test_lengths_that_no_shape_has_are_refused_in_a_sentence(name, value):
+    """Each number of each shape alone, warnings being errors."""
+    refused = 0
+    for one in inspect.signature(SHAPES[name]).parameters.values():
+        if isinstance(one.default, float) and one.name != "twist":  # degrees, and 1e-300 of them are none
+            try:
+                SHAPES[name](**{one.name: value})
+            except SurfaceError as error:
+                refused += name in str(error)
+    assert refused

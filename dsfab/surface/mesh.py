@@ -55,7 +55,7 @@ class Surface:
         smallest, largest = POSSIBLE_SIZE
         reach = float(np.abs(self.V).max(initial=0.0))
         size = float(np.ptp(self.V, axis=0).max()) if self.n and reach <= largest else reach
-        if self.n and not smallest <= size <= largest:
+        if size > largest or 0 < size < smallest:  # a point is told as faces without area
             raise SurfaceError(
                 f"the surface is {size:.3g} m large, or as far from the origin, and dsfab makes what has {smallest:g} "
                 f"to {largest:g} m; check the unit and the coordinates"
