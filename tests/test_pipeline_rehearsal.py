@@ -1,5 +1,7 @@
 """Slicing goes on from the sheet that the search for widths ended with, and gives what it gives without."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 import dsfab
 from dsfab.pipeline import Design, geometry
 from dsfab.slicing import cut, cut_polygons
+from dsfab.surface.divided import DividedField
 
 COARSE = {"surface.edge": 0.6, "pattern.major.spacing": 2.0, "pattern.minor.spacing": 1.4, "pattern.keep": 0.8}
 
@@ -76,6 +79,17 @@ def test_another_pattern_on_the_same_surface_is_cut_anew(dome):
     assert not rehearsal.serves(replace(design.pattern, levels=design.pattern.levels[:1]), rehearsal.terms)
     assert not rehearsal.serves(replace(design.pattern, tidy=None), rehearsal.terms)
     assert not rehearsal.serves(replace(design.pattern, fields=design.pattern.fields[:1]), rehearsal.terms)
+
+
+def test_a_rehearsal_lets_its_surface_go(dome):
+    """Also where what is kept lies on parts of its faces, and so holds the surface."""
+    design = drawn(dome)
+    assert any(isinstance(field, DividedField) for field in design.pattern.fields)
+    surface = weakref.ref(design.surface)
+    assert surface() in geometry._REHEARSALS
+    del design
+    gc.collect()
+    assert surface() is None
 
 
 def test_a_share_is_found_with_as_many_cuts_as_are_measured(dome, monkeypatch):

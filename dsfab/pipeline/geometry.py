@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 
@@ -132,10 +132,12 @@ class Rehearsal:
     """The sheet of a pattern as it was measured while its widths were sought: slicing by the same terms goes on from
     it.
 
+    drawn : weak references to what was cut, of `_drawn`: fields may lie on the surface that a rehearsal is kept for,
+            which would live as long as that.
     terms : of `_terms`.    cells : as they were cut.
     """
 
-    pattern: PatternResult
+    drawn: tuple[ref[Any], ...]
     terms: tuple[Any, ...]
     cells: Sheet
     unrounded: Unrounded
@@ -143,9 +145,14 @@ class Rehearsal:
 
     def serves(self, pattern: PatternResult, terms: tuple[Any, ...]) -> bool:
         """Whether the same would be cut of a pattern and finished by these terms."""
-        mine = self.pattern
-        same = pattern.fields is mine.fields and pattern.levels is mine.levels and pattern.tidy is mine.tidy
+        drawn = _drawn(pattern)
+        same = len(drawn) == len(self.drawn) and all(a() is b() for a, b in zip(drawn, self.drawn, strict=True))
         return same and terms == self.terms
+
+
+def _drawn(pattern: PatternResult) -> tuple[ref[Any], ...]:
+    """What is cut of a pattern."""
+    return tuple(ref(one) for one in (*pattern.fields, *pattern.levels, pattern.tidy) if one is not None)
 
 
 _REHEARSALS: WeakKeyDictionary[Surface, Rehearsal] = WeakKeyDictionary()
@@ -294,7 +301,7 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygo
     rounded = _rounded_once(unrounded.cells, radius, merge) if radius else None  # a few bridges later weigh nothing
     done = rounded.cells if rounded else unrounded.cells
     terms = _terms(preset, ask, smallest, pattern)
-    _REHEARSALS[surface] = Rehearsal(pattern, terms, cells, unrounded, rounded)
+    _REHEARSALS[surface] = Rehearsal(_drawn(pattern), terms, cells, unrounded, rounded)
     before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
     return (after - before) / surface.area
 
