@@ -18,8 +18,7 @@ def facts(
     design: Design, seconds: dict[str, float], files: list[str], refused: list[str], told: Sequence[str] = ()
 ) -> dict[str, Any]:
     """What `design.json` holds: sizes and results in SI units, seconds per stage, notes, versions."""
-    solid, sheet, uncut = design.solid, design.sheet.surface, design.surface
-    box = solid.V.min(axis=0).tolist(), solid.V.max(axis=0).tolist()
+    sheet, uncut = design.sheet.surface, design.surface
     return {
         "name": design.preset.name,
         "preset": design.settled.model_dump(mode="json", exclude_none=True),
@@ -45,21 +44,26 @@ def facts(
             "pinches": design.slicing.pinches,
             "pieces": [piece._asdict() for piece in design.slicing.pieces],
         },
-        "solid": {
-            "vertices": len(solid.V),
-            "triangles": len(solid.F),
-            "volume_m3": solid.volume,
-            "mass_kg": design.mass,
-            "genus": solid.genus,
-            "pieces": solid.pieces,
-            "box_m": box,
-        },
-        "thickening": {"side": design.preset.thickening.side, **asdict(solid.repairs)},
+        "solid": _solid_facts(design),
+        "thickening": {"side": design.preset.thickening.side, **asdict(design.solid.repairs)},
         "files": files,
         "refused": refused,
         "warnings": [*(f"{note.stage}: {note.text}" for note in design.notes), *(f"export: {text}" for text in told)],
         "seconds": {row: round(value, 4) for row, value in seconds.items()},
         "versions": versions(),
+    }
+
+
+def _solid_facts(design: Design) -> dict[str, Any]:
+    solid = design.solid
+    return {
+        "vertices": len(solid.V),
+        "triangles": len(solid.F),
+        "volume_m3": solid.volume,
+        "mass_kg": design.mass,
+        "genus": solid.genus,
+        "pieces": solid.pieces,
+        "box_m": (solid.V.min(axis=0).tolist(), solid.V.max(axis=0).tolist()),
     }
 
 
