@@ -116,7 +116,7 @@ def _points(graph: "MemberGraph", member: "Member", view: View) -> Floats:
     closed one from the side that is near to the eye."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
-        return places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:PLACES]]
+        return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:PLACES]])
     s = np.linspace(0.04, 0.96, PLACES) * member.length
     points = member.axis.at(s)[0]
     away = view.seen(points)[:, 2] if member.axis.closed else np.abs(s - member.length / 2)
