@@ -160,8 +160,9 @@ def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
     before, after = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     before, after = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (before, after))
-    turned = np.arctan2(np.einsum("ki,ki->k", np.cross(before, after), N), np.einsum("ki,ki->k", before, after))
-    return np.asarray(turned)
+    return np.asarray(
+        np.arctan2(np.einsum("ki,ki->k", np.cross(before, after), N), np.einsum("ki,ki->k", before, after))
+    )
 
 
 def _corner(line: MiddleLine, begin: float, end: float) -> int:
