@@ -166,7 +166,7 @@ def test_a_mistake_of_ours_is_a_sentence_a_file_and_code_70(capsys, tmp_path, mo
         raise KeyError("vertex")
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("dsfab.preset_file.shipped_presets", broken)
+    monkeypatch.setattr("dsfab.preset_list.shipped_presets", broken)
     line = refused(capsys, "presets", code=70)
     (log,) = tmp_path.iterdir()
     assert line == f"dsfab: dsfab made a mistake, and nothing was written; please report it with the details in {log}"
