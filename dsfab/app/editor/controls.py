@@ -62,9 +62,11 @@ _SPACING = "Metres from one stripe to the next; on modes it takes the place of t
 
 def _width(reach: float) -> list[Control]:
     key, group, fine = "pattern.width.", "width of members", reach / 200
+    missed = key + "solid_fraction_tolerance"
     return [
         Control(group, key + "rule", "rule", "choice", choices=get_args(Rule), hint=_RULE),
         Control(group, key + "solid_fraction", "solid fraction", high=0.95, step=0.005, hint=_FRACTION),
+        Control(group, missed, "may miss it by", high=0.1, step=0.001, live=False, hint=_MISSED),
         Control(group, key + "member", "width", "length", "m", high=reach, step=fine, hint="Of members, if constant."),
         Control(group, key + "q", "grading", high=4, step=0.05, hint="Share of material grows with stress to this."),
         Control(group, key + "steps", "steps", "whole", low=1, high=50, step=1, live=False, hint=_STEPS),
@@ -80,6 +82,7 @@ _RULE = (
 )
 _STEPS = "How often the rule stressed cuts, solves and widens; the best is kept."
 _FRACTION = "Share of the surface to keep: widths are solved for. 0 leaves them as they are."
+_MISSED = "Where the share jumps past the wanted one: the nearest is taken if it misses by no more, and told."
 _NONE = "0 sets no limit."
 
 
