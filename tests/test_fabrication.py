@@ -8,7 +8,7 @@ import pytest
 import dsfab
 from dsfab.app.cli import main
 from dsfab.errors import PatternError
-from dsfab.pipeline import Design, geometry
+from dsfab.pipeline import Design, finishing
 from dsfab.preset_file import overridden, preset_from
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
 from dsfab.slicing import cut
@@ -152,7 +152,7 @@ def test_the_narrowest_opening_between_tidied_stripes_is_as_wide_as_the_sheet_is
         ({"pattern.method": "modes"}, 0.0),
     ):
         preset = dsfab.load_preset("dome", {"pattern.major.spacing": 1.4, "pattern.minor.spacing": 1.4, **changes})
-        assert geometry._smallest(preset, surface).opening == pytest.approx(wanted), changes
+        assert finishing.smallest_widths(preset, surface).opening == pytest.approx(wanted), changes
 
 
 @pytest.mark.slow
@@ -197,7 +197,7 @@ def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monke
     design = dsfab.run(dsfab.load_preset(GLOBE_MODES, even))
     assert not any("were filled" in note.text for note in design.notes)
     small = design.sheet.surface.area
-    monkeypatch.setattr(geometry, "SPECK", 0.7)
+    monkeypatch.setattr(finishing, "SPECK", 0.7)
     filled = dsfab.revise(design, overridden(design.preset, {"slicing.min_opening": None, "slicing.snap": 0.06}))
     assert any("smaller than 0.21 m were filled" in note.text for note in filled.notes)
     assert filled.sheet.surface.area > 1.005 * small

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import Design, geometry
+from dsfab.pipeline import Design, finishing, geometry
 from dsfab.slicing import cut, cut_polygons
 from dsfab.surface.divided import DividedField
 
@@ -25,15 +25,15 @@ def drawn(preset: dsfab.Preset) -> Design:
     return Design.of(preset).until("pattern")
 
 
-def counting(monkeypatch, name: str) -> list[str]:
-    """A list that grows with every call of a function of `geometry`."""
-    original, calls = getattr(geometry, name), []
+def counting(monkeypatch, module, name: str) -> list[str]:
+    """A list that grows with every call of a function of a module."""
+    original, calls = getattr(module, name), []
 
     def counted(*arguments, **options):
         calls.append(name)
         return original(*arguments, **options)
 
-    monkeypatch.setattr(geometry, name, counted)
+    monkeypatch.setattr(module, name, counted)
     return calls
 
 
@@ -48,16 +48,16 @@ def assert_same(one: Design, other: Design) -> None:
 
 def test_the_sheet_is_the_same_without_a_rehearsal(dome):
     rehearsed, plain = drawn(dome), drawn(dome)
-    assert geometry._REHEARSALS.pop(plain.surface)
+    assert finishing._REHEARSALS.pop(plain.surface)
     assert_same(rehearsed, plain)
 
 
 def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
     design = drawn(dome)
-    cuts, rounded = counting(monkeypatch, "cut"), counting(monkeypatch, "unrounded_cells")
+    cuts, rounded = counting(monkeypatch, geometry, "cut"), counting(monkeypatch, finishing, "unrounded_cells")
     assert design.slicing.sheet.surface.m
     assert cuts == rounded == []
-    assert design.surface not in geometry._REHEARSALS
+    assert design.surface not in finishing._REHEARSALS
 
 
 @pytest.mark.parametrize(
@@ -66,15 +66,15 @@ def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
 def test_other_terms_are_cut_anew(dome, change, monkeypatch):
     other = dsfab.load_preset("dome", COARSE | change)
     rehearsed, plain = drawn(other), drawn(other)
-    del geometry._REHEARSALS[plain.surface]
-    cuts = counting(monkeypatch, "cut")
+    del finishing._REHEARSALS[plain.surface]
+    cuts = counting(monkeypatch, geometry, "cut")
     assert_same(rehearsed, plain)
     assert cuts == ["cut", "cut"]
 
 
 def test_another_pattern_on_the_same_surface_is_cut_anew(dome):
     design = drawn(dome)
-    rehearsal = geometry._REHEARSALS[design.surface]
+    rehearsal = finishing._REHEARSALS[design.surface]
     assert rehearsal.serves(replace(design.pattern, factor=2.0), rehearsal.terms)
     assert not rehearsal.serves(replace(design.pattern, levels=design.pattern.levels[:1]), rehearsal.terms)
     assert not rehearsal.serves(replace(design.pattern, tidy=None), rehearsal.terms)
@@ -86,7 +86,7 @@ def test_a_rehearsal_lets_its_surface_go(dome):
     design = drawn(dome)
     assert any(isinstance(field, DividedField) for field in design.pattern.fields)
     surface = weakref.ref(design.surface)
-    assert surface() in geometry._REHEARSALS
+    assert surface() in finishing._REHEARSALS
     del design
     gc.collect()
     assert surface() is None
@@ -94,7 +94,7 @@ def test_a_rehearsal_lets_its_surface_go(dome):
 
 def test_a_share_is_found_with_as_many_cuts_as_are_measured(dome, monkeypatch):
     """The last cut that a search measures is the one that is finished."""
-    cuts = counting(monkeypatch, "cut_polygons")
+    cuts = counting(monkeypatch, finishing, "cut_polygons")
     drawn(dome)
     assert cuts == []
 

@@ -26,7 +26,7 @@ from dsfab.pattern import (
     solved_factor,
     stripe_layers,
 )
-from dsfab.pipeline.geometry import added_share
+from dsfab.pipeline.finishing import added_share
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import FAMILIES, Preset

@@ -1,0 +1,255 @@
+"""Cells as they were cut made fit to be built: no point contacts, specks, slits and necks, with round corners."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary, ref
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.preset import Preset, Slicing
+from dsfab.results import PatternResult
+from dsfab.slicing import (
+    PolygonMesh,
+    Sheet,
+    bridged_gaps,
+    bridged_necks,
+    cut_polygons,
+    filled_openings,
+    filled_slits,
+    resolve_pinches,
+    sheet_of,
+    widened_members,
+)
+from dsfab.slicing.fillet import rounded_corners
+from dsfab.surface import Surface
+
+SPECK = 0.15
+"""Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
+the surface leaves of an opening that it cuts through."""
+NECK, WIDEST = 1.1, 0.2
+"""Evenly spaced openings are bridged where they are narrower than so many times the thickness, or than this share of
+the spacing if that is less. A little more than once: the corners beside a bridge are rounded by chords."""
+LEFT, AGAIN = 0.95, 5
+"""Gaps between rounded members that are narrower than this share of a neck are bridged too, in so many rounds."""
+
+
+class Finished(NamedTuple):
+    """All cells without point contacts, specks, slits and necks, with round corners; how many of each there were, the
+    radii, and at how many places members were widened.
+    """
+
+    cells: Sheet
+    pinches: int
+    filled: int
+    merged: int
+    bridged: int
+    rounded: Floats
+    widened: int = 0
+
+
+class Unrounded(NamedTuple):
+    """Cells without point contacts, specks, slits and necks, and how many of each there were."""
+
+    cells: Sheet
+    pinches: int
+    filled: int
+    merged: int
+    bridged: int
+
+
+class FirstRounding(NamedTuple):
+    """Cells whose corners were rounded for the first time, the radii, and the slits that were filled then."""
+
+    cells: Sheet
+    radii: Floats
+    merged: int
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """The sheet of a pattern as it was measured while its widths were sought: slicing by the same terms goes on from
+    it.
+
+    drawn : weak references to what was cut, of `_drawn`: fields may lie on the surface that a rehearsal is kept for,
+            which would live as long as that.
+    terms : of `_terms`.    cells : as they were cut.
+    """
+
+    drawn: tuple[ref[Any], ...]
+    terms: tuple[Any, ...]
+    cells: Sheet
+    unrounded: Unrounded
+    rounded: FirstRounding | None
+
+    def serves(self, pattern: PatternResult, terms: tuple[Any, ...]) -> bool:
+        """Whether the same would be cut of a pattern and finished by these terms."""
+        drawn = _drawn(pattern)
+        same = len(drawn) == len(self.drawn) and all(a() is b() for a, b in zip(drawn, self.drawn, strict=True))
+        return same and terms == self.terms
+
+
+def _drawn(pattern: PatternResult) -> tuple[ref[Any], ...]:
+    """What is cut of a pattern."""
+    return tuple(ref(one) for one in (*pattern.fields, *pattern.levels, pattern.tidy) if one is not None)
+
+
+_REHEARSALS: WeakKeyDictionary[Surface, Rehearsal] = WeakKeyDictionary()
+"""The last one of each surface that lives, until it is sliced."""
+
+
+class Smallest(NamedTuple):
+    """Metres: smaller openings are filled, and bridged where they are narrower than a neck may be; 0 for neither."""
+
+    opening: float
+    neck: float
+
+
+def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternResult) -> tuple[Any, ...]:
+    """All that finishing goes by, until corners have been rounded once."""
+    own = preset.statics.thickness, preset.pattern.fillet
+    return (ask.snap, ask.pinch, ask.min_opening, smallest, merges_slits(pattern), *own)
+
+
+def taken_rehearsal(preset: Preset, surface: Surface, pattern: PatternResult, smallest: Smallest) -> Rehearsal | None:
+    """The rehearsal of a surface if slicing can go on from it; it is kept no longer, for its memory is needed."""
+    rehearsal = _REHEARSALS.pop(surface, None)
+    return (
+        rehearsal
+        if rehearsal and rehearsal.serves(pattern, _terms(preset, preset.slicing, smallest, pattern))
+        else None
+    )
+
+
+def finished_cells(
+    preset: Preset,
+    cells: Sheet,
+    ask: Slicing,
+    smallest: Smallest,
+    merge: bool,
+    again: int = AGAIN,
+    rehearsal: Rehearsal | None = None,
+) -> Finished:
+    """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so, and gaps between
+    rounded members `again` and again.
+
+    rehearsal : of these cells, if there was one: what was done there is not done again.
+    """
+    plain = rehearsal.unrounded if rehearsal else unrounded_cells(preset, cells, ask, smallest, merge)
+    if not preset.pattern.fillet:
+        return Finished(*plain, np.empty(0))
+    least = Least(smallest.neck, ask.min_member) if merge else Least(0.0, 0.0)
+    first = rehearsal.rounded if rehearsal else None
+    done = _rounded_cells(plain.cells, preset.pattern.fillet, merge, least, again, first)
+    merged, bridged = plain.merged + done.merged, plain.bridged + done.bridged
+    return Finished(done.cells, plain.pinches, plain.filled, merged, bridged, done.radii, done.widened)
+
+
+def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: bool) -> Unrounded:
+    """What is made of cells as they were cut before corners are rounded."""
+    pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
+    cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
+    late = merge and ask.min_opening is None  # most of these are slits
+    if smallest.opening and not late:
+        cells, filled = filled_openings(cells, smallest.opening)
+    if merge:
+        cells, merged = filled_slits(cells)
+    if smallest.opening and late:
+        cells, filled = filled_openings(cells, smallest.opening, alike=True)
+    if smallest.neck and merge:
+        cells, bridged = bridged_necks(cells, smallest.neck)
+    return Unrounded(cells, pinched.count, filled, merged, bridged)
+
+
+class Least(NamedTuple):
+    """Metres: rounded openings and members that are narrower are bridged and widened; 0 for neither."""
+
+    neck: float
+    member: float
+
+
+class Rounded(NamedTuple):
+    """Cells with round corners of so many radii; slits filled and bridges built, and at how many places members were
+    widened."""
+
+    cells: Sheet
+    radii: Floats
+    merged: int
+    bridged: int
+    widened: int
+
+
+def _rounded_cells(
+    cells: Sheet, radius: float, merge: bool, least: Least, again: int, first: FirstRounding | None = None
+) -> Rounded:
+    """Cells with round corners, `again` and again where that leaves what is too narrow; slits filled if `merge`.
+
+    first : what comes first, where it is known.
+    """
+    bridged, widened, last = 0, 0, cells.surface.m
+    for attempt in range(again + 1):
+        done, radii, merged = first or _rounded_once(cells, radius, merge)
+        first = None
+        if attempt == again:
+            break
+        better, bridges, places = _broadened(cells, done, least)
+        if not (bridges or places) or places > last:  # nothing is left, or it comes to no end
+            break
+        cells, bridged, widened, last = better, bridged + bridges, widened + places, places or last
+    return Rounded(done, radii, merged, bridged, widened)
+
+
+def _rounded_once(cells: Sheet, radius: float, merge: bool) -> FirstRounding:
+    done, radii = rounded_corners(cells, radius)
+    done, merged = filled_slits(done) if merge and len(radii) else (done, 0)  # corners take their share of openings
+    return FirstRounding(done, radii, merged)
+
+
+def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, int]:
+    """The cells with the gaps of the rounded sheet bridged, or else its members widened; the bridges and the places."""
+    if least.neck:
+        better, bridges = bridged_gaps(cells, rounded, LEFT * least.neck, least.neck)
+        if bridges:
+            better, others = bridged_necks(better, least.neck)
+            return better, bridges + others, 0
+    better, places = widened_members(cells, rounded, least.member) if least.member else (cells, 0)
+    return better, 0, places
+
+
+def merges_slits(pattern: PatternResult) -> bool:
+    """Whether members with a slit between them become one: evenly spaced ones that are tidied."""
+    return pattern.even is not None and pattern.tidy is not None
+
+
+def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None) -> float:
+    """The share of the surface that the sheet of a pattern has beyond what its stripes keep: round corners above all.
+
+    By the defaults of [slicing]: no stage depends on a later section. Slicing goes on from that sheet if it can.
+    polygons : what the surface is cut into, where it is at hand.
+    """
+    ask, fields = Slicing(), (pattern.fields, pattern.levels)
+    cells = sheet_of(polygons or cut_polygons(surface, *fields, ask.snap, pattern.tidy))
+    if not cells.material.any():
+        return 0.0
+    smallest = smallest_widths(pattern.settled(preset.model_copy(update={"slicing": ask})), surface)
+    merge = merges_slits(pattern)
+    unrounded = unrounded_cells(preset, cells, ask, smallest, merge)
+    radius = preset.pattern.fillet
+    rounded = _rounded_once(unrounded.cells, radius, merge) if radius else None  # a few bridges later weigh nothing
+    done = rounded.cells if rounded else unrounded.cells
+    terms = _terms(preset, ask, smallest, pattern)
+    _REHEARSALS[surface] = Rehearsal(_drawn(pattern), terms, cells, unrounded, rounded)
+    before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
+    return (after - before) / surface.area
+
+
+def smallest_widths(preset: Preset, surface: Surface) -> Smallest:
+    """Of openings and necks; evenly spaced ones have no neck that is narrower than the sheet is thick."""
+    ask, given = preset.pattern, preset.slicing.min_opening
+    if given is not None or ask.method != "stripes":
+        return Smallest(given or 0.0, given or 0.0)
+    spacing = min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    thickness = preset.statics.thickness
+    # slits between tidied ones are filled anyway
+    opening = min(SPECK * spacing, thickness) if ask.tidied else SPECK * spacing
+    return Smallest(opening, min(NECK * thickness, WIDEST * spacing))
