@@ -78,7 +78,7 @@ def case_lines(design: "Design") -> list[str]:
         (case,) = cases.values()
         return [f"uncut sheet: {_answered(case.equilibrium)}", _carried(design, case.load, case.equilibrium)]
     followed, rule = design.preset.followed, design.preset.surface.combinations
-    governing = _governing(design)
+    governing = _governing(design) if rule else {}
     made = {one.name for one in design.preset.surface.standard_sums}
     lines = [
         f"uncut sheet, {name}{'*' if name in followed else ''}: {_answered(case.equilibrium)}; "
