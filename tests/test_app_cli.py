@@ -87,6 +87,7 @@ def test_a_build_takes_the_place_of_the_one_before_and_leaves_what_is_not_its_ow
     }
 
 
+@pytest.mark.slow
 def test_the_same_preset_gives_the_same_bytes_in_another_process(capsys, tmp_path):
     """Where sets of words are in another order."""
     here, there = tmp_path / "here", tmp_path / "there"

@@ -109,6 +109,7 @@ def test_a_mesh_of_the_page_is_saved_beside_its_preset(outputs, dropped):
     assert again.surface.given().n == load_preset(DOME_MODES, COARSE).surface.build().n
 
 
+@pytest.mark.slow
 def test_a_mesh_of_the_page_is_built_beside_its_files(outputs, dropped, capsys):
     with Session(dropped, outputs=outputs) as session:
         wait(session.jobs, session.ask_solve(STL))
@@ -132,6 +133,7 @@ def tab(outputs, tmp_path):
         yield tab
 
 
+@pytest.mark.slow
 def test_one_file_is_exported_and_told(outputs, dropped):
     with Session(dropped, outputs=outputs) as session:
         wait(session.jobs, session.ask_solve({}))
