@@ -51,6 +51,11 @@ def row_min(rows: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(reduce(np.minimum, rows.T))
 
 
+def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
+    """(g, d) sums of the rows of values (k, d) in each group (k,); of `count` groups at least."""
+    return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
+
+
 def edge_lengths(V: Floats, ends: Ints) -> Floats:
     """(e,) lengths of edges between vertices (e, 2) of V (n, 3), metres."""
     return lengths(V[ends[:, 1]] - V[ends[:, 0]])

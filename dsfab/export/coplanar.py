@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, group_sums
 from dsfab.surface.topology import EdgeTable
 
 FLATNESS = 1e-5
@@ -35,7 +35,7 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable) -> tuple[Ints, Floats
     uneven = _off_plane(corners, vectors, region) > FLATNESS
     if uneven.any():
         region = _components(np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]), len(F))
-    return region, _summed(region, vectors)
+    return region, group_sums(region, vectors)
 
 
 def _components(links: Ints, count: int) -> Ints:
@@ -43,18 +43,13 @@ def _components(links: Ints, count: int) -> Ints:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def _summed(label: Ints, values: Floats) -> Floats:
-    """Sum of the rows of `values` with the same label."""
-    return np.stack([np.bincount(label, column) for column in values.T], axis=1)
-
-
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
     """(r,) largest distance of a region's vertices from the plane through their mean, normal to its area vector."""
-    normal = _summed(region, vectors)
+    normal = group_sums(region, vectors)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     weight = np.linalg.norm(vectors, axis=1)
     total = np.maximum(np.bincount(region, weight), 1e-300)
-    middle = _summed(region, corners.mean(axis=1) * weight[:, None]) / total[:, None]
+    middle = group_sums(region, corners.mean(axis=1) * weight[:, None]) / total[:, None]
     height = np.abs(np.einsum("mci,mi->mc", corners - middle[region][:, None], normal[region])).max(axis=1)
     worst = np.zeros(len(normal))
     np.maximum.at(worst, region, height)

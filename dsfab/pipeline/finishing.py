@@ -114,11 +114,9 @@ def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternRes
 def taken_rehearsal(preset: Preset, surface: Surface, pattern: PatternResult, smallest: Smallest) -> Rehearsal | None:
     """The rehearsal of a surface if slicing can go on from it; it is kept no longer, for its memory is needed."""
     rehearsal = _REHEARSALS.pop(surface, None)
-    return (
-        rehearsal
-        if rehearsal and rehearsal.serves(pattern, _terms(preset, preset.slicing, smallest, pattern))
-        else None
-    )
+    if rehearsal is None or not rehearsal.serves(pattern, _terms(preset, preset.slicing, smallest, pattern)):
+        return None
+    return rehearsal
 
 
 def finished_cells(

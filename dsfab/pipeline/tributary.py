@@ -27,7 +27,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, group_sums
 from dsfab.errors import StaticsError
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface, connected
@@ -59,7 +59,7 @@ class Tributary:
         """Of a sheet of the surface."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
-        first = _summed(sheet.parent, cells.areas[:, None] * cells.centroids, m)
+        first = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
         bears = area > BEARS * surface.areas
         bears = bears if bears.any() else area > 0
         place = np.where(bears[:, None], first / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
@@ -85,20 +85,20 @@ class Tributary:
         turning = np.cross(self.surface.centroids, load) - np.cross(self.place, force)
         count, piece = self.surface.pieces
         bears = np.flatnonzero(self.opening < 0)
-        lacking = _summed(piece, turning, count)
+        lacking = group_sums(piece, turning, count)
         force[bears] += _bolted(piece[bears], self.place[bears], self.area[bears], lacking)
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
         """(m, 3) newtons, of loads (m, 3), with the moment of each opening where its rim takes that."""
         given = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
-        force = _summed(self.to[self.to >= 0], load[self.to >= 0], len(load))
+        force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face of the rim may carry several openings: of each it takes its own part
         pair, of = np.unique(np.stack([self.opening[given], self.to[given]]), axis=1, return_inverse=True)
         group, number = np.unique(pair[0], return_inverse=True)
         turning = np.cross(self.surface.centroids[given] - self.place[self.to[given]], load[given])
         moment, weight = (
-            _summed(number[of], turning, len(group)),
+            group_sums(number[of], turning, len(group)),
             np.bincount(of, self.surface.areas[given]).astype(np.float64),
         )
         added = _bolted(number, self.place[pair[1]], weight, moment)
@@ -128,17 +128,12 @@ def _steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
     return f, g, reach[0] + reach[1]
 
 
-def _summed(group: Ints, values: Floats, count: int) -> Floats:
-    """(count, 3) sums of values (k, 3) over groups (k,)."""
-    return np.stack([np.bincount(group, x, count) for x in values.T], axis=1)
-
-
 def _bolted(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
     """(k, 3) newtons at places (k, 3) without a resultant that give each group (k,) its moment (g, 3), Nm, as bolts of
     these sizes (k,) take it. About a line that all places of a group are on nothing is given."""
     count = len(moment)
     total = np.bincount(group, weight, count)
-    middle = _summed(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
+    middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
     r = place - middle[group]
     inertia = np.zeros((count, 3, 3))
     each = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]

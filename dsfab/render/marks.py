@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, group_sums
 from dsfab.surface import LoadCase, Surface
 
 Mesh = tuple[Floats, Ints]
@@ -51,7 +51,7 @@ def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
     for _ in range(20):
         owner = _nearest(points, points[chosen])
         counts = np.maximum(np.bincount(owner, minlength=len(chosen)), 1)
-        chosen = np.unique(_nearest(_sums(owner, points, len(chosen)) / counts[:, None], points))
+        chosen = np.unique(_nearest(group_sums(owner, points, len(chosen)) / counts[:, None], points))
     return chosen
 
 
@@ -95,16 +95,11 @@ def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: 
     where = V[at]
     taken = thinned(where, size, spacing)
     owner = _nearest(where, where[taken])
-    pull = _sums(owner, force[at], len(taken))
+    pull = group_sums(owner, force[at], len(taken))
     amount = np.linalg.norm(pull, axis=1)
     kept = amount > 1e-6 * amount.max()  # forces that cancel within a patch have no arrow
     long = longest * (0.35 + 0.65 * np.sqrt(amount[kept] / amount.max()))
     return Pulls(at[taken][kept], pull[kept], long)
-
-
-def _sums(owner: Ints, values: Floats, count: int) -> Floats:
-    """(count, 3) sums of the rows of (k, 3) values that belong to each owner."""
-    return np.stack([np.bincount(owner, values[:, i], count) for i in range(3)], axis=1)
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> Mesh:

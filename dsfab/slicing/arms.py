@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, unfolded
+from dsfab.arrays import Floats, Ints, group_sums, unfolded
 from dsfab.surface.mesh import Surface
 from dsfab.surface.refine import refined
 from dsfab.surface.topology import connected
@@ -61,7 +61,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     count, strip = connected(len(faces), one, two)
     around = np.bincount(strip[one], minlength=count) == np.bincount(strip, minlength=count)
     at = _limit(sheet, far, edge, radius) - place
-    towards, normal = _sums(at, strip[rows], count), _sums(sheet.normals[faces], strip, count)
+    towards, normal = group_sums(strip[rows], at, count), group_sums(strip, sheet.normals[faces], count)
     width = np.bincount(strip, np.linalg.norm(at[::2] - at[1::2], axis=1), count)
     closed = 2 * int(around.sum())
     return Arms(
@@ -88,10 +88,6 @@ def _limit(sheet: Surface, far: Floats, edge: Ints, radius: float) -> Floats:
     a, b = sheet.edges.ends[edge].T
     share = np.clip((radius - far[a]) / np.where(far[a] == far[b], 1.0, far[b] - far[a]), 0, 1)[:, None]
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
-
-
-def _sums(x: Floats, group: Ints, count: int) -> Floats:
-    return np.stack([np.bincount(group, column, count) for column in x.T], axis=1).astype(np.float64)
 
 
 def _unit(x: Floats) -> Floats:
