@@ -251,7 +251,7 @@ def bombs() -> Iterator[BadFile]:
     yield BadFile("entity.3mf", threemf(entity), None)
 
 
-def polygons(sizes) -> Iterator[tuple[BadFile, float]]:
+def polygons(sizes, starry=True) -> Iterator[tuple[BadFile, float]]:
     """n-gons of so many corners, and their areas: round, dented, starry, straight-sided; tilted in space."""
     rng = np.random.default_rng(7)
     tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
@@ -264,7 +264,7 @@ def polygons(sizes) -> Iterator[tuple[BadFile, float]]:
         )
         shapes = {"round": ring, "dented": ring * (1 - 0.5 * np.exp(-(((a - 3) * 3) ** 2)))[:, None], "square": square}
         shapes["wavy"] = ring * (1 + 0.3 * np.sin(5 * a))[:, None]
-        if k <= 20_000:
+        if starry:
             shapes["starry"] = ring * rng.uniform(0.5, 1, k)[:, None]
         for name, P in shapes.items():
             x, y = P.T
