@@ -37,6 +37,7 @@ PACKAGE = ROOT / "dsfab"
 GROUND = {"errors", "units", "limits", "wording", "ways_out", "arrays", "sparse", "__init__"}
 STAGES = {"statics", "diffusion", "pattern", "slicing", "thickening"}
 ALLOWED: dict[str, set[str]] = {
+    "__main__": {"app"},
     "__init__": {
         "app",
         "delivery",

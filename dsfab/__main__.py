@@ -1,0 +1,8 @@
+"""`python -m dsfab`: the command line where the script `dsfab` is not on the path."""
+
+import sys
+
+from dsfab.app.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())
