@@ -93,7 +93,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > RANK_TOLERANCE
     parts = np.abs(mix.T @ null)
     largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
-    return [MOTIONS[k] for k in largest[::-1]]
+    return [MOTIONS[k] for k in sorted(largest)]  # equal values come in an order of their own on each machine
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
