@@ -15,8 +15,8 @@ class Workshop(Section):
     """[workshop]: flat parts for `dsfab workshop`. The design itself is not changed by it."""
 
     route: Route = "auto"
-    """strips: members lie flat in the surface, in bolted layers; sheet: a flat design as it is, in pieces of the size of
-    the stock; auto: sheet where the design is flat, else strips."""
+    """strips: members lie flat in the surface, in bolted layers; sheet: a flat design as it is, in pieces of the size
+    of the stock; auto: sheet where the design is flat, else strips."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Metres; length and width of the sheets to cut from, of one size or of several."""
     thickness: Annotated[float, Ge(0)] = 0.0

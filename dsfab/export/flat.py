@@ -59,7 +59,7 @@ class FlatDrawing:
     @property
     def layers(self) -> list[str]:
         """Names of the layers in the order of `COLOURS`."""
-        used = {one.layer for one in (*self.lines, *self.circles)}
+        used = {line.layer for line in self.lines} | {circle.layer for circle in self.circles}
         return [name for name in COLOURS if name in used]
 
 

@@ -1,6 +1,7 @@
 """`StripCourse`: the axis of a member laid open and carried on beyond its ends, with the member's edges beside it."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
@@ -117,7 +118,7 @@ def even_edges(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
     reach = min(CALM * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station
-    mode = "wrap" if axis.closed else "nearest"
+    mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
     low, high = np.percentile(calm.sum(axis=1), [5, 95])

@@ -36,7 +36,7 @@ def strokes(text: str, height: float) -> list[Floats]:
     for letter in text:
         scale = height / HIGH * (SMALL if letter.islower() else 1.0)
         for line in filter(None, GLYPHS.get(letter.upper(), GLYPHS["-"]).split("|")):
-            points = np.array([[int(a), int(b)] for a, b in line.split()], dtype=np.float64)
+            points = np.array([[int(xy[0]), int(xy[1])] for xy in line.split()], dtype=np.float64)
             found.append(points * scale + [x, 0.0])
         x += (WIDE + SPACE) * scale
     return found

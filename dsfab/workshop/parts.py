@@ -1,6 +1,6 @@
 """`FlatPart`: a piece to cut from a sheet, with its holes, its openings and what is engraved on it. Metres."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -70,10 +70,14 @@ class FlatPart:
         """Turned by an angle, radians, then shifted by (2,) metres."""
         c, s = np.cos(turn), np.sin(turn)
         R = np.array([[c, s], [-s, c]])
-        lines = {name: tuple(x @ R + shift for x in getattr(self, name)) for name in ("slots", "marks")}
-        holes = tuple(Hole(hole.at @ R + shift, hole.diameter, hole.bolt) for hole in self.holes)
-        values = {key: getattr(self, key) for key in ("id", "member", "span", "layer", "strain")}
-        return FlatPart(**values, outline=self.outline @ R + shift, holes=holes, axis=self.axis @ R + shift, **lines)
+        return replace(
+            self,
+            outline=self.outline @ R + shift,
+            holes=tuple(Hole(hole.at @ R + shift, hole.diameter, hole.bolt) for hole in self.holes),
+            slots=tuple(x @ R + shift for x in self.slots),
+            marks=tuple(x @ R + shift for x in self.marks),
+            axis=self.axis @ R + shift,
+        )
 
     def lying(self) -> "FlatPart":
         """With its longer direction along x, its middle at the origin: how it lies on a drawing and on the stock."""
