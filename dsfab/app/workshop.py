@@ -1,7 +1,7 @@
 """`dsfab workshop`: the members of a design as flat parts, nested on the stock."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -9,6 +9,9 @@ from dsfab.app.export import built_design, source_of
 from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.terminal import Reporter, out
 from dsfab.wording import length
+
+if TYPE_CHECKING:
+    from dsfab.workshop import WorkshopPlan
 
 
 def workshop(
@@ -48,9 +51,11 @@ def workshop(
     where = write_workshop(plan, output or folder / "workshop", given.name)
     if not quiet:
         kinds = len(plan.same)
-        out(
-            f"{len(plan.parts)} parts of {length(plan.thickness)}, {kinds} different; {len(plan.sheets)} "
-            f"{'sheet' if len(plan.sheets) == 1 else 'sheets'}, {plan.used:.0%} of them used"
-        )
-        out(f"  {where / 'nest.dxf'}  {where / 'cutlist.csv'}  a .dxf and an .svg for each of {kinds} parts")
+        parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _counted(plan))
+        out(f"{parts} of {length(plan.thickness)}, {kinds} different; {sheets}, {plan.used:.0%} used")
+        out(f"  {where / 'nest.dxf'}  {where / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
     return 0
+
+
+def _counted(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
+    return (len(plan.parts), "part"), (len(plan.sheets), "sheet")

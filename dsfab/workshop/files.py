@@ -11,13 +11,15 @@ from dsfab.workshop.drawings import nest_drawing, part_drawing
 from dsfab.workshop.plan import WorkshopPlan
 
 NEST, CUTLIST = "nest", "cutlist.csv"
-HEAD = ("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes", "layer_mm",
-        "strain", "sheets", "file")  # fmt: skip
+HEAD = (
+    *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes", "layer_mm"),
+    *("strain", "sheets", "file"),
+)
 
 
 def write_workshop(plan: WorkshopPlan, folder: Path, name: str) -> Path:
-    """Write the files of a plan into a folder, all of them or none; those of an earlier plan that this one does not have
-    are removed, as its cut list names them. The same plan gives the same bytes.
+    """Write the files of a plan into a folder, all of them or none. Those of an earlier plan that this one does not
+    have are removed, as its cut list names them. The same plan gives the same bytes.
 
     Raises ExportError where the folder cannot be written.
     """

@@ -1,11 +1,11 @@
-"""What strips can be, in numbers: how far their layers are bent and stretched, and whether holes are where they belong."""
+"""What strips can be, in numbers: how far layers are bent and stretched, and whether holes are where they belong."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats, area_vectors
+from dsfab.arrays import Floats, Ints, area_vectors
 from dsfab.members import Member, MemberGraph, spherical_normals
 from dsfab.surface import Surface
 from dsfab.wording import length
@@ -42,7 +42,7 @@ class StripLimits:
 
     @property
     def thickest(self) -> float:
-        """Metres; of the thickest layer that can be bent so far. Infinite where nothing is bent or no limit is known."""
+        """Metres; the thickest layer that can be bent so far. Infinite where nothing is bent or no limit is known."""
         return self.thickness * self.limit / self.bending if self.limit and self.bending else np.inf
 
     @property
@@ -54,8 +54,8 @@ class StripLimits:
             found.append(f"{how}; name a material or set statics.strength to have that judged")
         elif self.bending > self.limit:
             found.append(
-                f"NOT POSSIBLE: {how}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at which the strength "
-                f"is reached; the thickest layer that can be bent is {length(self.thickest)}: set workshop.thickness "
+                f"NOT POSSIBLE: {how}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at which the "
+                f"strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set workshop.thickness "
                 f"to {1000 * self.thickest:.2g} mm or less, with more layers if they are to be as stiff"
             )
         else:
@@ -94,7 +94,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
     )
 
 
-def calm_stations(member: Member) -> Floats:
+def calm_stations(member: Member) -> Ints:
     """(q,) the stations of a member's axis, by number, at which its curvature is well known."""
     axis = member.axis
     assert axis is not None

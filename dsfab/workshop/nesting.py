@@ -19,6 +19,8 @@ COLUMN = 0.005
 """Metres; or the longest sheet over `MOST`, if that is less."""
 MOST = 600
 """Columns of a sheet."""
+AROUND = 16
+"""Directions in which the outline of a part is moved by half of the gap."""
 NEAR = 1e-9
 """Metres that rounding may take."""
 
@@ -54,7 +56,7 @@ class NestedSheet:
 class _Shape:
     """A part turned so: lower and upper edges (k,) in columns of `step`, half of the gap beyond its own; metres.
 
-    low : its own lowest (2,) corner.    size : (2,) of its own box.    start : how far before `low` columns begin.
+    low : its own lowest (2,) corner.    size : (2,) of its own box.
     """
 
     part: FlatPart
@@ -65,12 +67,22 @@ class _Shape:
     upper: Floats
 
 
+@dataclass(frozen=True)
+class _Raster:
+    """The gap, the width of a column, and how tall a part may be, metres."""
+
+    gap: float
+    step: float
+    tallest: float
+
+
 @dataclass(eq=False)
 class _Open:
-    """A sheet that is being filled: the height (k,) up to which each column is taken."""
+    """A sheet that is being filled: the height (k,) up to which each column is taken, and the area that is left."""
 
     size: tuple[float, float]
     skyline: Floats
+    left: float
     parts: list[NestedPart] = field(default_factory=list)
 
 
@@ -80,12 +92,13 @@ def nested(parts: Sequence[FlatPart], stock: Sequence[tuple[float, float]], gap:
     Raises PatternError for a part that fits on no sheet.
     """
     step = min(COLUMN, max(max(size) for size in stock) / MOST)
+    ask = _Raster(gap, step, max(min(size) for size in stock) - 2 * gap + NEAR)
     best: list[NestedSheet] | None = None
-    shapes = {boxes: [_shapes(part, gap, step, boxes) for part in parts] for boxes in (False, True)}
+    shapes = {boxes: [_shapes(part, ask, boxes) for part in parts] for boxes in (False, True)}
     for first in range(len(stock)):
         order = [stock[first], *(size for k, size in enumerate(stock) if k != first)]
         for boxes, rank in ((False, _by_length), (False, _by_bend), (True, _by_length)):
-            tried = _filled(shapes[boxes], order, gap, step, rank)
+            tried = _filled(shapes[boxes], order, ask, rank)
             if best is None or _cost(tried) < _cost(best):
                 best = tried
     return best or []
@@ -107,34 +120,35 @@ def _by_bend(shape: _Shape) -> tuple[float, ...]:
 def _filled(
     shapes: list[list[_Shape]],
     stock: Sequence[tuple[float, float]],
-    gap: float,
-    step: float,
+    ask: _Raster,
     rank: Callable[[_Shape], tuple[float, ...]],
 ) -> list[NestedSheet]:
     """Sheets filled in an order: each part on the first sheet that has room, where its upper edge is lowest."""
     opened = list[_Open]()
     for turns in sorted(shapes, key=lambda some: (rank(some[0]), some[0].part.id)):
-        if not any(_placed(sheet, turns, gap, step) for sheet in opened):
-            new = next((sheet for size in stock if _placed(sheet := _empty(size, gap, step), turns, gap, step)), None)
+        if not any(_placed(sheet, turns, ask) for sheet in opened):
+            new = next((sheet for size in stock if _placed(sheet := _empty(size, ask), turns, ask)), None)
             if new is None:
                 a, b = turns[0].size
                 raise PatternError(
-                    f"part {turns[0].part.id} is {a:.3g} x {b:.3g} m and fits on no sheet of the stock with {gap:g} m "
-                    "to its edges; give a larger workshop.stock"
+                    f"part {turns[0].part.id} is {a:.3g} x {b:.3g} m and fits on no sheet of the stock with "
+                    f"{ask.gap:g} m to its edges; give a larger workshop.stock"
                 )
             opened.append(new)
     return [NestedSheet(sheet.size, tuple(sheet.parts)) for sheet in opened]
 
 
-def _empty(size: tuple[float, float], gap: float, step: float) -> _Open:
-    columns = int(np.ceil((size[0] - gap) / step))  # the last one may be beyond the edge, where no part is put
-    return _Open(size, np.full(columns, gap / 2))
+def _empty(size: tuple[float, float], ask: _Raster) -> _Open:
+    columns = int(np.ceil((size[0] - ask.gap) / ask.step))  # the last one may be beyond the edge, where no part is put
+    return _Open(size, np.full(columns, ask.gap / 2), size[0] * size[1])
 
 
-def _placed(sheet: _Open, turns: list[_Shape], gap: float, step: float) -> bool:
+def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
     """Whether a part found room on a sheet, in one of its turns; there it is then."""
     best: tuple[float, float, int, _Shape] | None = None
-    top = sheet.size[1] - gap / 2
+    gap, step, top = ask.gap, ask.step, sheet.size[1] - ask.gap / 2
+    if sheet.left < turns[0].part.area:
+        return False
     for shape in turns:
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.skyline.min() + shape.size[1] + gap > top + step:
@@ -156,38 +170,49 @@ def _placed(sheet: _Open, turns: list[_Shape], gap: float, step: float) -> bool:
     sheet.skyline[columns] = np.maximum(sheet.skyline[columns], rise_at + shape.upper)
     left = gap / 2 + at * step + gap / 2
     shift = left - float(shape.low[0]), rise_at - float(shape.low[1])
+    sheet.left = float(sheet.size[0] * top - step * sheet.skyline.sum())
     sheet.parts.append(NestedPart(shape.part, shape.turn, shift))
     return True
 
 
-def _shapes(part: FlatPart, gap: float, step: float, boxes: bool) -> list[_Shape]:
-    """A part along the sheet and turned round, and the same across it."""
-    found = []
-    for turn in (0.0, np.pi, np.pi / 2, -np.pi / 2):
+def _shapes(part: FlatPart, ask: _Raster, boxes: bool) -> list[_Shape]:
+    """A part along the sheet and turned round, and across it where it is short enough; of a box two turns are two."""
+    found = list[_Shape]()
+    for turn in (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2):
         outline = part.moved(turn, np.zeros(2)).outline
         low, size = outline.min(axis=0), np.ptp(outline, axis=0)
-        if boxes:
-            outline = low + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size
-        lower, upper = _columns(outline - low, size, gap / 2, step)
+        if found and size[1] > ask.tallest:
+            break
+        lower, upper = _box_columns(size, ask) if boxes else _columns(outline - low, size, ask)
         found.append(_Shape(part, turn, low, size, lower, upper))
-    return found[::2] if boxes else found
+    return found
 
 
-def _columns(outline: Floats, size: Floats, reach: float, step: float) -> tuple[Floats, Floats]:
-    """(k,) each: the lowest and the highest that a polygon (q, 2) comes in columns from -reach on, and `reach` more.
+def _count(size: Floats, ask: _Raster) -> int:
+    return int(np.ceil((size[0] + ask.gap) / ask.step - NEAR))
 
-    Within a distance of `reach` of a convex piece of the outline: its ends moved by 16 vectors around a circle that is
-    as much larger as its corners are outside.
+
+def _box_columns(size: Floats, ask: _Raster) -> tuple[Floats, Floats]:
+    """(k,) each: the lower and the upper edge of a box (2,), half of the gap beyond it."""
+    k = _count(size, ask)
+    return np.full(k, -ask.gap / 2), np.full(k, size[1] + ask.gap / 2)
+
+
+def _columns(outline: Floats, size: Floats, ask: _Raster) -> tuple[Floats, Floats]:
+    """(k,) each: the lowest and the highest that a polygon (q, 2) comes in columns, half of the gap beyond it.
+
+    Its sides are moved by `AROUND` vectors around a circle, so much larger that its chords are outside of the true one.
     """
-    angle = np.arange(16) * np.pi / 8
-    circle = reach / np.cos(np.pi / 16) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    count = int(np.ceil((size[0] + 2 * reach) / step - NEAR))
+    reach = ask.gap / 2
+    angle = np.arange(AROUND) * 2 * np.pi / AROUND
+    circle = reach / np.cos(np.pi / AROUND) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    count = _count(size, ask)
     lower, upper = np.full(count, np.inf), np.full(count, -np.inf)
     a, b = outline, np.roll(outline, -1, axis=0)
-    corner = np.arange(count + 1) * step - reach
-    for move in circle:
-        p, q = a + move, b + move
-        _span(lower, upper, corner, np.where(p[:, :1] <= q[:, :1], p, q), np.where(p[:, :1] <= q[:, :1], q, p))
+    p, q = (np.asarray((x[None] + circle[:, None]).reshape(-1, 2), dtype=np.float64) for x in (a, b))
+    ahead = p[:, :1] <= q[:, :1]
+    corner = np.arange(count + 1, dtype=np.float64) * ask.step - reach
+    _span(lower, upper, corner, np.where(ahead, p, q), np.where(ahead, q, p))
     return lower, upper
 
 

@@ -1,4 +1,4 @@
-"""`WorkshopPlan`: everything that a workshop needs of a design: its parts, their sheets, and what is to be known first."""
+"""`WorkshopPlan`: what a workshop needs of a design: its parts, their sheets, and what is to be known first."""
 
 from collections import Counter
 from dataclasses import dataclass

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, Ints
 from dsfab.slicing import cut
 from dsfab.surface import Surface
 from dsfab.workshop.parts import LABEL, FlatPart, label, polygon_area
@@ -52,7 +52,7 @@ def in_plane(surface: Surface) -> Floats:
     return np.asarray(surface.V @ np.stack([x, np.cross(normal, x)], axis=1))
 
 
-def _parts(divided: Surface, cells: Floats, name: str) -> list[FlatPart]:
+def _parts(divided: Surface, cells: Ints, name: str) -> list[FlatPart]:
     """The connected parts of some cells (c,)."""
     used, F = np.unique(divided.F[cells], return_inverse=True)
     piece = Surface(divided.V[used], F.reshape(-1, 3))
