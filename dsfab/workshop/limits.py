@@ -55,8 +55,8 @@ class StripLimits:
         elif self.bending > self.limit:
             found.append(
                 f"NOT POSSIBLE: {how}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at which the "
-                f"strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set workshop.thickness "
-                f"to {1000 * self.thickest:.2g} mm or less, with more layers if they are to be as stiff"
+                f"strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set "
+                f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
             found.append(f"{how}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent")

@@ -78,11 +78,15 @@ class _Raster:
 
 @dataclass(eq=False)
 class _Open:
-    """A sheet that is being filled: the height (k,) up to which each column is taken, and the area that is left."""
+    """A sheet that is being filled: the height (k,) up to which each column is taken, and the area that is left.
+
+    refused : length, width and area of parts that found no room: larger ones are not tried again.
+    """
 
     size: tuple[float, float]
     skyline: Floats
     left: float
+    refused: list[tuple[float, float, float]] = field(default_factory=list)
     parts: list[NestedPart] = field(default_factory=list)
 
 
@@ -147,7 +151,8 @@ def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
     """Whether a part found room on a sheet, in one of its turns; there it is then."""
     best: tuple[float, float, int, _Shape] | None = None
     gap, step, top = ask.gap, ask.step, sheet.size[1] - ask.gap / 2
-    if sheet.left < turns[0].part.area:
+    a, b, area = *turns[0].size.tolist(), turns[0].part.area
+    if sheet.left < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
     for shape in turns:
         k = len(shape.lower)
@@ -164,6 +169,7 @@ def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
         if np.isfinite(score[at]) and (best is None or score[at] < best[0] - NEAR):
             best = float(score[at]), float(rise[at]), at, shape
     if best is None:
+        sheet.refused.append((a, b, area))
         return False
     _, rise_at, at, shape = best
     columns = slice(at, at + len(shape.lower))

@@ -1,6 +1,7 @@
 """`FlatPart`: a piece to cut from a sheet, with its holes, its openings and what is engraved on it. Metres."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -56,7 +57,7 @@ class FlatPart:
         for name in ("slots", "marks"):
             object.__setattr__(self, name, tuple(locked(x, np.float64, (None, 2)) for x in getattr(self, name)))
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Square metres, without its openings."""
         return polygon_area(self.outline) - sum(abs(polygon_area(slot)) for slot in self.slots)
