@@ -17,6 +17,8 @@ from dsfab.workshop.course import StripCourse
 
 STEPS = 4
 """Newton steps to a place beside an axis."""
+EXACT = 1e-9
+"""Metres along an axis that such a place may be off."""
 SAGITTA = 2e-5
 """Metres that a chord of an outline may be off its arc."""
 
@@ -88,6 +90,8 @@ class Development:
             y = float((on - P) @ B)
             step = float(np.interp(s, self.course.s, self.speed)) - y * self._bend(s)
             s += float((on - P) @ T) / step
+            if abs((on - P) @ T) < EXACT:
+                break
         return s, y
 
     def outline(self, begin: float, end: float) -> Floats:
@@ -98,10 +102,14 @@ class Development:
 
     def stations(self, begin: float, end: float) -> Floats:
         """(k,) arc lengths from one to another, so near to each other that chords are as good as arcs."""
-        bend = np.abs(np.gradient(self.angle, self.length)).max(initial=1e-9)
         most = float(np.diff(self.course.s).max())
-        count = int(np.ceil((end - begin) / min(most, np.sqrt(8 * SAGITTA / bend)))) + 1
+        count = int(np.ceil((end - begin) / min(most, np.sqrt(8 * SAGITTA / self._largest_bend)))) + 1
         return np.linspace(begin, end, max(count, 2))
+
+    @cached_property
+    def _largest_bend(self) -> float:
+        """The largest |kg_h|, 1/m."""
+        return float(np.abs(np.gradient(self.angle, self.length)).max(initial=1e-9))
 
     def _bend(self, s: float) -> float:
         """kg_h ds_h / ds there, 1/m."""

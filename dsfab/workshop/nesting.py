@@ -2,11 +2,11 @@
 
 A part is known by its lower and its upper edge in narrow columns, both widened by half of the gap all around: wherever
 two such shapes do not overlap, the parts are a gap apart. The columns take the extreme values within them, so that they
-never take less room than there is. The same parts by their boxes, and several orders, are tried too: the fewest sheets
-win, so boxes never need fewer.
+never take less room than there is. The same parts by their boxes are tried too, and each size of stock first: the
+fewest square metres win, so boxes never need fewer.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,9 +15,9 @@ from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.workshop.parts import FlatPart
 
-COLUMN = 0.005
+COLUMN = 0.01
 """Metres; or the longest sheet over `MOST`, if that is less."""
-MOST = 600
+MOST = 250
 """Columns of a sheet."""
 AROUND = 16
 """Directions in which the outline of a part is moved by half of the gap."""
@@ -101,8 +101,8 @@ def nested(parts: Sequence[FlatPart], stock: Sequence[tuple[float, float]], gap:
     shapes = {boxes: [_shapes(part, ask, boxes) for part in parts] for boxes in (False, True)}
     for first in range(len(stock)):
         order = [stock[first], *(size for k, size in enumerate(stock) if k != first)]
-        for boxes, rank in ((False, _by_length), (False, _by_bend), (True, _by_length)):
-            tried = _filled(shapes[boxes], order, ask, rank)
+        for boxes in (False, True):
+            tried = _filled(shapes[boxes], order, ask)
             if best is None or _cost(tried) < _cost(best):
                 best = tried
     return best or []
@@ -117,19 +117,14 @@ def _by_length(shape: _Shape) -> tuple[float, ...]:
     return (-round(float(shape.size[0]), 1), -round(float(shape.size[1]), 3), -float(shape.size[0]))
 
 
-def _by_bend(shape: _Shape) -> tuple[float, ...]:
-    return (-round(float(shape.size[0]) * 4) / 4, -round(float(shape.size[1]), 2), -float(shape.size[0]))
-
-
 def _filled(
     shapes: list[list[_Shape]],
     stock: Sequence[tuple[float, float]],
     ask: _Raster,
-    rank: Callable[[_Shape], tuple[float, ...]],
 ) -> list[NestedSheet]:
     """Sheets filled in an order: each part on the first sheet that has room, where its upper edge is lowest."""
     opened = list[_Open]()
-    for turns in sorted(shapes, key=lambda some: (rank(some[0]), some[0].part.id)):
+    for turns in sorted(shapes, key=lambda some: (_by_length(some[0]), some[0].part.id)):
         if not any(_placed(sheet, turns, ask) for sheet in opened):
             new = next((sheet for size in stock if _placed(sheet := _empty(size, ask), turns, ask)), None)
             if new is None:

@@ -11,7 +11,7 @@ from dsfab.workshop.parts import polygon_area
 
 SHORTEST = 0.3
 """A piece is not made shorter than this share of the longest possible one, if it can be avoided."""
-HALVINGS = 24
+HALVINGS = 14
 """Of the length between a piece that fits and one that does not."""
 
 
