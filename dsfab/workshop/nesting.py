@@ -146,7 +146,7 @@ def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
     """Whether a part found room on a sheet, in one of its turns; there it is then."""
     best: tuple[float, float, int, _Shape] | None = None
     gap, step, top = ask.gap, ask.step, sheet.size[1] - ask.gap / 2
-    a, b, area = *turns[0].size.tolist(), turns[0].part.area
+    a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.left < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
     for shape in turns:
