@@ -1,6 +1,9 @@
 """The workshop: nests whose gaps shapely measures, plates, sheets, limits in numbers, the command and its files."""
 
 import csv
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -232,6 +235,21 @@ def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_pa
     layers, parts = drawn(tmp_path / "one" / "nest.dxf")
     assert set(layers) == {"STOCK", "CUT", "HOLES", "ENGRAVE"}
     assert parts == sum(int(row["count"]) for row in rows)
+
+
+def test_a_drawing_has_the_same_bytes_in_another_process():
+    """ezdxf keeps classes in a set, whose order is another one in each process."""
+    code = (
+        "import sys, hashlib, numpy as np; from dsfab.export import FlatDrawing, FlatLine, flat_dxf; "
+        "line = FlatLine('CUT', np.eye(2), True); "
+        "print(hashlib.sha256(flat_dxf(FlatDrawing('x', (line,)))).hexdigest())"
+    )
+    found = set()
+    for seed in "123":
+        environment = {**os.environ, "PYTHONHASHSEED": seed}
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+        found.add(done.stdout)
+    assert len(found) == 1
 
 
 def drawn(path):

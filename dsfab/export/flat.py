@@ -82,6 +82,8 @@ def flat_dxf(drawing: FlatDrawing) -> bytes:
         for circle in drawing.circles:
             middle = tuple(round(MM_PER_M * x, 6) + 0.0 for x in circle.at)
             space.add_circle(middle, MM_PER_M * circle.diameter / 2, dxfattribs={"layer": circle.layer})
+        document.classes.add_required_classes(document.dxfversion)
+        document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
         text = io.StringIO()
         document.write(text)
     return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
