@@ -245,7 +245,7 @@ def test_a_drawing_has_the_same_bytes_in_another_process():
         "print(hashlib.sha256(flat_dxf(FlatDrawing('x', (line,)))).hexdigest())"
     )
     found = set()
-    for seed in "123":
+    for seed in "347":
         environment = {**os.environ, "PYTHONHASHSEED": seed}
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
         found.add(done.stdout)
