@@ -19,6 +19,7 @@ from dsfab.pattern import JUMP, Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, follow_weights, judged_names
 from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
+from dsfab.preset_workshop import Workshop
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
 from dsfab.surface import (
     Combination,
@@ -453,6 +454,7 @@ class Preset(Section):
     slicing: Slicing = Slicing()
     thickening: Thickening = Thickening()
     fabrication: Fabrication = Fabrication()
+    workshop: Workshop = Workshop()
     export: Export = Export()
 
     def __init__(

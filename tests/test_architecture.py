@@ -9,11 +9,13 @@ statics  diffusion  pattern   slicing   thickening ──► export
     preset_errors ─► preset ─► preset_file ─► proposal    │
                   ▼                                       │
     members ─► pipeline ──► delivery ──► study ──► render ──► report ──► app
+                  └──────► workshop ──────────────────────────────────────►┘
 
 members: the graph of named parts, on the finished sheet; it knows slicing and no other stage. preset_list: what lies in
 presets/, unchecked; it needs errors alone. proposal: a preset for a mesh of the user's own. delivery: what of a design
 goes into which file. study: questions about designs. render: everything that draws and knows no command. report: pages,
-charts and folders for people. app: one file for each command, and the editor.
+charts and folders for people. workshop: flat parts of the members, nested on stock, as drawings. app: one file for each
+command, and the editor.
 """
 
 import ast
@@ -69,7 +71,8 @@ ALLOWED: dict[str, set[str]] = {
     "preset_errors": GROUND | {"pattern", "surface", "thickening"},
     "preset_surface": GROUND | {"preset_errors", "preset_list", "surface"},
     "preset_material": GROUND | {"materials"},
-    "preset": GROUND | {"surface", "preset_cases", "preset_material", "preset_surface"} | STAGES,
+    "preset_workshop": GROUND | {"preset_surface"},
+    "preset": GROUND | {"surface", "preset_cases", "preset_material", "preset_surface", "preset_workshop"} | STAGES,
     "preset_file": GROUND
     | {"materials", "preset", "preset_errors", "preset_list", "preset_material", "preset_surface"},
     "proposal": GROUND | {"materials", "surface", "preset", "preset_file"},
@@ -77,6 +80,7 @@ ALLOWED: dict[str, set[str]] = {
     "members": GROUND | {"surface", "results", "slicing"},
     "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members"} | STAGES,
     "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "members", "export", "pipeline"} | STAGES,
+    "workshop": GROUND | {"surface", "slicing", "preset", "preset_workshop", "members", "export", "pipeline"},
     "study": GROUND
     | {"surface", "preset", "preset_list", "preset_surface", "preset_file", "results", "pipeline"}
     | {"export", "delivery"}
@@ -91,7 +95,7 @@ ALLOWED: dict[str, set[str]] = {
     "app": GROUND
     | {"materials", "surface", "preset", "preset_file", "preset_list", "proposal"}
     | {"results", "pipeline", "export"}
-    | {"delivery", "study", "render", "report"}
+    | {"delivery", "study", "render", "report", "workshop"}
     | STAGES,
 }
 """Each part of dsfab, and the parts it may import besides itself."""
@@ -108,7 +112,7 @@ HOME = {
     "vtk": {"render"},
     "vtkmodules": {"render"},
     "trimesh": {"surface", "export"},
-    "pydantic": {"preset", "preset_surface", "preset_errors", "preset_file", "study", "surface"},
+    "pydantic": {"preset", "preset_workshop", "preset_surface", "preset_errors", "preset_file", "study", "surface"},
     "gmsh": {"study"},
     "skfem": {"study"},
     "cyclopts": {"app"},

@@ -48,7 +48,7 @@ def test_a_complete_preset_written_and_read_again_is_the_same(name, tmp_path):
     assert again == preset
     assert again.first_difference(preset) is None
     written = tomllib.loads(file.read_text())
-    assert set(written) == {"name", "description", "fabrication", *STAGES}, "defaults are written out"
+    assert set(written) == {"name", "description", "fabrication", "workshop", *STAGES}, "defaults are written out"
 
 
 def test_a_shipped_preset_by_path_is_the_one_by_name():

@@ -117,7 +117,7 @@ def test_the_table_of_materials_is_that_of_dsfab():
 
 
 def test_the_preset_of_the_readme_builds(tmp_path):
-    text, combined, steered, drawn = blocks("toml")
+    text, combined, steered, drawn, workshop = blocks("toml")
     (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
     design = dsfab.run(dsfab.load_preset(tmp_path / "canopy.toml"))
     assert len(design.slicing.pieces) == 1
@@ -130,6 +130,8 @@ def test_the_preset_of_the_readme_builds(tmp_path):
     more = {f"pattern.{key}": value for key, value in tomllib.loads(steered)["pattern"].items()}
     guided = dsfab.revise(design, dsfab.load_preset(tmp_path / "canopy.toml", more))
     assert len(guided.preset.pattern.guide) == 2
+    cut = {f"workshop.{key}": value for key, value in tomllib.loads(workshop)["workshop"].items()}
+    assert dsfab.load_preset(tmp_path / "canopy.toml", cut).workshop.thickness == 0.012
     assert any("guides break the rest" in note.text for note in guided.notes)
     assert len(guided.slicing.pieces) == 1
 

@@ -74,8 +74,8 @@ def export(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote: what is
         kept there is not made again, unless --set or an edit of its preset.toml changes the design.
     """
-    given, folder = _source(preset, source.also(*step.overrides()))
-    reporter, built = Reporter(quiet), _built(preset, given)
+    given, folder = source_of(preset, source.also(*step.overrides()))
+    reporter, built = Reporter(quiet), built_design(preset, given)
     if step.estimate:
         return estimate_step(given, reporter, built)
     ask = _asked(to, output, folder, given.name, sheet)
@@ -116,7 +116,7 @@ def offered_formats() -> list[dict[str, str]]:
     return [*offered, {"format": CALCULIX, "group": "a check", "missing": ""}]
 
 
-def _source(name: str, source: Source) -> tuple["Preset", Path]:
+def source_of(name: str, source: Source) -> tuple["Preset", Path]:
     """The preset, and the folder its files go to: the folder that was named, or that of `dsfab build`."""
     if folder := built_folder(name):
         return source.read(str(folder / "preset.toml")), folder
@@ -124,7 +124,7 @@ def _source(name: str, source: Source) -> tuple["Preset", Path]:
     return given, Path("outputs") / given.name
 
 
-def _built(name: str, given: "Preset") -> "Design | None":
+def built_design(name: str, given: "Preset") -> "Design | None":
     """What the folder that was named holds of such a design, which is then not made again."""
     from dsfab.delivery.archive import read_archive
 

@@ -2,6 +2,7 @@
 
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate
+from dsfab.export.flat import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf, flat_dxf, flat_svg
 from dsfab.export.folder import complete, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
@@ -13,9 +14,15 @@ __all__ = [
     "STEP_FACES",
     "Details",
     "Estimate",
+    "FlatCircle",
+    "FlatDrawing",
+    "FlatLine",
     "StepOptions",
     "Written",
+    "check_flat_dxf",
     "complete",
+    "flat_dxf",
+    "flat_svg",
     "meanwhile",
     "replacing",
     "step_estimates",

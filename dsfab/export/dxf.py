@@ -42,7 +42,7 @@ def prepare(part: Part) -> Part:
 
 def encode(part: Part) -> Iterator[bytes]:
     """The drawing as text; no date and no random identifier in it."""
-    with _same_bytes():
+    with same_bytes():
         import ezdxf
 
         document = ezdxf.new("R2010", setup=["linetypes"])
@@ -118,7 +118,7 @@ def _layer(document: Any, line: StructureLine, prefix: str = "") -> str:
 
 
 @contextmanager
-def _same_bytes() -> Iterator[None]:
+def same_bytes() -> Iterator[None]:
     """ezdxf writes dates and random identifiers unless told not to."""
     import ezdxf
 

@@ -7,8 +7,8 @@ overlaps, nodes            where members cross, and what they end at       order
 graph, assembly            all of it together: `Design.members`
 """
 
-from dsfab.members.assembly import member_graph
+from dsfab.members.assembly import member_graph, spherical_normals
 from dsfab.members.axis import MemberAxis
 from dsfab.members.graph import Member, MemberGraph, Node
 
-__all__ = ["Member", "MemberAxis", "MemberGraph", "Node", "member_graph"]
+__all__ = ["Member", "MemberAxis", "MemberGraph", "Node", "member_graph", "spherical_normals"]

@@ -10,7 +10,7 @@ from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.formats.ply import ply_chunks
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
-from dsfab.surface.lines import chains
+from dsfab.surface.lines import chains, simplified_line
 from dsfab.surface.load_parts import LoadParts
 from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
 from dsfab.surface.mend import MendedMesh, mended
@@ -120,6 +120,7 @@ __all__ = [
     "self_contained",
     "signed_volume",
     "signed_volumes",
+    "simplified_line",
     "spanned_edges",
     "support_names",
     "surface_in_file",

@@ -1,0 +1,137 @@
+"""Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
+
+Nothing but LWPOLYLINE and CIRCLE, which every cutting program reads; letters are polylines too. The same drawing gives
+the same bytes.
+"""
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.arrays import Floats, lock
+from dsfab.errors import ExportError
+from dsfab.export.dxf import same_bytes
+from dsfab.export.text import one_line
+from dsfab.units import MM_PER_M
+
+COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "AXIS": 9}
+"""Of the AutoCAD palette, by layer: grey, red, blue, magenta, green, light grey."""
+STROKES = {"STOCK": "#888", "CUT": "#c00", "HOLES": "#00c", "SLOTS": "#c0c", "ENGRAVE": "#080", "AXIS": "#bbb"}
+"""The same for SVG."""
+HAIR = 0.001
+"""Width of a line over the longer side of an SVG drawing."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlatLine:
+    """A polyline through points (k, 2), metres, or a closed one: its last point is not its first one again."""
+
+    layer: str
+    points: Floats
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        lock(self, "points", np.float64, (None, 2))
+
+
+@dataclass(frozen=True)
+class FlatCircle:
+    """A circle about a middle, with a diameter, metres."""
+
+    layer: str
+    at: tuple[float, float]
+    diameter: float
+
+
+@dataclass(frozen=True)
+class FlatDrawing:
+    """What is drawn, under a title."""
+
+    title: str
+    lines: tuple[FlatLine, ...]
+    circles: tuple[FlatCircle, ...] = ()
+
+    @property
+    def layers(self) -> list[str]:
+        """Names of the layers in the order of `COLOURS`."""
+        used = {line.layer for line in self.lines} | {circle.layer for circle in self.circles}
+        return [name for name in COLOURS if name in used]
+
+
+def flat_dxf(drawing: FlatDrawing) -> bytes:
+    """A drawing as a DXF file; no date and no random identifier in it."""
+    with same_bytes():
+        import ezdxf
+
+        document = ezdxf.new("R2010")
+        document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1
+        document.header.custom_vars.append("program", f"dsfab {__version__}")
+        document.header.custom_vars.append("unit", "millimetre")
+        document.header.custom_vars.append("title", one_line(drawing.title))
+        for name in drawing.layers:
+            document.layers.add(name, color=COLOURS[name])
+        space = document.modelspace()
+        for line in drawing.lines:
+            points = (MM_PER_M * line.points).round(6) + 0.0
+            space.add_lwpolyline(points.tolist(), close=line.closed, dxfattribs={"layer": line.layer})
+        for circle in drawing.circles:
+            middle = tuple(round(MM_PER_M * x, 6) + 0.0 for x in circle.at)
+            space.add_circle(middle, MM_PER_M * circle.diameter / 2, dxfattribs={"layer": circle.layer})
+        document.classes.add_required_classes(document.dxfversion)
+        document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
+        text = io.StringIO()
+        document.write(text)
+    return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
+
+
+def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
+    """Raises ExportError unless a file reads back with as many lines and circles as a drawing has, in millimetres."""
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    found = [entity.dxftype() for entity in document.modelspace()]
+    there = found.count("LWPOLYLINE"), found.count("CIRCLE")
+    if there != (len(drawing.lines), len(drawing.circles)) or document.header["$INSUNITS"] != 4:
+        raise ExportError(f"the drawing {drawing.title!r} reads back different; use the .svg files instead")
+
+
+def flat_svg(drawing: FlatDrawing) -> bytes:
+    """A drawing as SVG at full size, its layers as groups for Inkscape."""
+    return "".join(_svg(drawing)).encode()
+
+
+def _svg(drawing: FlatDrawing) -> Iterator[str]:
+    points = np.concatenate([line.points for line in drawing.lines]) * MM_PER_M
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.02 * float((high - low).max())
+    (w, h), hair = high - low + 2 * margin, HAIR * float((high - low).max())
+    shift = np.array([margin - low[0], high[1] + margin])
+    yield (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg" '
+        'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
+        f'width="{w:.3f}mm" height="{h:.3f}mm" viewBox="0 0 {w:.3f} {h:.3f}">\n'
+        f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
+    )
+    for name in drawing.layers:
+        style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {hair:.3f}; stroke-linejoin: round"
+        yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'
+        yield from _svg_layer(drawing, name, shift)
+        yield "</g>\n"
+    yield "</svg>\n"
+
+
+def _svg_layer(drawing: FlatDrawing, name: str, shift: Floats) -> Iterator[str]:
+    for line in drawing.lines:
+        if line.layer == name:
+            places = MM_PER_M * line.points * [1, -1] + shift
+            path = " ".join(f"{x:.3f},{y:.3f}" for x, y in (places + 0.0).tolist())
+            yield f'<path d="M{path}{"Z" if line.closed else ""}"/>\n'
+    for circle in drawing.circles:
+        if circle.layer == name:
+            x, y = MM_PER_M * np.array(circle.at) * [1, -1] + shift
+            yield f'<circle cx="{x:.3f}" cy="{y:.3f}" r="{MM_PER_M * circle.diameter / 2:.3f}"/>\n'

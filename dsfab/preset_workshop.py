@@ -1,0 +1,46 @@
+"""[workshop]: what the flat parts of a design are cut from, and how they are joined."""
+
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Gt
+from pydantic import field_validator
+
+from dsfab.preset_surface import Section
+
+Route = Literal["auto", "strips", "sheet"]
+StockSize = tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)]]
+
+
+class Workshop(Section):
+    """[workshop]: flat parts for `dsfab workshop`. The design itself is not changed by it."""
+
+    route: Route = "auto"
+    """strips: members lie flat in the surface, in bolted layers; sheet: a flat design as it is, in pieces of the size
+    of the stock; auto: sheet where the design is flat, else strips."""
+    stock: tuple[StockSize, ...] = ((2.5, 1.25),)
+    """Metres; length and width of the sheets to cut from, of one size or of several."""
+    thickness: Annotated[float, Ge(0)] = 0.0
+    """Metres; of one layer. 0: that of [statics], shared out to the layers."""
+    layers: Literal[2, 4] = 2
+    """strips: how many lie on each other where two members cross; of 2 each member is in one, of 4 in two."""
+    bolt: Annotated[float, Gt(0)] = 0.012
+    """Metres; diameter of the bolts, and of their holes."""
+    gap: Annotated[float, Ge(0)] = 0.008
+    """Metres between parts on the stock, and from its edge: room for the cutter."""
+    splice: Literal["cover", "none"] = "cover"
+    """How members that are longer than the stock go on: with a bolted cover plate, or just butted."""
+
+    @field_validator("stock", mode="before")
+    @classmethod
+    def _one_or_several(cls, given: Any) -> Any:
+        """One size may be written without the brackets of a list."""
+        if isinstance(given, list | tuple) and len(given) == 2 and all(isinstance(x, int | float) for x in given):
+            return (tuple(given),)
+        return given
+
+    @field_validator("stock")
+    @classmethod
+    def _some(cls, stock: tuple[StockSize, ...]) -> tuple[StockSize, ...]:
+        if not stock:
+            raise ValueError("no sheet to cut from; give length and width in metres, for instance [2.5, 1.25]")
+        return tuple((max(size), min(size)) for size in stock)

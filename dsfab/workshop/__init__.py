@@ -1,0 +1,40 @@
+"""The workshop: members as flat parts to cut from sheets, with bolts, splices and names, nested on the stock.
+
+course, development   an axis laid open, and a layer over it rolled out    layering   which family lies how high
+strips, splices       parts of lying strips                                plates, sheet   discs; flat designs
+parts, letters        what is cut and engraved                             limits     what can be bent and drilled
+nesting               parts on sheets                                      plan       all of it: `workshop_plan`
+drawings, files       what a workshop opens
+"""
+
+from dsfab.workshop.course import StripCourse, member_course
+from dsfab.workshop.development import Development
+from dsfab.workshop.files import cut_list, write_workshop
+from dsfab.workshop.layering import Layering
+from dsfab.workshop.limits import StripLimits, strip_limits
+from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
+from dsfab.workshop.parts import FlatPart, Hole
+from dsfab.workshop.plan import WorkshopPlan, workshop_plan
+from dsfab.workshop.sheet import sheet_parts
+from dsfab.workshop.strips import StripParts, strip_parts
+
+__all__ = [
+    "Development",
+    "FlatPart",
+    "Hole",
+    "Layering",
+    "NestedPart",
+    "NestedSheet",
+    "StripCourse",
+    "StripLimits",
+    "StripParts",
+    "WorkshopPlan",
+    "cut_list",
+    "member_course",
+    "nested",
+    "sheet_parts",
+    "strip_limits",
+    "strip_parts",
+    "workshop_plan",
+    "write_workshop",
+]

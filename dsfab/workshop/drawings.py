@@ -1,0 +1,62 @@
+"""Parts as drawings: what is cut, drilled and engraved, each on its own layer."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.export import FlatCircle, FlatDrawing, FlatLine
+from dsfab.surface import simplified_line
+from dsfab.workshop.letters import strokes
+from dsfab.workshop.parts import FlatPart
+from dsfab.workshop.plan import WorkshopPlan
+
+TOLERANCE = 2e-5
+"""Metres that a drawn outline may be off the part's."""
+BETWEEN = 1.15
+"""From sheet to sheet on the drawing of all, over the longest one."""
+TITLE = 0.06
+"""Height of the number of a sheet, metres."""
+
+
+def part_drawing(part: FlatPart) -> FlatDrawing:
+    """A part alone, with its middle line on a layer of its own, AXIS, which is not to be cut."""
+    axis = [FlatLine("AXIS", part.axis)] if len(part.axis) else []
+    return FlatDrawing(part.id, (*part_lines(part), *axis), part_circles(part))
+
+
+def part_lines(part: FlatPart) -> Iterator[FlatLine]:
+    """Outline, openings and engraved lines of a part."""
+    yield FlatLine("CUT", _closed(part.outline), closed=True)
+    yield from (FlatLine("SLOTS", _closed(slot), closed=True) for slot in part.slots)
+    yield from (FlatLine("ENGRAVE", mark) for mark in part.marks)
+
+
+def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
+    """The holes of a part."""
+    return tuple(FlatCircle("HOLES", (float(h.at[0]), float(h.at[1])), h.diameter) for h in part.holes)
+
+
+def _closed(P: Floats) -> Floats:
+    """(k, 2) corners of a closed polygon, without those that lie on a line with others."""
+    space: Sequence[Floats] = (P, P[:1])
+    return simplified_line(np.pad(np.concatenate(space), ((0, 0), (0, 1))), TOLERANCE)[:-1, :2]
+
+
+def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
+    """All sheets of a plan, from left to right in rows, each with its number above it."""
+    lines, circles = list[FlatLine](), list[FlatCircle]()
+    wide = max(sheet.size[0] for sheet in plan.sheets) * BETWEEN
+    high = max(sheet.size[1] for sheet in plan.sheets) * BETWEEN
+    across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
+    for k, sheet in enumerate(plan.sheets):
+        origin = np.array([k % across * wide, -(k // across) * high])
+        frame = origin + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size
+        lines.append(FlatLine("STOCK", frame, closed=True))
+        title = f"SHEET {k + 1}" if len(plan.sheets) > 1 else "SHEET"
+        lines += [FlatLine("STOCK", mark + frame[3] + [0.0, TITLE / 2]) for mark in strokes(title, TITLE)]
+        for nested in sheet.parts:
+            part = nested.placed.moved(0.0, origin)
+            lines += part_lines(part)
+            circles += part_circles(part)
+    return FlatDrawing(name, tuple(lines), tuple(circles))

@@ -1,0 +1,140 @@
+"""`FlatPart`: a piece to cut from a sheet, with its holes, its openings and what is engraved on it. Metres."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from dsfab.arrays import Floats, lock, locked
+from dsfab.workshop.letters import strokes
+
+SAME = 2e-4
+"""Metres within which the corners and holes of parts agree that are one part, cut several times."""
+LABEL, SMALL = 0.02, 0.008
+"""Heights of the names of parts and of nodes, metres; less on narrow parts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hole:
+    """A round hole: its middle (2,) and its diameter, metres; `bolt` names the node or the splice that it is for."""
+
+    at: Floats
+    diameter: float
+    bolt: str
+
+    def __post_init__(self) -> None:
+        lock(self, "at", np.float64, (2,))
+
+
+@dataclass(frozen=True, eq=False)
+class FlatPart:
+    """A part as it is cut, seen from the side to which the normals of the surface point.
+
+    id      : "A07.2" is the second piece of member A07; "A07.c1" the cover plate of its first splice.
+    member  : its name; "" for pieces of a sheet.
+    span    : from where to where along its axis, metres; (0, 0) for what has none.
+    outline : (k, 2) corners, counter-clockwise.    slots : (k, 2) closed cuts within it, each.
+    holes   : for bolts.                            marks : (k, 2) lines to engrave, each.
+    layer   : height of its middle over the surface, metres.
+    strain  : the largest that building it takes, with that of bending.
+    axis    : (k, 2) the middle line, not to be cut; (0, 2) where it has none.
+    """
+
+    id: str
+    member: str
+    span: tuple[float, float]
+    outline: Floats
+    holes: tuple[Hole, ...] = ()
+    slots: tuple[Floats, ...] = ()
+    marks: tuple[Floats, ...] = ()
+    layer: float = 0.0
+    strain: float = 0.0
+    axis: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def __post_init__(self) -> None:
+        lock(self, "outline", np.float64, (None, 2))
+        lock(self, "axis", np.float64, (None, 2))
+        for name in ("slots", "marks"):
+            object.__setattr__(self, name, tuple(locked(x, np.float64, (None, 2)) for x in getattr(self, name)))
+
+    @cached_property
+    def area(self) -> float:
+        """Square metres, without its openings."""
+        return polygon_area(self.outline) - sum(abs(polygon_area(slot)) for slot in self.slots)
+
+    @property
+    def size(self) -> Floats:
+        """(2,) length and width of the box around it, metres."""
+        return np.asarray(np.ptp(self.outline, axis=0))
+
+    def moved(self, turn: float, shift: Floats) -> "FlatPart":
+        """Turned by an angle, radians, then shifted by (2,) metres."""
+        c, s = np.cos(turn), np.sin(turn)
+        R = np.array([[c, s], [-s, c]])
+        return replace(
+            self,
+            outline=self.outline @ R + shift,
+            holes=tuple(Hole(hole.at @ R + shift, hole.diameter, hole.bolt) for hole in self.holes),
+            slots=tuple(x @ R + shift for x in self.slots),
+            marks=tuple(x @ R + shift for x in self.marks),
+            axis=self.axis @ R + shift,
+        )
+
+    def lying(self) -> "FlatPart":
+        """With its longer direction along x, its middle at the origin: how it lies on a drawing and on the stock."""
+        line = self.axis if len(self.axis) > 1 else longest_direction(self.outline)
+        way = line[-1] - line[0]
+        part = self.moved(-float(np.arctan2(way[1], way[0])), np.zeros(2))
+        return part.moved(0.0, -(part.outline.min(axis=0) + part.outline.max(axis=0)) / 2)
+
+
+def polygon_area(P: Floats) -> float:
+    """Of a closed polygon with corners (k, 2), positive if it runs counter-clockwise [shoelace formula]."""
+    x, y = P.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def longest_direction(P: Floats) -> Floats:
+    """(2, 2) the beginning and the end of a line along the direction in which points (k, 2) reach farthest."""
+    middle = P.mean(axis=0)
+    way = np.linalg.svd(P - middle, full_matrices=False)[2][0]
+    way = way if way[np.abs(way).argmax()] > 0 else -way
+    return np.stack([middle, middle + way])
+
+
+def shape_key(part: FlatPart) -> tuple[int, int]:
+    """What parts have in common that may be one part: how many corners and holes they have."""
+    return len(part.outline), len(part.holes)
+
+
+def congruent(one: FlatPart, two: FlatPart) -> bool:
+    """Whether two parts, as they lie, are the same piece to cut, whatever is engraved; half a turn makes no
+    difference."""
+    if shape_key(one) != shape_key(two) or len(one.slots) != len(two.slots):
+        return False
+    for turned in (two, two.moved(np.pi, np.zeros(2))):
+        if _near(one.outline, turned.outline) and _near(_middles(one), _middles(turned)):
+            slots = (np.concatenate(part.slots) if part.slots else np.zeros((0, 2)) for part in (one, turned))
+            if _near(*slots):
+                return True
+    return False
+
+
+def _middles(part: FlatPart) -> Floats:
+    return np.array([hole.at for hole in part.holes]).reshape(-1, 2)
+
+
+def _near(one: Floats, two: Floats) -> bool:
+    """Whether each of points (k, 2) has one of the others (k, 2) at its place."""
+    if len(one) != len(two):
+        return False
+    away = np.linalg.norm(one[:, None] - two[None], axis=2) if len(one) else np.zeros((0, 0))
+    return bool((away.min(axis=1, initial=np.inf) < SAME).all() and (away.min(axis=0, initial=np.inf) < SAME).all())
+
+
+def label(text: str, at: Floats, angle: float, height: float) -> tuple[Floats, ...]:
+    """(k, 2) strokes of a text in the middle of (2,) metres, along an angle, radians."""
+    c, s = np.cos(angle), np.sin(angle)
+    drawn = strokes(text, height)
+    wide = max(float(line[:, 0].max()) for line in drawn)
+    return tuple((line - [wide / 2, height / 2]) @ np.array([[c, s], [-s, c]]) + at for line in drawn)

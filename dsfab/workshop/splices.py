@@ -1,0 +1,93 @@
+"""Where a strip is divided that is longer than the stock: away from its nodes, in pieces as long as can be."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.workshop.development import Development
+from dsfab.workshop.parts import polygon_area
+
+SHORTEST = 0.3
+"""A piece is not made shorter than this share of the longest possible one, if it can be avoided."""
+HALVINGS = 14
+"""Of the length between a piece that fits and one that does not."""
+
+
+@dataclass(frozen=True)
+class Cuts:
+    """Arc lengths at which a strip begins, is divided and ends; `near` counts cuts nearer to a node than was wanted."""
+
+    at: tuple[float, ...]
+    near: int
+
+
+def box(outline: Floats) -> tuple[float, float]:
+    """Length and width of the box around points (k, 2) along the line between the middles of both ends, as strips lie
+    on the stock."""
+    k = len(outline) // 2
+    begin, end = (outline[0] + outline[-1]) / 2, (outline[k - 1] + outline[k]) / 2
+    way = (end - begin) / np.linalg.norm(end - begin)
+    return float(np.ptp(outline @ way)), float(np.ptp(outline @ [-way[1], way[0]]))
+
+
+def fits_stock(outline: Floats, room: Sequence[tuple[float, float]]) -> bool:
+    """Whether a strip (k, 2) fits into one of some rectangles, lengths and widths, along or across; no strip does that
+    overlaps itself."""
+    k = len(outline) // 2
+    turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
+    if np.ptp(turns) > np.pi or polygon_area(outline) <= 0:
+        return False
+    a, b = box(outline)
+    return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
+
+
+def splice_cuts(course: tuple[float, float], nodes: Floats, clear: float, fits: Callable[[float, float], bool]) -> Cuts:
+    """Cuts of a strip from one arc length to another.
+
+    nodes : (q,) arc lengths that cuts stay away from, by `clear` metres where that is possible.
+    fits  : whether a piece from one arc length to another fits on the stock.
+    """
+    begin, end = course
+    cuts, near = [begin], 0
+    while not fits(cuts[-1], end):
+        last = cuts[-1]
+        far = _farthest(last, end, fits)
+        far = min(far, max(end - 2 * clear, (last + end) / 2))
+        least = last + SHORTEST * (far - last)
+        free = _free(nodes, clear, least, far)
+        near += free is None
+        cuts.append(_middle_of_bay(nodes, least, far) if free is None else free)
+    return Cuts((*cuts, end), near)
+
+
+def _farthest(begin: float, end: float, fits: Callable[[float, float], bool]) -> float:
+    low, high = begin, end
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if fits(begin, middle) else (low, middle)
+    return low
+
+
+def _free(nodes: Floats, clear: float, least: float, most: float) -> float | None:
+    """The largest arc length between two that is clear of all nodes."""
+    candidates = np.concatenate([[most], nodes - clear * (1 + 1e-9)])
+    candidates = candidates[(candidates >= least) & (candidates <= most)]
+    away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
+    good = candidates[away >= clear]
+    return float(good.max()) if len(good) else None
+
+
+def _middle_of_bay(nodes: Floats, least: float, most: float) -> float:
+    """The arc length between two that is farthest from all nodes."""
+    inner = nodes[(nodes > least) & (nodes < most)]
+    ends = np.concatenate([[least], inner, [most]])
+    candidates = np.concatenate([(ends[1:] + ends[:-1]) / 2, [least, most]])
+    away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
+    return float(candidates[away.argmax()])
+
+
+def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
+    """Whether the strip of a development from one arc length to another fits into one of some rectangles."""
+    return lambda begin, end: fits_stock(development.outline(begin, end), room)

@@ -1,0 +1,180 @@
+"""Flat parts of strips that lie in the surface: developed layer by layer, with holes at their nodes, and spliced."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.members import Member, MemberGraph, Node
+from dsfab.workshop.course import StripCourse, member_course
+from dsfab.workshop.development import Development
+from dsfab.workshop.layering import END, Layering
+from dsfab.workshop.parts import LABEL, SMALL, FlatPart, Hole, label
+from dsfab.workshop.splices import Cuts, splice_cuts, strip_fits
+
+STRIPS = ("strip", "stub", "rim", "band", "ring")
+"""Kinds of members that are built as strips."""
+FOLDED = 0.9
+"""A strip whose inner edge is that much shorter than its axis turns about a point: it is no strip, but a plate."""
+EDGE = 1.0
+"""A hole is made where that many bolt diameters are between its middle and the edges of its part, at least."""
+LETTERS = 0.3
+"""Height of letters over the width of a part, at most."""
+
+
+@dataclass(frozen=True)
+class StripBolt:
+    """A bolt by its name, through a point of the surface along its unit normal (3,) each, near an arc length."""
+
+    name: str
+    point: Floats
+    normal: Floats
+    s: float
+
+
+@dataclass
+class StripParts:
+    """The flat parts of all strips: pieces, and cover plates of their splices.
+
+    missing : names of nodes without a hole in a member, as its middle runs beside them.
+    near    : splices that are nearer to a node than they should be.    splices : all of them.
+    """
+
+    pieces: list[FlatPart] = field(default_factory=list)
+    covers: list[FlatPart] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    near: int = 0
+    splices: int = 0
+
+
+def is_strip(member: Member) -> bool:
+    """Whether a member is built as a strip: it has an axis, and does not turn within its own width."""
+    if member.axis is None or member.kind not in STRIPS:
+        return False
+    return float((np.abs(member.axis.kg) * member.width / 2).max()) < FOLDED
+
+
+def strip_parts(graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], covered: bool) -> StripParts:
+    """The parts of all members that are strips.
+
+    room    : lengths and widths, metres, that parts may have on the stock.
+    covered : whether splices have cover plates.
+    """
+    found = StripParts()
+    for member in graph.members:
+        if is_strip(member):
+            course = member_course(graph, member, END * layering.bolt, 2 * layering.half_cover)
+            bolts = node_bolts(graph, member, course)
+            for number in layering.numbers(member.family):
+                _Strip(graph, member, course, number, layering).into(found, bolts, room, covered)
+    return found
+
+
+def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
+    """The bolts of the nodes on a member, along its course."""
+    nodes = graph.along[member.id]
+    bolts = [StripBolt(node.id, node.point, node.normal, course.wrapped(_on(node, member))) for node in nodes]
+    return sorted(bolts, key=lambda bolt: bolt.s)
+
+
+def _on(node: Node, member: Member) -> float:
+    return node.at[node.members.index(member.id)]
+
+
+@dataclass(frozen=True)
+class _Strip:
+    """A member in one of its layers."""
+
+    graph: MemberGraph
+    member: Member
+    course: StripCourse
+    number: int
+    layering: Layering
+
+    @property
+    def name(self) -> str:
+        """'A07', or 'A07-2' in the third layer where the member is in several."""
+        several = len(self.layering.numbers(self.member.family)) > 1
+        return f"{self.member.id}-{self.number}" if several else self.member.id
+
+    def into(self, found: StripParts, bolts: list[StripBolt], room: list[tuple[float, float]], covered: bool) -> None:
+        course, layering = self.course, self.layering
+        layer = Development(course, layering.height(self.number))
+        clear = layering.half_cover + self.member.mean_width / 2
+        stations = np.array([bolt.s for bolt in bolts])
+        if course.closed and len(stations):
+            around = course.end - course.begin
+            stations = np.concatenate([stations - around, stations, stations + around])
+        cuts = splice_cuts((course.begin, course.end), stations, clear, strip_fits(layer, room))
+        joints = list(cuts.at[:-1] if course.closed else cuts.at[1:-1])
+        found.near, found.splices = found.near + cuts.near, found.splices + len(joints)
+        spliced = [list(self._splice_bolts(joint, k)) for k, joint in enumerate(joints, 1)] if covered else []
+        every = [bolt for some in spliced for bolt in some]
+        if course.closed:
+            every += [StripBolt(b.name, b.point, b.normal, b.s + course.end - course.begin) for b in every]
+        found.pieces += self._pieces(layer, cuts, bolts + every, found.missing)
+        cover = Development(course, layering.cover(self.member.family, self.number))
+        for k, (joint, some) in enumerate(zip(joints, spliced, strict=False), 1):
+            span = joint - layering.half_cover, joint + layering.half_cover
+            found.covers.append(self._part(cover, f"{self.name}.c{k}", span, some, found.missing))
+
+    def _splice_bolts(self, joint: float, number: int) -> Iterator[StripBolt]:
+        width = float(self.course.width(np.array([joint]))[0])
+        for x, y in self.layering.splice_bolts(width):
+            P, T, N = (row[0] for row in self.course.at(np.array([joint + x])))
+            yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
+
+    def _pieces(self, layer: Development, cuts: Cuts, bolts: list[StripBolt], missing: list[str]) -> list[FlatPart]:
+        spans = list(zip(cuts.at, cuts.at[1:], strict=False))
+        names = [self.name] if len(spans) == 1 else [f"{self.name}.{k}" for k in range(1, len(spans) + 1)]
+        found = []
+        for name, (begin, end) in zip(names, spans, strict=True):
+            inside = [bolt for bolt in bolts if begin <= bolt.s < end or (end == spans[-1][1] and bolt.s == end)]
+            found.append(self._part(layer, name, (begin, end), inside, missing))
+        return found
+
+    def _part(
+        self, layer: Development, name: str, span: tuple[float, float], bolts: list[StripBolt], missing: list[str]
+    ) -> FlatPart:
+        """The strip of a layer over a span, with those of the bolts that go through it well inside of its edges."""
+        course, least = self.course, EDGE * self.layering.bolt
+        holes, stations = list[Hole](), list[float]()
+        for bolt in bolts:
+            s, y = layer.place(bolt.point, bolt.normal, bolt.s)
+            left, right = (float(np.interp(s, course.s, side)) for side in (course.left, course.right))
+            if span[0] + least <= s <= span[1] - least and least - right <= y <= left - least:
+                holes.append(Hole(layer.flat(np.array([s]), np.array([y]))[0], self.layering.bolt, bolt.name))
+                stations.append(s)
+            else:
+                missing.append(f"{bolt.name} in {name}")
+        axis = layer.at(layer.stations(*span))[0]
+        marks = self._marks(layer, name, span, list(zip(stations, holes, strict=True)))
+        strain = bending_strain(course, span, self.layering.thickness)
+        outline = layer.outline(*span)
+        part = FlatPart(name, self.member.id, span, outline, tuple(holes), (), marks, layer.height, strain, axis)
+        return part.lying()
+
+    def _marks(
+        self, layer: Development, name: str, span: tuple[float, float], holes: list[tuple[float, Hole]]
+    ) -> tuple[Floats, ...]:
+        """The name of the part in the middle of its longest bay, and at each node its name."""
+        width, bolt = float(self.course.width(np.array([sum(span) / 2]))[0]), self.layering.bolt
+        stops = np.array([span[0], *sorted({s for s, _ in holes}), span[1]])
+        longest = int(np.diff(stops).argmax())
+        at, angle = layer.at(np.array([(stops[longest] + stops[longest + 1]) / 2]))
+        found = list(label(name, at[0], float(angle[0]), min(LABEL, LETTERS * width)))
+        height = min(SMALL, LETTERS * width)
+        for s, hole in holes:
+            if "." not in hole.bolt:  # bolts of splices need no name
+                ahead = 1 if s + 4 * bolt < span[1] else -1
+                at, angle = layer.at(np.array([s + ahead * (bolt / 2 + 3.5 * height)]))
+                found += label(hole.bolt, at[0], float(angle[0]), height)
+        return tuple(found)
+
+
+def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
+    """The largest strain of a layer of a thickness, metres, that is bent as a course over a span: t |kn| / 2."""
+    inside = (course.s >= span[0]) & (course.s <= span[1])
+    bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
+    return float(thickness * bend / 2)

@@ -1,0 +1,293 @@
+"""The workshop: nests whose gaps shapely measures, plates, sheets, limits in numbers, the command and its files."""
+
+import csv
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import Polygon
+
+import dsfab
+from dsfab.app.cli import main
+from dsfab.errors import PatternError, PresetError
+from dsfab.members import Node, member_graph
+from dsfab.pipeline import Design
+from dsfab.preset_file import load_preset
+from dsfab.surface import Surface
+from dsfab.workshop import FlatPart, Layering, nested, sheet_parts, strip_limits, workshop_plan
+from dsfab.workshop.letters import GLYPHS, strokes
+from dsfab.workshop.plan import same_parts
+from dsfab.workshop.plates import FlattenedMesh
+from tests.analytic import SURFACES
+
+STOCK, GAP = ((2.5, 1.25),), 0.008
+
+
+@pytest.fixture(scope="module")
+def vault():
+    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3})).until("slicing")
+
+
+@pytest.fixture(scope="module")
+def plan(vault):
+    return workshop_plan(vault)
+
+
+# --- nests
+
+
+def least_gap(sheets):
+    """Metres between any two parts and from parts to the edges of their sheets, by shapely."""
+    found = [np.inf]
+    for sheet in sheets:
+        placed = [Polygon(one.placed.outline) for one in sheet.parts]
+        for k, one in enumerate(placed):
+            (x0, y0, x1, y1), (a, b) = one.bounds, sheet.size
+            found += [x0, y0, a - x1, b - y1, *(one.distance(other) for other in placed[:k])]
+    return min(found)
+
+
+def bowed(name, length, width, bend):
+    """A strip with parallel edges that turns by an angle, radians."""
+    bend = bend if abs(bend) > 1e-3 else 0.0
+    t = np.linspace(-bend / 2, bend / 2, 25) if bend else np.linspace(-0.5, 0.5, 25)
+    radius = length / bend if bend else 0.0
+    axis = np.c_[radius * np.sin(t), radius * (np.cos(t) - 1)] if bend else np.c_[t * length, 0 * t]
+    left = np.c_[np.sin(t), np.cos(t)] if bend else np.tile([0.0, 1.0], (25, 1))
+    return FlatPart(
+        name, name, (0.0, length), np.concatenate([axis - width / 2 * left, (axis + width / 2 * left)[::-1]])
+    )
+
+
+def shelves(parts, size, gap):
+    """How many sheets boxes in rows need: the plainest packing there is."""
+    sheets, x, y, row = 1, gap, gap, 0.0
+    for part in sorted(parts, key=lambda part: -part.size[1]):
+        a, b = part.size
+        if x + a + gap > size[0]:
+            x, y, row = gap, y + row + gap, 0.0
+        if y + b + gap > size[1]:
+            sheets, x, y, row = sheets + 1, gap, gap, 0.0
+        x, row = x + a + gap, max(row, b)
+    return sheets
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(0.2, 2.4), st.floats(0.04, 0.3), st.floats(-0.6, 0.6)), min_size=1, max_size=25),
+    st.sampled_from([0.0, 0.003, 0.008, 0.03]),
+)
+def test_parts_on_sheets_keep_the_gap_whatever_their_bends_and_need_no_more_sheets_than_boxes_in_rows(sizes, gap):
+    parts = [bowed(f"P{k}", *size).lying() for k, size in enumerate(sizes)]
+    sheets = nested(parts, STOCK, gap)
+    assert sorted(one.part.id for sheet in sheets for one in sheet.parts) == sorted(part.id for part in parts)
+    assert least_gap(sheets) >= gap - 1e-9
+    assert len(sheets) <= shelves(parts, STOCK[0], gap)
+
+
+def test_strips_of_one_bend_lie_in_each_other_exactly_a_gap_apart():
+    parts = [bowed(f"P{k}", 2.4, 0.1, 0.8) for k in range(8)]
+    (sheet,) = nested(parts, STOCK, GAP)
+    assert sum(part.size[1] for part in parts) > 2 * 1.25  # boxes would need three
+    assert least_gap([sheet]) == pytest.approx(GAP, abs=1e-6)
+
+
+def test_a_small_part_goes_on_the_small_stock_and_a_large_one_on_the_large():
+    small = [bowed("small", 0.5, 0.1, 0.0)]
+    assert [sheet.size for sheet in nested(small, ((2.5, 1.25), (1.0, 0.5)), GAP)] == [(1.0, 0.5)]
+    assert [sheet.size for sheet in nested([bowed("large", 2, 0.1, 0.0)], ((1.0, 0.5), (2.5, 1.25)), GAP)] == [
+        (2.5, 1.25)
+    ]
+    with pytest.raises(PatternError, match=r"part huge is 3 x 0\.1 m and fits on no sheet .* larger workshop\.stock"):
+        nested([bowed("huge", 3, 0.1, 0.0)], STOCK, GAP)
+
+
+def test_the_parts_of_a_vault_are_all_on_sheets_that_are_well_used(plan):
+    assert sorted(one.part.id for sheet in plan.sheets for one in sheet.parts) == sorted(part.id for part in plan.parts)
+    assert len({part.id for part in plan.parts}) == len(plan.parts)
+    assert least_gap(plan.sheets) >= GAP - 1e-9
+    assert plan.used > 0.72
+
+
+# --- parts
+
+
+def test_parts_that_are_one_part_are_counted_once_also_turned_round():
+    one, two, other = (
+        bowed("a", 1, 0.1, 0.3),
+        bowed("b", 1, 0.1, 0.3).moved(np.pi, np.zeros(2)),
+        bowed("c", 1, 0.1, 0.31),
+    )
+    assert same_parts([one, other, two]) == ((0, 2), (1,))
+    corners = np.array([[0, 0], [3, 0], [2.5, 1.0]])
+    upper, lower = (FlatPart("t", "t", (0, 0), side).lying() for side in (corners, corners[::-1] * [1, -1]))
+    assert same_parts([upper, lower]) == ((0,), (1,))  # the other face up is another part
+
+
+def test_covers_have_the_holes_of_the_pieces_that_they_join(plan):
+    by_name = {part.id: part for part in plan.parts}
+    covers = [part for part in plan.parts if ".c" in part.id]
+    assert covers
+    for cover in covers:
+        holes = [hole.at for part in plan.parts if part.member == cover.member and part is not cover
+                 for hole in part.holes if hole.bolt == cover.id]  # fmt: skip
+        assert len(holes) == len(cover.holes) > 0
+        assert np.ptp([hole.at[0] for hole in cover.holes]) == pytest.approx(14 * 0.012, abs=4e-3)
+    assert by_name["A01.1"].member == "A01"
+
+
+def test_every_crossing_has_a_hole_in_both_members(vault, plan):
+    holes = {(hole.bolt, part.member) for part in plan.parts for hole in part.holes}
+    crossings = [node for node in vault.members.nodes if node.kind == "crossing"]
+    assert crossings
+    assert {(node.id, name) for node in crossings for name in node.members} <= holes
+
+
+def test_layers_and_packing():
+    layering = Layering(0.02, 4, 0.012)
+    assert [layering.height(k) for k in (*layering.numbers("major"), *layering.numbers("minor"))] == pytest.approx(
+        [0.03, -0.01, 0.01, -0.03]
+    )
+    node = Node("N1", "crossing", ("A", "R"), (0.0, 0.0), 90.0, np.zeros(3), np.array([0, 0, 1.0]), 0.0)
+    assert Layering(0.02, 2, 0.012).packing(node, {"A": "major", "R": "rim"}) == 1
+    assert Layering(0.02, 2, 0.012).packing(node, {"A": "minor", "R": "rim"}) == 0
+
+
+def test_a_piece_of_a_cylinder_flattens_without_strain_and_of_a_sphere_with_what_its_curvature_asks():
+    x, y = np.meshgrid(np.linspace(-0.3, 0.3, 25), np.linspace(-0.3, 0.3, 25))
+    plane = Surface(np.c_[x.ravel(), y.ravel(), 0 * x.ravel()], _grid_faces(25))
+    rolled = np.c_[np.sin(x.ravel()), y.ravel(), np.cos(x.ravel())]
+    flat = FlattenedMesh.of(rolled, plane.F)
+    assert flat.strain < 1e-3
+    assert flat.at(rolled[300]) == pytest.approx(flat.U[300])
+    assert np.linalg.norm(flat.U[0] - flat.U[-1]) == pytest.approx(np.hypot(0.6, 0.6), rel=1e-3)
+    up = np.sqrt(1 - x.ravel() ** 2 - y.ravel() ** 2)
+    assert 0.005 < FlattenedMesh.of(np.c_[x.ravel(), y.ravel(), up], plane.F).strain < 0.05
+
+
+def _grid_faces(n):
+    i = np.arange(n * n).reshape(n, n)
+    a, b, c, d = (x.ravel() for x in (i[:-1, :-1], i[:-1, 1:], i[1:, 1:], i[1:, :-1]))
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+@pytest.mark.parametrize(("room", "counts"), [([(2.0, 1.0)], (3, 1)), ([(1.4, 1.4)], (3, 2)), ([(1.5, 3.1)], (1, 1))])
+def test_a_flat_sheet_is_cut_into_the_fewest_rectangles_that_fit(room, counts):
+    plate = Surface(np.array([[0, 0, 1], [3, 0, 1], [3, 1.5, 1], [0, 1.5, 1.0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    found = sheet_parts(plate, room)
+    assert sorted(found.counts) == sorted(counts)
+    assert sum(part.area for part in found.pieces) == pytest.approx(4.5)
+    longest = max(max(max(size) for size in room), 0.0)
+    assert all(part.size.max() <= longest + 1e-9 for part in found.pieces)
+    assert all(part.size.min() <= min(room[0]) + 1e-9 for part in found.pieces)
+
+
+def test_letters_are_single_strokes_inside_of_their_height():
+    for letter in GLYPHS:
+        for line in strokes(letter, 6.0):
+            assert line.shape[1] == 2
+            assert line.min() >= 0
+            assert (line.max(axis=0) <= [4, 6]).all()
+    assert max(line[:, 1].max() for line in strokes("a", 6.0)) == pytest.approx(0.7 * 6)
+    assert len(strokes("§", 1.0)) == 1
+
+
+# --- limits
+
+
+def test_limits_of_a_sphere_are_those_of_its_radius():
+    """Bent to t / 2R, stretched by w^2 / 12 R^2, drilled from edges of sqrt(8 R bolt / 40)."""
+    made = SURFACES["sphere"](0.2)
+    graph = member_graph(made.surface, made.sheet(), made.pattern)
+    found = strip_limits(graph, made.surface, 0.018, 1.2e-3, 0.012)
+    assert found.bending == pytest.approx(0.018 / 13, rel=0.08)
+    assert found.thickest == pytest.approx(13 * 1.2e-3, rel=0.08)
+    assert found.shape == pytest.approx(0.12**2 / 12 / 6.5**2, rel=0.2)
+    assert found.wanted == pytest.approx(np.sqrt(8 * 6.5 * 0.012 / 40), rel=0.05)
+    told = f"the thickest layer that can be bent is {1000 * found.thickest:.3g} mm"
+    assert any(line.startswith("NOT POSSIBLE") and told in line for line in found.lines)
+    assert any(line.startswith("NOT TO DRILL FROM") and "surface.edge to 0.12" in line for line in found.lines)
+    thin = strip_limits(graph, made.surface, 0.012, 1.2e-3, 0.03)
+    assert not any(line.startswith("NOT") for line in thin.lines)
+
+
+# --- the command and its files
+
+
+def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_path, capsys):
+    words = ["workshop", "barrel_vault", "--set", "surface.edge=0.3", "--set", "statics.material=GL24h", "-o"]
+    assert main([*words, str(tmp_path / "one")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("route strips")
+    assert said[1].startswith("NOT POSSIBLE: layers of 40 mm")
+    assert any("sheets, 7" in line and "% used" in line for line in said)
+    assert main([*words, str(tmp_path / "two"), "--quiet"]) == 0
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
+    assert one == two
+    with open(tmp_path / "one" / "cutlist.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["file"] for row in rows} | {"nest.dxf"} == {name for name in one if name.endswith(".dxf")}
+    assert any(int(row["count"]) > 1 for row in rows)
+    layers, parts = drawn(tmp_path / "one" / "nest.dxf")
+    assert set(layers) == {"STOCK", "CUT", "HOLES", "ENGRAVE"}
+    assert parts == sum(int(row["count"]) for row in rows)
+
+
+def test_a_drawing_has_the_same_bytes_in_another_process():
+    """ezdxf keeps classes in a set, whose order is another one in each process."""
+    code = (
+        "import sys, hashlib, numpy as np; from dsfab.export import FlatDrawing, FlatLine, flat_dxf; "
+        "line = FlatLine('CUT', np.eye(2), True); "
+        "print(hashlib.sha256(flat_dxf(FlatDrawing('x', (line,)))).hexdigest())"
+    )
+    found = set()
+    for seed in "347":
+        environment = {**os.environ, "PYTHONHASHSEED": seed}
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+        found.add(done.stdout)
+    assert len(found) == 1
+
+
+def drawn(path):
+    """The layers on which something is drawn, and how many outlines are cut."""
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    assert not document.audit().errors
+    assert document.header["$INSUNITS"] == 4
+    space = list(document.modelspace())
+    assert {entity.dxftype() for entity in space} <= {"LWPOLYLINE", "CIRCLE"}
+    return {entity.dxf.layer for entity in space}, sum(entity.dxf.layer == "CUT" for entity in space)
+
+
+def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp_path, capsys):
+    out = tmp_path / "w"
+    small = ["--set", "surface.edge=0.05", "-o", str(out), "-q"]
+    assert main(["workshop", "cantilever", "--set", "workshop.stock=[0.6,0.6]", *small]) == 0
+    before = {path.name for path in out.iterdir()}
+    (out / "mine.txt").write_text("stays")
+    assert main(["workshop", "cantilever", "--set", "workshop.stock=[9,9]", *small]) == 0
+    after = {path.name for path in out.iterdir()}
+    assert before - after
+    assert after == {"nest.dxf", "nest.svg", "cutlist.csv", "S1-1.dxf", "S1-1.svg", "mine.txt"}
+    layers, parts = drawn(out / "S1-1.dxf")
+    assert layers == {"CUT", "SLOTS", "ENGRAVE"}
+    assert parts == 1
+    design = Design.of(load_preset("cantilever", {"surface.edge": 0.05})).until("slicing")
+    (part,) = sheet_parts(design.sheet.surface, [(9.0, 9.0)]).pieces
+    assert part.area == pytest.approx(design.sheet.surface.area)
+    assert main(["workshop", "dome", "--set", "workshop.route=sheet", "--set", "surface.edge=0.6", "-o", str(out)]) == 1
+    assert "is for flat designs" in capsys.readouterr().err
+
+
+def test_the_section_takes_one_size_or_several_and_refuses_what_is_none():
+    assert dsfab.load_preset("dome", {"workshop.stock": [1.25, 3.0]}).workshop.stock == ((3.0, 1.25),)
+    several = dsfab.load_preset("dome", {"workshop.stock": [[1, 2], [3, 4]]}).workshop.stock
+    assert several == ((2.0, 1.0), (4.0, 3.0))
+    for key, value in {"stock": [], "route": "stips", "layers": 3, "gap": -1, "bolt": 0}.items():
+        with pytest.raises(PresetError, match=f"workshop.{key}"):
+            dsfab.load_preset("dome", {f"workshop.{key}": value})

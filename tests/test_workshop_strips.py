@@ -1,0 +1,260 @@
+"""Flat parts of strips: closed forms of developments, and parts of DXF files bent back onto their members in space."""
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from dsfab.export import flat_dxf
+from dsfab.members import member_graph
+from dsfab.workshop import Development, Layering, member_course, strip_parts
+from dsfab.workshop.drawings import part_drawing
+from tests.analytic import SURFACES, WIDTH
+
+LAYERING = Layering(thickness=0.018, count=2, bolt=0.012)
+STOCK = [(2.484, 1.234)]
+ASIDE = 0.3
+"""Metres from the ends of an axis, where a spline knows less."""
+
+
+@cache
+def graph_of(name, edge):
+    given = SURFACES[name](edge)
+    return given, member_graph(given.surface, given.sheet(), given.pattern)
+
+
+@cache
+def parts_of(name, edge, layering=LAYERING):
+    return strip_parts(graph_of(name, edge)[1], layering, STOCK, covered=True)
+
+
+# --- parts as files, bent back
+
+
+class ReadPart:
+    """A part of a DXF file as ezdxf alone reads it, millimetres turned into metres."""
+
+    def __init__(self, part, folder):
+        import ezdxf
+
+        path = folder / f"{part.id}.dxf"
+        path.write_bytes(flat_dxf(part_drawing(part)))
+        space = ezdxf.readfile(path).modelspace()
+        lines = {layer: space.query(f'LWPOLYLINE[layer=="{layer}"]') for layer in ("CUT", "AXIS", "ENGRAVE")}
+        (outline,), (axis,) = lines["CUT"], lines["AXIS"]
+        assert outline.closed
+        assert not axis.closed
+        self.outline, self.axis = (np.array([p[:2] for p in line.get_points()]) / 1000 for line in (outline, axis))
+        circles = space.query('CIRCLE[layer=="HOLES"]')
+        self.holes = np.array([tuple(c.dxf.center)[:2] for c in circles]).reshape(-1, 2) / 1000
+        self.diameters = {round(2 * c.dxf.radius, 6) for c in circles}
+        self.engraved = len(lines["ENGRAVE"])
+
+    def beside_axis(self, points):
+        """Lengths along the drawn axis and distances to its left of points (q, 2), by its nearest segment."""
+        a, b = self.axis[:-1], self.axis[1:]
+        way = b - a
+        long = np.linalg.norm(way, axis=1)
+        t = np.einsum("qsi,si->qs", points[:, None] - a, way) / long**2
+        t[:, 1:-1] = np.clip(t[:, 1:-1], 0, 1)
+        t[:, 0], t[:, -1] = np.minimum(t[:, 0], 1), np.maximum(t[:, -1], 0)
+        off = points[:, None] - (a + t[..., None] * way)
+        away = np.linalg.norm(off, axis=2)
+        k = away.argmin(axis=1)
+        q = np.arange(len(points))
+        start = np.concatenate([[0], np.cumsum(long)])
+        side = np.sign(way[k, 0] * off[q, k, 1] - way[k, 1] * off[q, k, 0])
+        return start[k] + t[q, k] * long[k], side * away[q, k]
+
+
+class Bent:
+    """The curve P + h N through a member's stations, sampled finely: lengths and lefts are its own."""
+
+    def __init__(self, course, height, span):
+        self.s = np.linspace(*span, 4001)
+        curve = CubicSpline(course.s, course.P + height * course.N)
+        self.P, way, N = curve(self.s), curve(self.s, 1), CubicSpline(course.s, course.N)(self.s)
+        self.long = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(self.P, axis=0), axis=1))])
+        N /= np.linalg.norm(N, axis=1)[:, None]
+        way -= np.einsum("ki,ki->k", way, N)[:, None] * N
+        self.B = np.cross(N, way / np.linalg.norm(way, axis=1)[:, None])
+
+    def points(self, along, left):
+        """(q, 3) places of the layer, and (q,) the arc lengths of the axis below them."""
+        s = np.interp(along, self.long, self.s)
+        P, B = (np.stack([np.interp(along, self.long, x) for x in y.T], axis=1) for y in (self.P, self.B))
+        return P + left[:, None] * B, s
+
+
+def bent(part, graph, folder):
+    """A part read from its file and what it becomes in space, with its course."""
+    read = ReadPart(part, folder)
+    course = member_course(graph, graph.by_id[part.member], 3 * LAYERING.bolt, 2 * LAYERING.half_cover)
+    curve = Bent(course, part.layer, part.span)
+    drawn = np.linalg.norm(np.diff(read.axis, axis=0), axis=1).sum()
+    assert drawn == pytest.approx(curve.long[-1], abs=3e-4)  # a chord is shorter than its arc
+    return read, course, curve
+
+
+def assert_folds_back(part, graph, folder):
+    read, course, curve = bent(part, graph, folder)
+    nodes = {node.id: node for node in graph.along[part.member]}
+    along, left = read.beside_axis(read.holes)
+    placed, _ = curve.points(along, left)
+    for hole, point in zip(part.holes, placed, strict=True):
+        if hole.bolt in nodes:  # the bolt's line, through both layers
+            node = nodes[hole.bolt]
+            off = point - node.point
+            assert np.linalg.norm(off - (off @ node.normal) * node.normal) < 1e-4
+    along, left = read.beside_axis(read.outline)
+    _, s = curve.points(along, left)
+    edges = np.where(left > 0, np.interp(s, course.s, course.left), -np.interp(s, course.s, course.right))
+    assert np.abs(left - edges).max() < 5e-4
+    return read, curve
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_every_part_of_a_file_bends_back_with_its_holes_at_its_nodes_and_its_outline_at_the_edges(name, tmp_path):
+    _, graph = graph_of(name, 0.2)
+    found, holed = parts_of(name, 0.2), set()
+    for part in found.pieces[::3] + found.covers[::9]:
+        read, curve = assert_folds_back(part, graph, tmp_path)
+        assert read.diameters <= {12.0}
+        assert read.engraved >= len(part.id)
+        # both edges keep their lengths too: the strip is bent in its plane as much as the surface asks
+        for side in (1, -1):
+            along, left = read.beside_axis(read.outline)
+            edge = read.outline[side * left > 0]
+            flat = np.linalg.norm(np.diff(edge, axis=0), axis=1).sum()
+            order = np.argsort(along)[side * left[np.argsort(along)] > 0]
+            dense = np.linspace(along[order[0]], along[order[-1]], 2000)
+            space, _ = curve.points(dense, np.interp(dense, along[order], left[order]))
+            assert np.linalg.norm(np.diff(space, axis=0), axis=1).sum() == pytest.approx(flat, abs=5e-4)
+    for part in found.pieces:
+        holed |= {(hole.bolt, part.member) for hole in part.holes}
+    wanted = {(node.id, name) for node in graph.nodes if node.kind == "crossing" for name in node.members}
+    assert holed >= wanted  # a hole in both layers of every node
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SURFACES)
+def test_outlines_are_at_the_edges_that_were_drawn(name, tmp_path):
+    """Within half a millimetre of the half-width that the stripes were given, by a finer mesh; the hypar's differs."""
+    graph = graph_of(name, 0.1)[1]
+    for part in parts_of(name, 0.1).pieces:
+        read, _, _ = bent(part, graph, tmp_path)
+        _, left = read.beside_axis(read.outline)
+        if name != "hypar" and graph.by_id[part.member].length > 3:
+            assert np.abs(np.abs(left) - WIDTH / 2).max() < 5e-4
+
+
+# --- closed forms
+
+
+def bays_of(name, edge, layering=LAYERING):
+    """(family, number, numbers of crossing members, metres along a layer) from hole to hole of one piece."""
+    _, graph = graph_of(name, edge)
+    nodes = {node.id: node for node in graph.nodes}
+    for part in parts_of(name, edge, layering).pieces:
+        member = graph.by_id[part.member]
+        course = member_course(graph, member, 3 * layering.bolt, 2 * layering.half_cover)
+        layer = Development(course, part.layer)
+        known = []
+        for hole in part.holes:
+            if hole.bolt in nodes and nodes[hole.bolt].kind == "crossing":
+                node = nodes[hole.bolt]
+                s, _ = layer.place(node.point, node.normal, node.at[node.members.index(member.id)])
+                other = graph.by_id[next(one for one in node.members if one != member.id)]
+                if ASIDE < s < member.length - ASIDE:
+                    known.append((s, other.stripe, hole))
+        for (s, i, one), (z, j, two) in pairwise(known):
+            along = float(np.diff(np.interp([s, z], course.s, layer.length))[0])
+            yield member, i, j, along, float(np.linalg.norm(two.at - one.at)), part.layer
+
+
+def layer_bay_errors(name, edge):
+    given, _ = graph_of(name, edge)
+    found = []
+    for member, i, j, along, straight, h in bays_of(name, edge):
+        truth = given.truth(member.family, member.stripe)
+        bay = truth["bay"](min(i, j)) if callable(truth["bay"]) else truth["bay"]
+        if name == "sphere":
+            wanted = abs(j - i) * bay * (6.5 + h) / 6.5
+        elif name == "cylinder":
+            wanted = abs(j - i) * bay * np.hypot((4.45 + h) / 4.45, 1) / np.sqrt(2)
+        elif name == "hypar":  # a straight line that the surface twists about: tg = c / (c^2 + x^2)
+            c, x = 6.0, 0.6 * (member.stripe - 0.25)
+            ends = np.array([0.6 * (k - 0.25) for k in (i, j)])
+            y = np.linspace(ends.min(), ends.max(), 2001)
+            tg = c / np.hypot(c, x) / (c**2 + x**2 + y**2) * np.hypot(c, x)
+            wanted = np.trapezoid(np.hypot(1, h * tg), y) * np.hypot(1, x / c)
+        else:
+            wanted = _catenoid_bay(member, i, j, h)
+        found.append(along - wanted)
+        assert straight == pytest.approx(along, abs=4e-3)  # bent in the plane, beside the middle line
+    return np.abs(found)
+
+
+def _catenoid_bay(member, i, j, h, c=3.0):
+    """A parallel of r = c cosh(v / c) grows by h / cosh with its normal; a meridian bends by 1 / (c cosh^2)."""
+    if member.family == "major":
+        v = 0.5 * member.stripe + 0.2
+        return abs(j - i) * 0.2 * (c * np.cosh(v / c) + _outward(member) * h / np.cosh(v / c))
+    v = np.linspace(0.5 * min(i, j) + 0.2, 0.5 * max(i, j) + 0.2, 2001)
+    return np.trapezoid(np.cosh(v / c) * (1 - _outward(member) * h / (c * np.cosh(v / c) ** 2)), v)
+
+
+def _outward(member):
+    """1 where the normals of a surface of revolution about z point away from the axis, else -1."""
+    axis = member.axis
+    return np.sign(np.einsum("ki,ki->k", axis.N[:, :2], axis.P[:, :2]).mean())
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_bays_of_both_layers_are_those_of_the_offset_surface_and_come_nearer_with_the_mesh(name):
+    coarse, fine = (layer_bay_errors(name, edge) for edge in (0.4, 0.2))
+    assert len(fine) > 60
+    assert fine.max() < 2.5e-3
+    assert np.median(fine) < 0.6 * np.median(coarse)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SURFACES)
+def test_bays_of_both_layers_are_right_to_three_quarters_of_a_millimetre(name):
+    """The axes on these meshes have bays that are right to seven tenths."""
+    found = layer_bay_errors(name, 0.1)
+    assert found.max() < 0.75e-3
+    assert found.max() < 0.6 * layer_bay_errors(name, 0.2).max()
+
+
+def test_bays_of_a_layer_over_a_sphere_grow_with_its_radius():
+    """bay (R + h) / R, half a millimetre at most apart, for four layers of 20 mm."""
+    layering = Layering(0.02, 4, 0.012)
+    graph, heights = graph_of("sphere", 0.2)[1], set()
+    for member, _, _, along, _, h in bays_of("sphere", 0.2, layering):
+        heights.add(round(h, 3))
+        on_axis = graph.bays(member.id)
+        assert np.abs(on_axis * (6.5 + h) / 6.5 - along).min() < 5e-4
+    assert heights == {0.03, 0.01, -0.01, -0.03}
+
+
+def test_strips_over_a_sphere_are_rings_of_a_plane():
+    """A parallel of an offset sphere develops to an arc of radius (R + h) tan t; holes lie on it, edges beside it."""
+    graph = graph_of("sphere", 0.2)[1]
+    for part in parts_of("sphere", 0.2).pieces:
+        member = graph.by_id[part.member]
+        if member.family == "major" and len(part.holes) > 4:
+            middle, radius = fitted_circle(np.array([hole.at for hole in part.holes]))
+            wanted = (6.5 + part.layer) * np.tan(0.33 + 0.1 * member.stripe)
+            assert radius == pytest.approx(wanted, rel=0.04)
+            away = np.abs(np.linalg.norm(part.outline - middle, axis=1) - radius)
+            assert away == pytest.approx(np.full(len(away), member.mean_width / 2), abs=4e-3)
+
+
+def fitted_circle(P):
+    """Middle and radius of the circle nearest to points (k, 2) [Kasa 1976]."""
+    A = np.c_[2 * P, np.ones(len(P))]
+    x, y, c = np.linalg.lstsq(A, (P**2).sum(axis=1), rcond=None)[0]
+    return np.array([x, y]), np.sqrt(c + x**2 + y**2)
