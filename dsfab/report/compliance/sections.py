@@ -17,7 +17,7 @@ from dsfab.report.compliance.document import (
 )
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.pictures import Pictures
-from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_volumes
+from dsfab.report.compliance.verdict_words import banner, losses, standing, thinner_at_volumes
 from dsfab.report.compliance.words import digits_of, length, percent, quantity
 from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, rules
@@ -30,7 +30,13 @@ def summary(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     picture = drawn.design(number.figure(f"The structure, {found.extent}. Arrows are loads, cones are supports."), 0.86)
     return ReportSection(
         "Summary",
-        [banner(found), Paragraph(" ".join(standing(found)), "lead"), picture, tables.key_table(found, number)],
+        [
+            *losses(found),
+            banner(found),
+            Paragraph(" ".join(standing(found)), "lead"),
+            picture,
+            tables.key_table(found, number),
+        ],
     )
 
 

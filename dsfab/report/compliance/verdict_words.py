@@ -3,8 +3,9 @@
 from dsfab.report.compliance.document import Banner, escaped
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.words import digits_of, enumeration, percent, times, within
+from dsfab.study.alternatives import losing_line
 from dsfab.study.competitors import Competitor
-from dsfab.wording import length, mass
+from dsfab.wording import length, mass, sentence
 
 TITLES = {
     "pass": "Pass: the structure carries its loads, and its compliance is known",
@@ -29,6 +30,15 @@ def banner(found: Findings) -> Banner:
     moves = length(found.governing.displacement.value)
     text = f"{sure}; all loads reach a support; the structure moves{under} by {moves} at most."
     return Banner("pass", TITLES["pass"], text)
+
+
+def losses(found: Findings) -> list[Banner]:
+    """What stands first where a thinner sheet or isotropic stripes of the same mass are stiffer; else nothing."""
+    lost = losing_line(found.compared.alternatives)
+    if not lost:
+        return []
+    kept = "Openings have to be wanted for other reasons than stiffness, such as light, air or weight that can be seen."
+    return [Banner("fail", escaped(sentence(lost)), kept)]
 
 
 def standing(found: Findings) -> list[str]:
