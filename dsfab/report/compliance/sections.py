@@ -186,8 +186,8 @@ def scope(found: Findings) -> list[ReportSection]:
         "the surface, with its sum and its moment, unless a load is not covered: then it acts on the members alone. A "
         "concentrated load on what was cut away goes to the nearest material, and is spread over the material around.",
         "The middle surface is smooth: new points of finer meshes lie on a surface through the vertices.",
-        "All competitors have the same mass to a thousandth, the same loads, supports, kept regions and, but for the "
-        "thinner sheet, the same thickness.",
+        "All competitors have the same mass to a thousandth, the same loads, supports, kept regions (SIMP those that "
+        "are drawn, and discs of its own) and, but for the thinner sheet, the same thickness.",
     ]
     if statics.law == "stvk":
         assumed[0] = "The paper's material (St. Venant and Kirchhoff's, linearised); small displacements."
