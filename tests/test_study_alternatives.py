@@ -10,14 +10,15 @@ import pytest
 import dsfab
 from dsfab.app.cli import main
 from dsfab.errors import StaticsError
-from dsfab.preset_file import preset_from
+from dsfab.preset_file import preset_from, preset_toml
 from dsfab.report.compliance import sections
 from dsfab.report.compliance.document import Numbers
 from dsfab.report.compliance.findings import Findings
 from dsfab.results import Candidate
 from dsfab.study import alternatives as module
 from dsfab.study.alternatives import Alternative, alternatives, design_alternatives, is_searched, losing_line
-from dsfab.study.baselines import ComparisonTask, Structure
+from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
+from dsfab.study.judging import quick
 from dsfab.study.sweeps.metrics import METRICS
 
 THINNER = "a uniformly thinner sheet without openings of the same mass"
@@ -76,16 +77,12 @@ def test_a_sheet_beside_a_thinner_one_in_its_plane_loses_what_its_stretch_says(p
 
 
 def _compliance(task, own):
-    from dsfab.study.judging import quick
-
     return quick(task, own).compliance
 
 
 def test_the_best_pair_of_isotropic_stripes_is_that_of_the_comparison(pulled):
     """By another road: cut to the same mass to a thousandth, and solved by better elements."""
     task, own = task_of(pulled)
-    from dsfab.study.baselines import BASELINES
-
     (found,) = alternatives(task, own, ["isotropic"])
     made = {variant.says: variant for variant in BASELINES["isotropic"](task)}
     rival = _compliance(task, made[found.variant].make())
@@ -95,8 +92,6 @@ def test_the_best_pair_of_isotropic_stripes_is_that_of_the_comparison(pulled):
 def test_a_design_that_loses_says_so_first(pulled, tmp_path, capsys):
     """In what `build` prints, in design.json, and in what `compare` prints and writes."""
     path = tmp_path / "pulled.toml"
-    from dsfab.preset_file import preset_toml
-
     path.write_text(preset_toml(pulled.preset))
     sets = ["--set", 'export.formats=["stl"]', "--no-preview", "-o", str(tmp_path / "built")]
     assert main(["build", str(path), *sets]) == 0
@@ -138,6 +133,18 @@ def test_sweeps_can_measure_both(pulled):
     found = {one.name: one.over for one in design_alternatives(pulled)}
     assert METRICS["over_thinner"](pulled) == found["thinner"]
     assert METRICS["over_isotropic"](pulled) == found["isotropic"]
+
+
+def test_a_search_says_first_what_its_best_run_loses_to(pulled, tmp_path, capsys):
+    path, folder = tmp_path / "pulled.toml", tmp_path / "sweep"
+    path.write_text(preset_toml(pulled.settled))
+    ask = ["--vary", "pattern.rim=0.05:0.06", "--optimise", "sheet_mass", "--evaluations", "1", "--keep", "nothing"]
+    assert main(["sweep", str(path), *ask, "--workers", "1", "--quiet", "-o", str(folder)]) == 0
+    capsys.readouterr()
+    assert main(["sweep", str(folder), "--workers", "1"]) == 0
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert first.startswith(f"The best is run 1, and this design loses: {THINNER} is ")
+    assert second == "1 runs: 1 done, 0 failed"
 
 
 def test_the_worst_loss_is_told_first_and_what_is_too_close_is_told_as_such():
