@@ -118,6 +118,9 @@ def test_the_first_thing_in_a_report_is_what_a_design_loses_to(pulled, monkeypat
     first, second, *_ = sections.summary(found, drawn, Numbers()).blocks
     assert (first.status, first.title.startswith(f"This design loses: {THINNER} is ")) == ("fail", True)
     assert second.title.startswith(("Pass", "Unknown"))
+    close = Alternative("isotropic", 1.1, 0.9, 1.3, "level")
+    unsure = replace(found, compared=replace(found.compared, rivals=(), looked_at=(close,)))
+    assert sections.summary(unsure, drawn, Numbers()).blocks[0].status == "unknown"
     won = replace(found, compared=replace(found.compared, rivals=(), looked_at=()))
     assert sections.summary(won, drawn, Numbers()).blocks[0].title == second.title
 

@@ -34,11 +34,18 @@ def banner(found: Findings) -> Banner:
 
 def losses(found: Findings) -> list[Banner]:
     """What stands first where a thinner sheet or isotropic stripes of the same mass are stiffer; else nothing."""
-    lost = losing_line(found.compared.alternatives)
-    if not lost:
+    stiffer = [one for one in found.compared.alternatives if one.is_stiffer]
+    if not stiffer:
         return []
-    kept = "Openings have to be wanted for other reasons than stiffness, such as light, air or weight that can be seen."
-    return [Banner("fail", escaped(sentence(lost)), kept)]
+    sure = {one.name for one in stiffer if one.low > 1}
+    title = escaped(sentence(losing_line(stiffer)))
+    if not sure:
+        return [Banner("unknown", title, "What is known of the two compliances does not tell them apart.")]
+    why = {
+        "thinner": "Openings have to be wanted for other reasons than stiffness, such as light or air.",
+        "isotropic": "Following the stress, as this design does it, does not pay here.",
+    }
+    return [Banner("fail", title, " ".join(told for name, told in why.items() if name in sure))]
 
 
 def standing(found: Findings) -> list[str]:
