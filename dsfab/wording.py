@@ -18,6 +18,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     )
 
 
+def sentence(words: str) -> str:
+    """With a capital letter and a full stop."""
+    return f"{words[0].upper()}{words[1:]}."
+
+
 def size(count: float) -> str:
     """Bytes for people: '4.2 MB'."""
     for unit in ("B", "KB", "MB"):

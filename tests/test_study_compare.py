@@ -38,7 +38,8 @@ def compared(cantilever):
 
 
 def test_a_comparison_is_shown_in_a_line_each(compared):
-    head, *lines = repr(compared).splitlines()
+    lost, head, *lines = repr(compared).splitlines()
+    assert lost.startswith("This design loses: a uniformly thinner sheet without openings of the same mass is ")
     assert head.split()[:3] == ["Comparison", "of", "cantilever"]
     assert [line.split()[0] for line in lines] == [one.name for one in compared.competitors]
     own = compared.design

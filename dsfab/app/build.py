@@ -12,7 +12,7 @@ from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import ExportError
-from dsfab.wording import size
+from dsfab.wording import sentence, size
 
 if TYPE_CHECKING:
     from dsfab.pipeline.design import Design
@@ -140,12 +140,14 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
     from dsfab.report.design.acting import acting_lines
     from dsfab.report.design.answers import answer_lines
     from dsfab.report.design.balance import case_lines
-    from dsfab.report.design.choice import attempt_lines, choice_lines
+    from dsfab.report.design.choice import alternative_lines, attempt_lines, choice_lines
     from dsfab.report.design.fabrication import fabrication_lines
     from dsfab.report.design.pattern import quality_lines
 
     solid = design.solid
     pieces = design.solid.pieces
+    if lost := facts.get("loses_to"):
+        out(sentence(lost))
     if design.preset.description:
         out(design.preset.description)
     out(caption(design))
@@ -154,7 +156,11 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
-    tried = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice))
+    tried = (
+        *attempt_lines(design.pattern.attempts),
+        *choice_lines(design.pattern.choice),
+        *alternative_lines(facts),
+    )
     for line in (*acting_lines(facts), *tried, *case_lines(design), *answer_lines(design), *measures):
         out(line)
     for note in design.notes:

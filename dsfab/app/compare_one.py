@@ -160,7 +160,8 @@ def _compared(preset: "Preset", asked: Questions, reporter: Reporter) -> list[Co
         if told:
             reporter.say(f"compare     {told} (--level full checks all)")
         beside = partial(reporter, "compare")
-        found.append((None, comparison(design, asked.names, own, beside, rival, bool(shares))))
+        compared = comparison(design, asked.names, own, beside, rival, bool(shares))
+        found.append((None, compared.with_alternatives()))
     except DsfabError as error:
         if not shares:
             raise

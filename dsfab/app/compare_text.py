@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING
 
 from dsfab.report.compliance.words import within
-from dsfab.wording import length, mass, table
+from dsfab.study.alternatives import losing_line
+from dsfab.wording import length, mass, sentence, table
 
 if TYPE_CHECKING:
     from dsfab.study import Comparison
@@ -26,7 +27,9 @@ HEAD = (
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
     """A table of those that carry the loads, then what is to be said in words."""
-    lines = [] if share is None else [f"{share:.0%} of the material"]
+    lost = losing_line(result.alternatives)
+    lines = [sentence(lost)] if lost else []
+    lines += [] if share is None else [f"{share:.0%} of the material"]
     lines.append(table(HEAD, (_cells(one, result) for one in result.competitors if one.judgement)))
     for one in result.competitors:
         if one.error:

@@ -183,7 +183,7 @@ def _is_sweep(path: Path) -> bool:
 def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
     from dsfab.app.cli import DONE, MISSING, STOPPED
     from dsfab.app.sweep_progress import SweepProgress
-    from dsfab.report.sweep_folder import headline, missing_runs, summary
+    from dsfab.report.sweep_folder import best_loss, headline, missing_runs, summary
     from dsfab.study.sweeps.folder import checked_plan, prepare, sweep_folder
     from dsfab.study.sweeps.lock import only_coordinator
     from dsfab.study.sweeps.plan_file import plan_from
@@ -202,6 +202,8 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
                 line.knows(row.number, row.metrics)
         stopped = _run_all(found, _crew(found, draw, work.workers, work.scheduler), line, work.tried_again)
         if not quiet:
+            if plan.search is not None and not stopped and (lost := best_loss(found)):
+                out(lost)
             out(summary(found))
         missing = missing_runs(found)
     if stopped:

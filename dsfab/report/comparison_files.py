@@ -22,7 +22,9 @@ def write_results(
 
     rows = [{"volume": share, **row} for share, one in found for row in one.record()["competitors"]]
     about = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
-    document = json.dumps({**about, **_verdict(found), "competitors": rows}, indent=2)
+    own = next((one for share, one in found if share is None), None)
+    beside = {"alternatives": [one.record() for one in own.alternatives]} if own else {}
+    document = json.dumps({**about, **_verdict(found), **beside, "competitors": rows}, indent=2)
     (folder / "results.json").write_text(document + "\n", encoding="utf-8")
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
     shared = [row for row in rows if row["volume"] is not None]

@@ -11,16 +11,21 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dsfab.errors import DsfabError
 from dsfab.export import replacing, write_chunks
+from dsfab.pipeline import draft
+from dsfab.preset_file import overridden
 from dsfab.render.palette import PAPER
 from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
 from dsfab.report.html import style
+from dsfab.study.alternatives import WORDS, design_alternatives, losing_line
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Plan
 from dsfab.study.sweeps.results import best, feasible, pareto, picture_of
 from dsfab.study.sweeps.store import RunRow
 from dsfab.study.variations import short_names, spelled_value
+from dsfab.wording import sentence
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -141,6 +146,25 @@ def summary(folder: SweepFolder) -> str:
         lines.append(f"{len(pareto(rows, metric, other, plan.limits))} runs on the front of {metric} against {other}")
     files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
+
+
+def best_loss(folder: SweepFolder) -> str:
+    """What the best run of a search loses to, as a sentence; '' where it loses to nothing, or nothing was found.
+
+    Where the runs did not measure it, the best one is made again to see.
+    """
+    ranked = best(folder.rows(), headline(folder.plan), folder.plan.limits)
+    if not ranked:
+        return ""
+    row, names = ranked[0], [f"over_{name}" for name in WORDS]
+    if all(name in row.metrics for name in names) and max(row.metrics[name] for name in names) <= 1:
+        return ""
+    try:
+        found = design_alternatives(draft(overridden(folder.preset, row.changes)))
+    except DsfabError:
+        return ""  # the run says why
+    lost = losing_line(found)
+    return sentence(f"the best is run {row.number}, and {lost}") if lost else ""
 
 
 def missing_runs(folder: SweepFolder) -> str:

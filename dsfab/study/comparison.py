@@ -8,7 +8,7 @@ at this thickness, and it weighs more.
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,11 +16,12 @@ from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.pattern_quality import PatternQuality
+from dsfab.study.alternatives import WORDS, Alternative, alternatives, compared_alternatives, losing_line
 from dsfab.study.baselines import DEFAULT, Baseline, ComparisonTask, Structure, Variant, chosen
 from dsfab.study.baselines.matching import striped_structure
 from dsfab.study.competitors import Competitor, Spread
 from dsfab.study.judging import Judge, quick
-from dsfab.wording import mass, table
+from dsfab.wording import mass, sentence, table
 
 Told = Callable[[str], None]
 """Called with the name of the competitor that is about to be made."""
@@ -32,7 +33,8 @@ class Comparison:
 
     The loads are those that the pattern follows: one case or combination, or several, whose compliances are then added
     with the weights of [diffusion] (1 each when left out). `task` is what all of them share;
-    `pattern` the measures of what the design draws, where it is judged as it is drawn.
+    `pattern` the measures of what the design draws, where it is judged as it is drawn; `looked_at` alternatives that
+    are no competitors.
     """
 
     name: str
@@ -41,6 +43,19 @@ class Comparison:
     design: Competitor
     rivals: tuple[Competitor, ...]
     pattern: PatternQuality | None = None
+    looked_at: tuple[Alternative, ...] = ()
+
+    @property
+    def alternatives(self) -> tuple[Alternative, ...]:
+        """A thinner sheet and isotropic stripes beside the design, as they were judged here, or else `looked_at`."""
+        judged = compared_alternatives(self.design, self.rivals)
+        return judged + tuple(one for one in self.looked_at if one.name not in {two.name for two in judged})
+
+    def with_alternatives(self) -> Self:
+        """With a quick look at those alternatives that are none of the competitors."""
+        missing = [name for name in WORDS if name not in {one.name for one in self.rivals}]
+        own = self.design.structure
+        return replace(self, looked_at=alternatives(self.task, own, missing)) if own and missing else self
 
     @property
     def competitors(self) -> tuple[Competitor, ...]:
@@ -64,12 +79,15 @@ class Comparison:
             else (one.name, "does not carry the loads", "", "")
             for one in self.competitors
         )
-        return table((f"Comparison of {self.name}", "compliance", "", "mass"), rows)
+        lost = losing_line(self.alternatives)
+        head = f"{sentence(lost)}\n" if lost else ""
+        return head + table((f"Comparison of {self.name}", "compliance", "", "mass"), rows)
 
     def record(self) -> dict[str, Any]:
-        """Plain values for a file, SI units: `name`, and `competitors`, a flat table of one row each."""
+        """Plain values for a file, SI units: `name`, `alternatives`, and `competitors`, a table of a row each."""
         return {
             "name": self.name,
+            "alternatives": [one.record() for one in self.alternatives],
             "competitors": [one.row(self.full.compliance, self.design.compliance) for one in self.competitors],
         }
 

@@ -1,18 +1,19 @@
 """By what designs are compared: one solve, or finer and finer meshes where that takes less than a minute."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal, NamedTuple
 
-from dsfab.errors import DsfabError, StaticsError
+from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress, silent
 from dsfab.statics import Ask, flat_axis
 from dsfab.study.baselines import DEFAULT, ComparisonTask, Structure, chosen
 from dsfab.study.comparison import Comparison, comparison
+from dsfab.study.full_check import full
 from dsfab.study.judging import Judge, Judgement, quick
-from dsfab.study.verdict import BUDGET, LoadedSurface, Verdict, check
+from dsfab.study.verdict import BUDGET
 
 TRIANGLE = {True: 4e-4, False: 1.7e-3}
 """Seconds of a full check for each triangle of the mesh as it is cut, in the plane and bent: measured on two meshes."""
@@ -21,51 +22,6 @@ TRIANGLE = {True: 4e-4, False: 1.7e-3}
 def seconds_needed(triangles: int, plane: bool) -> float:
     """What a full check takes on one core, about; four times as much where a third mesh is needed."""
     return TRIANGLE[plane] * triangles
-
-
-def full(
-    task: ComparisonTask,
-    structure: Structure,
-    ask: Ask | None = None,
-    every: bool = False,
-    budget: float = BUDGET,
-    progress: Progress | None = None,
-) -> Judgement:
-    """`quick`, whose compliance is replaced by the verdict of `dsfab.study.verdict.check`.
-
-    Stress, displacements and reactions stay those of the mesh as it is cut. Where nothing could be solved within the
-    budget, the compliance stays too, with its bound.
-
-    every : judge each case and combination. One that is not carried, and that the pattern does not follow, makes the
-            verdict `fail`.
-    ask   : as for `quick`.         budget : bytes.
-
-    Raises StaticsError when the structure does not carry the loads that its pattern follows.
-    """
-    try:
-        first = quick(task, structure, ask, every)
-    except StaticsError as error:
-        if not every or set(task.all_loads) == set(task.loads):
-            raise
-        told = f"it carries what its pattern follows, but not every load case: {error}"
-        return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=told)
-    statics = task.preset.statics
-    made = statics.sheet(structure.thickness)
-    loads = task.loads_on(structure, every)
-    found = check(LoadedSurface(task.surface, made, loads), structure.drawn, "full", budget, progress)
-    if found.status == "fail":
-        raise StaticsError(found.reason)
-    if not found.levels:
-        return replace(first, verdict="unknown", reason=f"{found.reason}; {first.reason}")
-    value, bound = _together(task, found)
-    return replace(first, compliance=value, bound=bound, verdict=found.status, reason=found.reason, check=found)
-
-
-def _together(task: ComparisonTask, found: Verdict) -> tuple[float, float]:
-    """Compliance, J, of what the pattern follows, with its weights; and the bound, a share."""
-    cases = [(weight, found.case(name)) for name, weight in task.preset.followed.items()]
-    value = sum(weight * case.value for weight, case in cases)
-    return value, sum(weight * case.value * case.bound for weight, case in cases) / value
 
 
 PATIENCE = 60.0
@@ -119,7 +75,7 @@ def compare(
     """
     names = tuple(against)
     own, rival, _ = judges(design, names, Checks(level, progress=progress))
-    return comparison(design, names, own, partial(progress, "compare"), rival)
+    return comparison(design, names, own, partial(progress, "compare"), rival).with_alternatives()
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:

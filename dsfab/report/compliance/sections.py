@@ -17,7 +17,7 @@ from dsfab.report.compliance.document import (
 )
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.pictures import Pictures
-from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_volumes
+from dsfab.report.compliance.verdict_words import banner, losses, standing, thinner_at_volumes
 from dsfab.report.compliance.words import digits_of, length, percent, quantity
 from dsfab.statics import elements_of
 from dsfab.study.verdict import calibration, rules
@@ -30,7 +30,13 @@ def summary(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     picture = drawn.design(number.figure(f"The structure, {found.extent}. Arrows are loads, cones are supports."), 0.86)
     return ReportSection(
         "Summary",
-        [banner(found), Paragraph(" ".join(standing(found)), "lead"), picture, tables.key_table(found, number)],
+        [
+            *losses(found),
+            banner(found),
+            Paragraph(" ".join(standing(found)), "lead"),
+            picture,
+            tables.key_table(found, number),
+        ],
     )
 
 
@@ -180,8 +186,8 @@ def scope(found: Findings) -> list[ReportSection]:
         "the surface, with its sum and its moment, unless a load is not covered: then it acts on the members alone. A "
         "concentrated load on what was cut away goes to the nearest material, and is spread over the material around.",
         "The middle surface is smooth: new points of finer meshes lie on a surface through the vertices.",
-        "All competitors have the same mass to a thousandth, the same loads, supports, kept regions and, but for the "
-        "thinner sheet, the same thickness.",
+        "All competitors have the same mass to a thousandth, the same loads, supports, kept regions (SIMP those that "
+        "are drawn, and discs of its own) and, but for the thinner sheet, the same thickness.",
     ]
     if statics.law == "stvk":
         assumed[0] = "The paper's material (St. Venant and Kirchhoff's, linearised); small displacements."

@@ -3,8 +3,9 @@
 from dsfab.report.compliance.document import Banner, escaped
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.words import digits_of, enumeration, percent, times, within
+from dsfab.study.alternatives import losing_line
 from dsfab.study.competitors import Competitor
-from dsfab.wording import length, mass
+from dsfab.wording import length, mass, sentence
 
 TITLES = {
     "pass": "Pass: the structure carries its loads, and its compliance is known",
@@ -29,6 +30,22 @@ def banner(found: Findings) -> Banner:
     moves = length(found.governing.displacement.value)
     text = f"{sure}; all loads reach a support; the structure moves{under} by {moves} at most."
     return Banner("pass", TITLES["pass"], text)
+
+
+def losses(found: Findings) -> list[Banner]:
+    """What stands first where a thinner sheet or isotropic stripes of the same mass are stiffer; else nothing."""
+    stiffer = [one for one in found.compared.alternatives if one.is_stiffer]
+    if not stiffer:
+        return []
+    sure = {one.name for one in stiffer if one.low > 1}
+    title = escaped(sentence(losing_line(stiffer)))
+    if not sure:
+        return [Banner("unknown", title, "What is known of the two compliances does not tell them apart.")]
+    why = {
+        "thinner": "Openings have to be wanted for other reasons than stiffness, such as light or air.",
+        "isotropic": "Following the stress, as this design does it, does not pay here.",
+    }
+    return [Banner("fail", title, " ".join(told for name, told in why.items() if name in sure))]
 
 
 def standing(found: Findings) -> list[str]:

@@ -1,12 +1,14 @@
 """What was tried for a method, modes and phases that are `auto`, as lines to read and as facts to store."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from dsfab.study.alternatives import WORDS, losing_line
 from dsfab.wording import table
 
 if TYPE_CHECKING:
     from dsfab.results import Attempt, Candidate, Choice
+    from dsfab.study.alternatives import Alternative
 
 SHOWN = 8
 """Lines of the table that a build prints; `design.json` has them all."""
@@ -64,6 +66,24 @@ def _attempt_facts(one: "Attempt") -> dict[str, Any]:
         "dead_ends": one.dead_ends,
         "slits": one.slits,
     }
+
+
+def alternative_facts(found: "Sequence[Alternative]") -> dict[str, Any]:
+    """`loses_to` of `design.json`, a sentence or '', and `alternatives`, the numbers behind it."""
+    return {"loses_to": losing_line(found), "alternatives": [one.record() for one in found]}
+
+
+def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
+    """A line for each alternative that was judged, from what `design.json` says."""
+    return [_beside(one) for one in facts.get("alternatives", ())]
+
+
+def _beside(one: Mapping[str, Any]) -> str:
+    which = f"{WORDS[one['name']]} of the same mass"
+    if one.get("error"):
+        return f"beside {which}: there is none that carries the loads"
+    told = "does not carry its loads" if one["over"] is None else f"has {one['over']:.3g} x its compliance"
+    return f"beside {which}: the design {told} ({one['level']})"
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:

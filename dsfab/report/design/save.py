@@ -18,9 +18,11 @@ from dsfab.pipeline.design import Design
 from dsfab.pipeline.log import Progress, silent
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_toml
+from dsfab.report.design.choice import alternative_facts
 from dsfab.report.design.fabrication import fabrication_facts
 from dsfab.report.design.facts import facts
 from dsfab.report.design.pattern import quality_facts
+from dsfab.study.alternatives import design_alternatives, is_searched
 from dsfab.study.fabrication import FabricationMeasures, fabrication
 from dsfab.thickening import SplitBodies, parts
 
@@ -61,6 +63,9 @@ def save(
         progress("fabrication", "measuring members, gaps and walls")
         made = fabrication(design)
         measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
+        if is_searched(design.preset):
+            progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
+            measured |= alternative_facts(design_alternatives(design))
         if marked:
             _mark(design, made, here / "fabrication.png")
         start, image = time.perf_counter(), here / "preview.png"

@@ -19,7 +19,8 @@ BASELINES: Mapping[str, Baseline] = {
     "grid": grid,
     "simp": simp,
 }
-"""All of the same mass, and but for `thinner` of the same thickness, with the same loads, supports and kept regions."""
+"""All of the same mass, and but for `thinner` of the same thickness, with the same loads, supports and kept regions;
+`simp` keeps what is drawn and discs of its own, see `dsfab.study.baselines.optimised.free_task`."""
 
 DEFAULT = ("isotropic", "thinner")
 """Those that a comparison asks for unless it is told otherwise."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,8 +32,16 @@ TIE = 1e-3
 """Weight of the axes of supports and loads where the surface's own are no clear ones: on a sphere, on a square."""
 
 
-def isotropic(task: ComparisonTask) -> list[Variant]:
-    """Stripes of plain width and the same frequencies on modes that do not hear the stress (r = 1): all pairs."""
+class BlindStripes(NamedTuple):
+    """Stripes that do not hear the stress: a preset with plain widths, the pairs of modes, and what makes the modes."""
+
+    preset: Preset
+    pairs: list[tuple[int, int]]
+    diffusion: Callable[[], DiffusionResult]
+
+
+def blind_stripes(task: ComparisonTask) -> BlindStripes:
+    """Of plain width and the same frequencies, on modes by r = 1, with the task's share of material."""
     blind = overridden(
         task.on_modes,
         {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}},
@@ -42,7 +51,13 @@ def isotropic(task: ComparisonTask) -> list[Variant]:
     alike = both[0].stripes == both[1].stripes and both[0].spacing == both[1].spacing
     # without stress both families have the same modes: (1, 2) is (2, 1) where they are striped alike
     wanted = [(a, b) for a, b in PAIRS if not alike or a <= b]
-    return _pairs(task, blind, diffusion, wanted)
+    return BlindStripes(blind, _different(blind, wanted), diffusion)
+
+
+def isotropic(task: ComparisonTask) -> list[Variant]:
+    """`blind_stripes`: all pairs."""
+    blind = blind_stripes(task)
+    return _pairs(task, blind.preset, blind.diffusion, blind.pairs)
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
@@ -121,9 +136,14 @@ def _pairs(
     def made(pair: tuple[int, int]) -> Structure:
         return striped_structure(task, preset.settled(pair, phases), diffusion())
 
+    return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in _different(preset, pairs)]
+
+
+def _different(preset: Preset, pairs: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Pairs that differ in the families that are drawn, the first of each."""
     drawn = [FAMILIES.index(name) for name in preset.pattern.family_names]
-    different = {tuple(pair[k] for k in drawn): pair for pair in reversed([*pairs])}  # the first of each
-    return [Variant(f"modes {a}, {b}", partial(made, (a, b))) for a, b in reversed([*different.values()])]
+    found = {tuple(pair[k] for k in drawn): pair for pair in reversed([*pairs])}
+    return [*reversed([*found.values()])]
 
 
 def _plain(task: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:

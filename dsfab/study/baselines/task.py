@@ -15,6 +15,7 @@ from dsfab.pipeline.patterns import kept_regions
 from dsfab.preset import Family, Preset
 from dsfab.results import DiffusionResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
+from dsfab.statics import flat_axis
 from dsfab.surface import LoadCase, Surface, pieces
 
 
@@ -82,6 +83,11 @@ class ComparisonTask:
     def all_loads(self) -> dict[str, LoadCase]:
         """Every case and combination, on the uncut surface."""
         return {name: case.load for name, case in self.statics.cases.items()}
+
+    @cached_property
+    def is_plane(self) -> bool:
+        """Whether sheets of this surface are loaded in their own plane, and solved there."""
+        return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
         """`loads`, or `all_loads`, on the uncut surface of a sheet as thick as a structure, which weighs as much."""

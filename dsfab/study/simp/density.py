@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,31 +24,40 @@ class Simp:
     """How it is done.
 
     radius       : of the filter, metres: members get about this wide; 0: see `filter_radius`.
-    iterations   : at most; it ends earlier when no density changes by more than `change`.
-    penalisation : p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999].
+    iterations   : at most with each penalisation; it goes on earlier when no density changes by more than `change`.
+    penalisation : p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999], in the end.
+    steps        : in which p rises from 1, where the problem has one answer wherever it starts, to that: which of many
+                   answers is found then depends little on mesh and start [Petersson and Sigmund 1998]. 0: p stays.
     void         : stiffness of an empty face over that of a full one.     move : largest change of a density in a step.
 
     Raises StaticsError for values that make no sense.
     """
 
     radius: float = 0.0
-    iterations: int = 60
+    iterations: int = 30
     penalisation: float = 3.0
+    steps: int = 4
     void: float = 1e-9
     move: float = 0.2
     change: float = 0.01
 
     def __post_init__(self) -> None:
         good = self.radius >= 0 and self.iterations >= 1 and self.penalisation >= 1 and self.change >= 0
+        good = good and self.steps >= 0
         if not (good and 0 < self.void < 1 and 0 < self.move <= 1):
             raise StaticsError(
-                f"{self}: SIMP needs a radius of 0 or more, at least one iteration, a penalisation of 1 or more, and "
-                "void and move between 0 and 1"
+                f"{self}: SIMP needs a radius and steps of 0 or more, at least one iteration, a penalisation of 1 or "
+                "more, and void and move between 0 and 1"
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Metres: as asked, or 3 % of the root of the area, but no less than 1.6 edges, which the filter needs."""
-        return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.6 * surface.mean_edge)
+        """Metres: as asked, or 3 % of the root of the area, but no less than 1.1 edges, which the filter needs."""
+        return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
+
+    @property
+    def penalisations(self) -> Floats:
+        """(steps + 1,) in their order."""
+        return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
 
     def stiffness(self, density: Floats) -> Floats:
         """(m,) of faces, over that of full ones."""
@@ -118,15 +127,17 @@ def densities(
     H = face_filter(surface, ask.filter_radius(surface))
     many = np.array([1.0 if weights is None else weights[name] for name in loads])
     x, factor, history = np.where(solid, 1.0, share), None, []
-    for _ in range(ask.iterations):
-        factor = K.factor(ask.stiffness(x), factor)
-        energy = K.energies(factor(K.force)) @ many
-        history.append(float(ask.stiffness(x) @ energy))
-        gain = filtered_sensitivity(H, x, ask.slope(x) * energy / surface.areas)
-        new = _optimality_step(x, gain, surface.areas, area, solid, ask.move)
-        step, x = np.abs(new - x).max(), new
-        if step < ask.change:
-            break
+    for p in ask.penalisations:
+        now = replace(ask, penalisation=float(p))
+        for _ in range(ask.iterations):
+            factor = K.factor(now.stiffness(x), factor)
+            energy = K.energies(factor(K.force)) @ many
+            history.append(float(now.stiffness(x) @ energy))
+            gain = filtered_sensitivity(H, x, now.slope(x) * energy / surface.areas)
+            new = _optimality_step(x, gain, surface.areas, area, solid, ask.move)
+            step, x = np.abs(new - x).max(), new
+            if step < ask.change:
+                break
     return Densities(x, np.array(history), time.perf_counter() - clock, time.process_time() - cpu)
 
 

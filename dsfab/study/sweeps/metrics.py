@@ -14,6 +14,7 @@ from dsfab.pipeline.directions import load_axes
 from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
 from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.statics import Equilibrium, FaceStiffness, buckling, elements_of
+from dsfab.study.alternatives import design_alternatives
 from dsfab.study.sweeps.cut_sheet import cut_equilibria, verdict
 from dsfab.surface.hats import hat_gradients
 
@@ -144,6 +145,12 @@ def _verdict_bound(made: Design) -> float:
     return max(found.case(name).bound for name in made.preset.followed)
 
 
+def _over(made: Design, name: str) -> float:
+    """Compliance over that of an alternative of the same mass; nothing is known where that carries no loads."""
+    found = next(one for one in design_alternatives(made) if one.name == name)
+    return float("nan") if found.error else found.over
+
+
 METRICS: dict[str, Metric] = {
     "area": lambda made: made.sheet.surface.area,
     "kept_share": _kept_share,
@@ -169,6 +176,8 @@ METRICS: dict[str, Metric] = {
     "verdict": _verdict,
     "verdict_bound": _verdict_bound,
     "ersatz": _ersatz,
+    "over_thinner": lambda made: _over(made, "thinner"),
+    "over_isotropic": lambda made: _over(made, "isotropic"),
 }
 """What a sweep can measure, in SI units: functions of a Design; see `ABOUT` for what each is worth."""
 
@@ -230,6 +239,15 @@ ABOUT: Mapping[str, MetricFacts] = {
     ),
     "verdict_bound": MetricFacts(
         "", "less", "slicing", f"share that `verdict` may be off; over {CONVERGED:g} it has not converged"
+    ),
+    "over_thinner": MetricFacts(
+        "",
+        "less",
+        "slicing",
+        "compliance over that of a thinner whole sheet of the same mass: above 1 it loses",
+    ),
+    "over_isotropic": MetricFacts(
+        "", "less", "slicing", "compliance over that of the best isotropic stripes of the same mass: above 1 it loses"
     ),
     "ersatz": MetricFacts(
         "J", "less", "slicing", "a hint: the uncut mesh with thinned faces, blind to gaps under four elements wide"

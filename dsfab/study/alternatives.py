@@ -1,0 +1,204 @@
+"""`alternatives`: what the same mass would do as a uniformly thinner sheet, and as stripes that ignore the stress.
+
+Both are judged after every search, beside the design that it found: a search knows the best of what it tried, and not
+whether any of it was worth while. In a plane a thinner sheet is hard to beat.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dsfab.errors import DsfabError
+from dsfab.pipeline import sheet_loads
+from dsfab.pipeline.design import Design
+from dsfab.pipeline.trial import Trial
+from dsfab.preset import Preset
+from dsfab.results import Candidate
+from dsfab.statics import solve_for
+from dsfab.study.baselines import ComparisonTask, Structure
+from dsfab.study.baselines.striped import blind_stripes
+from dsfab.study.competitors import Competitor
+from dsfab.study.full_check import full
+from dsfab.study.judging import Judge, quick
+
+WORDS = {
+    "thinner": "a uniformly thinner sheet without openings",
+    "isotropic": "the best pair of isotropic stripes",
+}
+"""Alternatives of the same mass, and what they are called in a sentence."""
+
+ALIKE = 0.1
+"""Bound of the ratio of two cut sheets solved by the same quick elements, which err to the same side on both."""
+
+RANKED = 0.15
+"""Bound of the compliance of a cut sheet by the elements that rank: 5 to 15 % off, see `dsfab.study.sweeps.metrics`."""
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another structure of the mass of a design, under the same loads.
+
+    over      : the design's compliance over its own: above 1 the design is the softer one. Infinite where the design
+                does not carry its loads; 0 where the alternative does not.
+    low, high : what `over` may be, by the bounds of both.      variant : which of several, such as "modes 1, 2".
+    level     : how both were judged, in words.                 error : why there is none, or ''.
+    """
+
+    name: str
+    over: float
+    low: float
+    high: float
+    level: str
+    variant: str = ""
+    error: str = ""
+
+    @property
+    def is_stiffer(self) -> bool:
+        """Whether the design loses to it, as far as is known."""
+        return self.over > 1
+
+    @property
+    def sentence(self) -> str:
+        """What to tell of a design that loses to it."""
+        which = f"{WORDS[self.name]} of the same mass"
+        if not np.isfinite(self.over):
+            return f"this design does not carry its loads, and {which} does"
+        may = "may lose" if self.low <= 1 else "loses"
+        between = f", {self.low:.3g} to {self.high:.3g}" if self.high > self.low else ""
+        return f"this design {may}: {which} is {self.over:.3g} x as stiff ({self.level}{between})"
+
+    def record(self) -> dict[str, Any]:
+        """Plain values for a file; None where they are infinite."""
+        numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
+        told = {"name": self.name, **{key: x if np.isfinite(x) else None for key, x in numbers.items()}}
+        return {**told, "design_loses": self.is_stiffer, "level": self.level, "variant": self.variant} | (
+            {"error": self.error} if self.error else {}
+        )
+
+
+def losing_line(found: Iterable[Alternative]) -> str:
+    """The first line about a design that loses to an alternative, the worst loss first; '' where it loses to none."""
+    return "; ".join(one.sentence for one in sorted(found, key=lambda one: -one.over) if one.is_stiffer)
+
+
+def is_searched(preset: Preset) -> bool:
+    """Whether something of the pattern is found by trying: a method, modes, phases, or widths that even out stress."""
+    ask = preset.pattern
+    return ask.method == "auto" or ask.auto or ask.width.rule == "stressed"
+
+
+def design_alternatives(design: Design) -> tuple[Alternative, ...]:
+    """Those of a design, by the quickest look that can tell; worked out once.
+
+    Raises DsfabError of a design that cannot be cut.
+    """
+
+    def looked() -> tuple[Alternative, ...]:
+        slicing, thickness = design.slicing, design.preset.statics.thickness
+        own = Structure(slicing.cells, design.pattern.names, slicing.sheet, len(slicing.pieces), thickness)
+        return alternatives(ComparisonTask.of(design, slicing.sheet.surface.area), own)
+
+    return design.once("slicing", "alternatives", looked)
+
+
+def alternatives(task: ComparisonTask, own: Structure, names: Sequence[str] = tuple(WORDS)) -> tuple[Alternative, ...]:
+    """Named alternatives beside a structure of the task's mass."""
+    return tuple({"thinner": beside_thinner, "isotropic": beside_isotropic}[name](task, own) for name in names)
+
+
+class _Known(NamedTuple):
+    """A compliance, J, and by what share it may be off; infinite where the loads are not carried, which `error` says.
+    variant : which of several."""
+
+    compliance: float
+    bound: float
+    variant: str = ""
+    error: str = ""
+
+    @property
+    def least(self) -> float:
+        return self.compliance * (1 - self.bound)
+
+    @property
+    def most(self) -> float:
+        return self.compliance * (1 + self.bound)
+
+
+def beside_thinner(task: ComparisonTask, own: Structure) -> Alternative:
+    """By one solve each, of the cut sheet by the elements that rank; where that cannot tell which is stiffer, by better
+    elements for the cut sheet and, unless it lies in a plane, a full check of the thinner one: the mesh of a whole
+    shell is coarse beside that of a cut one."""
+    thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
+    found = _beside("thinner", _ranked(task, own), _judged(quick, task, thin), "one solve each")
+    if found.low <= 1 <= found.high:
+        judge, checked = (quick, "one solve each") if task.is_plane else (full, "the sheet checked in full")
+        found = _beside("thinner", _judged(quick, task, own), _judged(judge, task, thin), checked)
+    return found
+
+
+def beside_isotropic(task: ComparisonTask, own: Structure) -> Alternative:
+    """Every pair of modes is cut once and solved as candidates of a search are: by the elements that rank, with the
+    design's share of material to a few thousandths, and compared per share."""
+    blind = blind_stripes(task)
+    phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
+    try:
+        trial = Trial(blind.preset, replace(task.stressed, diffusion=blind.diffusion()))
+        tried = [trial.candidate(pair, phases) for pair in blind.pairs]
+        best, told = min(tried, key=_worth), tried[0].refused
+    except DsfabError as error:
+        best, told = Candidate((1, 1), phases, refused=str(error)), str(error)
+    failed = f"no pair of modes carries the loads; the first: {told}" if best.refused else ""
+    rival = _Known(_worth(best) / task.share, 0.0, f"modes {best.mode[0]}, {best.mode[1]}" * (not failed), failed)
+    mine = _ranked(task, own)._replace(bound=ALIKE)
+    return _beside("isotropic", mine, rival, f"one solve each, best of {len(blind.pairs)} pairs")
+
+
+def compared_alternatives(own: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
+    """Those that a comparison judged anyway."""
+    mine = _of(own)
+    return tuple(
+        _beside(one.name, mine, _of(one), f"{one.judgement.level} check" if one.judgement else "")
+        for one in rivals
+        if one.name in WORDS
+    )
+
+
+def _of(one: Competitor) -> _Known:
+    bound = one.judgement.bound if one.judgement else None
+    return _Known(one.compliance, bound or 0.0, one.variant, one.error)
+
+
+def _beside(name: str, own: _Known, rival: _Known, level: str) -> Alternative:
+    """Where neither carries the loads, nothing is lost to it."""
+    if not np.isfinite(rival.compliance):
+        return Alternative(name, 0.0, 0.0, 0.0, level, error=rival.error)
+    if not np.isfinite(own.compliance):
+        return Alternative(name, np.inf, np.inf, np.inf, level, rival.variant)
+    over = own.compliance / rival.compliance
+    return Alternative(name, over, own.least / rival.most, own.most / rival.least, level, rival.variant)
+
+
+def _ranked(task: ComparisonTask, own: Structure) -> _Known:
+    """A cut sheet by one solve with the elements that rank."""
+    statics = task.preset.statics
+    try:
+        loads = sheet_loads(task.surface, own.drawn, own.sheet, task.loads_on(own))
+        answers = solve_for(statics.sheet(own.thickness).on(own.sheet.surface), loads, "ranking")
+    except DsfabError as error:
+        return _Known(np.inf, 0.0, error=str(error))
+    return _Known(sum(weight * answers[name].compliance for name, weight in task.preset.followed.items()), RANKED)
+
+
+def _judged(judge: Judge, task: ComparisonTask, structure: Structure) -> _Known:
+    try:
+        found = judge(task, structure)
+    except DsfabError as error:
+        return _Known(np.inf, 0.0, error=str(error))
+    return _Known(found.compliance, found.bound or 0.0)
+
+
+def _worth(candidate: Candidate) -> float:
+    """Joules times share of the surface; infinite where it carries nothing."""
+    return float("inf") if candidate.refused else candidate.compliance * candidate.kept
