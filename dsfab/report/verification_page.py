@@ -14,6 +14,9 @@ from dsfab.report.verification_plots import COLOURS, curves, drawing
 from dsfab.statics import REPORTED, USES, elements_of
 from dsfab.study.verification import Standing, Test, VerificationRow, pattern_spread, shortfalls, standings
 
+MANY_EDGES = 3000
+"""A sketch of more edges is black, and large: then the coarsest mesh is drawn."""
+
 WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
 """Verdicts, in the order in which one of them stands for all patterns."""
 
@@ -161,7 +164,10 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
     here = [row for row in rows if row.test == test.name]
     beside = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
-    sketch = drawing(test.problem(test.cells[min(1, len(test.cells) - 1)], mesh), test.about)
+    problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
+    if len(problem.surface.edges.ends) > MANY_EDGES:
+        problem = test.problem(test.cells[0], mesh)
+    sketch = drawing(problem, test.about)
     plot = "" if test.tolerance < 1e-6 else curves(test, here, beside)
     told = (test.beyond and f"Verdict theory: {test.beyond}", short.get(test.name, ""))
     note = "".join(f"<p>{escape(one)}.</p>" for one in told if one)

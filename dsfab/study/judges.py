@@ -11,8 +11,8 @@ from dsfab.pipeline.log import Progress, silent
 from dsfab.statics import Ask, flat_axis
 from dsfab.study.baselines import DEFAULT, ComparisonTask, Structure, chosen
 from dsfab.study.comparison import Comparison, comparison
-from dsfab.study.judging import Judge, Judgement, quick
-from dsfab.study.verdict import BUDGET, LoadedSurface, Verdict, check
+from dsfab.study.judging import Carried, Judge, Judgement, quick
+from dsfab.study.verdict import BUDGET, LoadedSurface, ModeIntervals, Verdict, check, mode_intervals
 
 TRIANGLE = {True: 4e-4, False: 1.7e-3}
 """Seconds of a full check for each triangle of the mesh as it is cut, in the plane and bent: measured on two meshes."""
@@ -31,7 +31,8 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """`quick`, whose compliance is replaced by the verdict of `dsfab.study.verdict.check`.
+    """`quick`, whose compliance is replaced by the verdict of `dsfab.study.verdict.check`, and whose buckling and
+    frequency by those of `dsfab.study.verdict.mode_intervals`, with their bounds.
 
     Stress, displacements and reactions stay those of the mesh as it is cut. Where nothing could be solved within the
     budget, the compliance stays too, with its bound.
@@ -43,7 +44,7 @@ def full(
     Raises StaticsError when the structure does not carry the loads that its pattern follows.
     """
     try:
-        first = quick(task, structure, ask, every)
+        first = quick(task, structure, None, every)
     except StaticsError as error:
         if not every or set(task.all_loads) == set(task.loads):
             raise
@@ -52,13 +53,31 @@ def full(
     statics = task.preset.statics
     made = statics.sheet(structure.thickness)
     loads = task.loads_on(structure, every)
-    found = check(LoadedSurface(task.surface, made, loads), structure.drawn, "full", budget, progress)
+    setting = LoadedSurface(task.surface, made, loads)
+    found = check(setting, structure.drawn, "full", budget, progress)
     if found.status == "fail":
         raise StaticsError(found.reason)
+    if ask and ask.modes:
+        modes = mode_intervals(setting, structure.drawn, ask, budget, progress)
+        first = replace(first, cases={name: _with_modes(case, name, modes) for name, case in first.cases.items()})
     if not found.levels:
         return replace(first, verdict="unknown", reason=f"{found.reason}; {first.reason}")
     value, bound = _together(task, found)
     return replace(first, compliance=value, bound=bound, verdict=found.status, reason=found.reason, check=found)
+
+
+def _with_modes(case: Carried, name: str, modes: ModeIntervals) -> Carried:
+    """The answer to one load with what the meshes say of its buckling and of the frequency; one mesh has no bound."""
+    factor, hertz = modes.buckling.get(name), modes.hertz
+    return replace(
+        case,
+        buckling=factor and factor.value,
+        buckling_bound=factor and factor.known,
+        frequency=hertz and hertz.value,
+        frequency_bound=hertz and hertz.known,
+        refusals=(*case.refusals, *modes.refusals),
+        assumed=modes.assumed,
+    )
 
 
 def _together(task: ComparisonTask, found: Verdict) -> tuple[float, float]:

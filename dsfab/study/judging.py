@@ -18,6 +18,7 @@ from dsfab.statics import (
     SheetStress,
     buckling,
     frequencies,
+    mode_supports,
     sheet_stress,
     solve_for,
 )
@@ -53,7 +54,10 @@ class Carried:
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None where they were not asked for or there is none.
+    buckling_bound, frequency_bound : half width of the interval that they lie in, over them, by two meshes or three;
+                  None where one mesh alone was solved: then they are told without a bound.
     refusals    : why they could not be found.
+    assumed     : of the supports for both, see `dsfab.statics.mode_supports`; or ''.
     """
 
     compliance: float
@@ -68,6 +72,9 @@ class Carried:
     buckling: float | None = None
     frequency: float | None = None
     refusals: tuple[str, ...] = ()
+    assumed: str = ""
+    buckling_bound: float | None = None
+    frequency_bound: float | None = None
 
 
 @dataclass(frozen=True)
@@ -207,21 +214,24 @@ def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
 
 def _modes(
     task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
-) -> tuple[float | None, float | None, tuple[str, ...]]:
-    """`buckling`, `frequency` and `refusals` of a `Carried`."""
+) -> tuple[float | None, float | None, tuple[str, ...], str]:
+    """`buckling`, `frequency`, `refusals` and `assumed` of a `Carried`, by the mesh as it is cut."""
     statics = task.preset.statics
     sheet = statics.sheet(structure.thickness).on(structure.sheet.surface)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
+    if not ask.modes:
+        return None, None, (), ""
+    standing = mode_supports(sheet.surface, load)
     try:
         if ask.buckling:
-            factor = buckling(sheet, load, answer, 1).factor
+            factor = buckling(sheet, standing.load, answer, 1).factor
     except StaticsError as error:
         refusals.append(f"no buckling factor: {error}")
     try:
         if ask.frequencies:
-            turning = replace(sheet, clamped=all_clamped(load))
-            hertz = frequencies(turning, load.fixed, 1, spring=load.spring).hertz
+            turning = replace(sheet, clamped=all_clamped(standing.load))
+            hertz = frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
     lowest = [float(found[0]) if len(found) else None for found in (factor, hertz)]
-    return lowest[0], lowest[1], tuple(refusals)
+    return lowest[0], lowest[1], tuple(refusals), standing.told

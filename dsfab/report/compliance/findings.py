@@ -18,7 +18,7 @@ from dsfab.study.competitors import Competitor
 from dsfab.study.judging import Answered, Carried, Judgement, solved_loads
 from dsfab.study.verdict import rules
 from dsfab.surface import LimitState
-from dsfab.wording import mass
+from dsfab.wording import bounded, mass
 
 KNOCKED_DOWN = 5.0
 """Real shells buckle at a fifth to a half of the linear load factor: a factor above this needs no second look."""
@@ -173,7 +173,7 @@ class Findings:
             told = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", told, "equilibrium with its supports")]
         found = [self._carries(), self._known(), self._balanced(), self._member(), self._faceted()]
-        return [one for one in (*found, self._strong(), self._buckles()) if one]
+        return [one for one in (*found, self._strong(), self._buckles(), self._vibrates()) if one]
 
     def _carries(self) -> CheckLine:
         loose = self.design.loose
@@ -237,12 +237,26 @@ class Findings:
         return CheckLine("Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa"))
 
     def _buckles(self) -> CheckLine | None:
-        least = self.decisive("buckling")[1].buckling
+        case = self.decisive("buckling")[1]
+        least, off = case.buckling, case.buckling_bound
         if least is None:
             return None
-        status: Status = "fail" if least < 1 else "pass" if least >= KNOCKED_DOWN else "unknown"
-        told = f"{least:.3g} times the load (linear, perfect shape){self._under('buckling')}"
-        return CheckLine("Buckling", status, told, f"{KNOCKED_DOWN:g} or more")
+        low, high = (least * (1 + side * (off or 0.0)) for side in (-1, 1))
+        status: Status = "fail" if high < 1 else "pass" if low >= KNOCKED_DOWN else "unknown"
+        told = f"{bounded(least, off)} times the load (linear, perfect shape){self._under('buckling')}"
+        return CheckLine("Buckling", status, f"{told}{self._assumed()}", f"{KNOCKED_DOWN:g} or more")
+
+    def _vibrates(self) -> CheckLine | None:
+        case = next((case for case in self.judged.cases.values() if case.frequency is not None), None)
+        if case is None or case.frequency is None:
+            return None
+        told = f"{bounded(case.frequency, case.frequency_bound, 'Hz')}{self._assumed()}"
+        return CheckLine("Lowest natural frequency", "note", told, "not judged")
+
+    def _assumed(self) -> str:
+        """What was assumed of the supports of a sheet that leaves its plane."""
+        told = next((case.assumed for case in self.judged.cases.values() if case.assumed), "")
+        return f"; {told}" if told else ""
 
     @cached_property
     def claims(self) -> list[CheckLine]:
