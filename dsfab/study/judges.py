@@ -1,6 +1,6 @@
 """By what designs are compared: one solve, or finer and finer meshes where that takes less than a minute."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal, NamedTuple
@@ -11,8 +11,9 @@ from dsfab.pipeline.log import Progress, silent
 from dsfab.statics import Ask, flat_axis
 from dsfab.study.baselines import DEFAULT, ComparisonTask, Structure, chosen
 from dsfab.study.comparison import Comparison, comparison
-from dsfab.study.judging import Carried, Judge, Judgement, quick
+from dsfab.study.judging import Carried, Judge, Judgement, quick, utilisation
 from dsfab.study.verdict import BUDGET, LoadedSurface, ModeIntervals, Verdict, check, mode_intervals
+from dsfab.study.verdict.stresses import Extreme
 
 TRIANGLE = {True: 4e-4, False: 1.7e-3}
 """Seconds of a full check for each triangle of the mesh as it is cut, in the plane and bent: measured on two meshes."""
@@ -34,8 +35,8 @@ def full(
     """`quick`, whose compliance is replaced by the verdict of `dsfab.study.verdict.check`, and whose buckling and
     frequency by those of `dsfab.study.verdict.mode_intervals`, with their bounds.
 
-    Stress, displacements and reactions stay those of the mesh as it is cut. Where nothing could be solved within the
-    budget, the compliance stays too, with its bound.
+    Stress is that of its finest mesh; displacements and reactions stay those of the mesh as it is cut. Where nothing
+    could be solved within the budget, all stay, the compliance with its bound.
 
     every : judge each case and combination. One that is not carried, and that the pattern does not follow, makes the
             verdict `fail`.
@@ -62,8 +63,25 @@ def full(
         first = replace(first, cases={name: _with_modes(case, name, modes) for name, case in first.cases.items()})
     if not found.levels:
         return replace(first, verdict="unknown", reason=f"{found.reason}; {first.reason}")
+    last, strength = found.levels[-1], statics.strength
+    cases = {
+        name: _with_stress(case, last.stresses[name], last.triangles, strength) for name, case in first.cases.items()
+    }
     value, bound = _together(task, found)
-    return replace(first, compliance=value, bound=bound, verdict=found.status, reason=found.reason, check=found)
+    judged = replace(first, compliance=value, bound=bound, verdict=found.status, cases=cases)
+    return replace(judged, reason=found.reason, check=found)
+
+
+def _with_stress(case: Carried, found: Mapping[str, Extreme], triangles: int, strength: float) -> Carried:
+    """The answer to one load with the stress of a mesh of its verdict, of so many triangles."""
+    return replace(
+        case,
+        stress=found["stress"],
+        tension=found["tension"],
+        compression=found["compression"],
+        utilisation=utilisation(found["stress"], strength),
+        triangles=triangles,
+    )
 
 
 def _with_modes(case: Carried, name: str, modes: ModeIntervals) -> Carried:
@@ -71,10 +89,10 @@ def _with_modes(case: Carried, name: str, modes: ModeIntervals) -> Carried:
     factor, hertz = modes.buckling.get(name), modes.hertz
     return replace(
         case,
-        buckling=factor and factor.value,
-        buckling_bound=factor and factor.known,
-        frequency=hertz and hertz.value,
-        frequency_bound=hertz and hertz.known,
+        buckling=factor.value if factor else None,
+        buckling_bound=factor.known if factor else None,
+        frequency=hertz.value if hertz else None,
+        frequency_bound=hertz.known if hertz else None,
         refusals=(*case.refusals, *modes.refusals),
         assumed=modes.assumed,
     )

@@ -12,7 +12,6 @@ from dsfab.limits import Status
 from dsfab.pipeline import acting_on, sheet_loads
 from dsfab.slicing import Sheet
 from dsfab.statics import (
-    LAYERS,
     Ask,
     Equilibrium,
     SheetStress,
@@ -25,10 +24,8 @@ from dsfab.statics import (
 from dsfab.statics.supports import all_clamped
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.verdict import Verdict, rules
+from dsfab.study.verdict.stresses import Extreme, quantile, stress_extremes
 from dsfab.surface import LoadCase, Support, Surface
-
-QUANTILE = 0.999
-"""Share of the area that a stress is told of which all but the worst places keep to: peaks grow with the mesh."""
 
 UNCUT = 0.5
 """Bound of the quick level for whole sheets, whose meshes are coarse beside those of cut ones: half as much again as
@@ -36,21 +33,13 @@ the 32 % that the dome's thinner sheet is off by. No table of random designs sta
 
 
 @dataclass(frozen=True)
-class Extreme:
-    """The largest of a quantity: `value` at `place`, metres; and what `QUANTILE` of the area does not exceed."""
-
-    value: float
-    place: tuple[float, float, float]
-    quantile: float
-
-
-@dataclass(frozen=True)
 class Carried:
     """How a sheet answers one load.
 
     compliance, displacement : joules, and metres with its place.
-    tension, compression     : the largest principal stress of all layers, and minus the smallest, Pa; not under 0.
-    stress      : the largest von Mises stress, Pa.      utilisation : over the strength, of `QUANTILE` and at the peak.
+    stress, tension, compression : see `dsfab.study.verdict.stresses`, Pa; of the finest mesh that was solved.
+    triangles   : of that mesh.
+    utilisation : over the strength: of 99 % of the area, and of the largest stress at a rib's width from corners.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None where they were not asked for or there is none.
@@ -75,6 +64,7 @@ class Carried:
     assumed: str = ""
     buckling_bound: float | None = None
     frequency_bound: float | None = None
+    triangles: int = 0
 
 
 @dataclass(frozen=True)
@@ -103,7 +93,7 @@ class Judgement:
     def worst(self, name: str) -> Extreme:
         """The largest over the cases of `displacement`, `tension`, `compression` or `stress`."""
         found: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
-        return max(found, key=lambda extreme: extreme.value)
+        return max(found, key=lambda extreme: extreme.settled)
 
 
 Judge = Callable[[ComparisonTask, Structure], Judgement]
@@ -160,35 +150,26 @@ def quick(task: ComparisonTask, structure: Structure, ask: Ask | None = None, ev
 def _carried(task: ComparisonTask, structure: Structure, found: Answered, ask: Ask) -> Carried:
     load, answer, stress = found.load, found.equilibrium, found.stress
     statics, surface = task.preset.statics, structure.sheet.surface
-    principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     moved = np.linalg.norm(answer.u, axis=1)
-    largest = _extreme(surface, stress.largest)
-    strength = statics.strength
+    stresses = stress_extremes(surface, stress, load.held)
     return Carried(
         answer.compliance,
         Extreme(float(moved.max()), _point(surface.V[moved.argmax()]), quantile(moved, surface.vertex_areas)),
-        _extreme(surface, np.maximum(principal[..., 0].max(axis=1), 0)),
-        _extreme(surface, np.maximum(-principal[..., 1].min(axis=1), 0)),
-        largest,
-        (largest.quantile / strength, largest.value / strength) if strength else None,
+        stresses["tension"],
+        stresses["compression"],
+        stresses["stress"],
+        utilisation(stresses["stress"], statics.strength),
         _reactions(task, structure, answer),
         answer.imbalance,
         answer.residual,
         *_modes(task, structure, load, answer, ask),
+        triangles=surface.m,
     )
 
 
-def _extreme(surface: Surface, value: Floats) -> Extreme:
-    """Of values of faces (m,)."""
-    worst = int(value.argmax())
-    return Extreme(float(value[worst]), _point(surface.centroids[worst]), quantile(value, surface.areas))
-
-
-def quantile(value: Floats, weight: Floats, share: float = QUANTILE) -> float:
-    """What of the values (k,) a share of the weights (k,) does not exceed."""
-    order = np.argsort(value)
-    upto = np.cumsum(weight[order])
-    return float(value[order][min(np.searchsorted(upto, share * upto[-1]), len(order) - 1)])
+def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
+    """Of 99 % of the area, and at a rib's width from corners; None without a strength."""
+    return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 
 def _point(x: Floats) -> tuple[float, float, float]:

@@ -17,6 +17,7 @@ from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.competitors import Competitor
 from dsfab.study.judging import Answered, Carried, Judgement, solved_loads
 from dsfab.study.verdict import rules
+from dsfab.study.verdict.stresses import Extreme
 from dsfab.surface import LimitState
 from dsfab.wording import bounded, mass
 
@@ -231,9 +232,9 @@ class Findings:
         shares = [share for name in cases if (share := self.judged.cases[name].utilisation)]
         if not shares:
             return None
-        usual, peak = max(share[0] for share in shares), max(share[1] for share in shares)
-        status: Status = "fail" if usual > 1 else "pass" if peak <= 1 else "unknown"
-        told = f"{usual:.0%} on 99.9 % of the area, {peak:.0%} at the peak{self._under('stress')}"
+        usual, away = max(share[0] for share in shares), max(share[1] for share in shares)
+        status: Status = "fail" if usual > 1 else "pass" if away <= 1 else "unknown"
+        told = f"{usual:.0%} on 99 % of the area, {away:.0%} at most a rib's width off corners{self._under('stress')}"
         return CheckLine("Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa"))
 
     def _buckles(self) -> CheckLine | None:
@@ -284,4 +285,5 @@ def _size(case: Carried, answer: str) -> float:
     """How grave an answer is: metres, pascals, or the buckling factor's distance below infinity."""
     if answer == "buckling":
         return -math.inf if case.buckling is None else -case.buckling
-    return float(getattr(case, answer).value)
+    found: Extreme = getattr(case, answer)
+    return found.settled
