@@ -234,7 +234,8 @@ class Findings:
             return None
         usual, away = max(share[0] for share in shares), max(share[1] for share in shares)
         status: Status = "fail" if usual > 1 else "pass" if away <= 1 else "unknown"
-        told = f"{usual:.0%} on 99 % of the area, {away:.0%} at most a rib's width off corners{self._under('stress')}"
+        where = f"further than a rib's width from corners{self._under('stress')}"
+        told = f"{usual:.0%} on 99 % of the area, {away:.0%} {where}"
         return CheckLine("Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa"))
 
     def _buckles(self) -> CheckLine | None:

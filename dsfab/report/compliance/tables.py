@@ -18,7 +18,7 @@ from dsfab.wording import force, mass
 
 GB = 1e9
 
-OFF_CORNERS = "at most a rib's width off corners"
+OFF_CORNERS = "further than a rib's width from corners"
 """Where a stress is the largest that is a number."""
 
 MORE = 1e-6
@@ -302,7 +302,7 @@ def stress_table(found: Findings, number: Numbers) -> Table:
             ("Smallest principal (compression)", case.compression),
         )
     ]
-    head = ("Stress", "99 % of the area", "A rib's width off corners", "This mesh shows", "At")
+    head = ("Stress", "99 % of the area", "Off corners by a rib's width", "This mesh shows", "At")
     note = (
         "At corners that bend inwards and where supports end, the peak is not a number: it is infinite, and what a "
         "mesh shows grows with every finer one. Judge by the first two columns: what 99 % of the area does not exceed, "
