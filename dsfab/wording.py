@@ -52,6 +52,15 @@ def force(newtons: float) -> str:
     return f"{newtons / 1e6:.3g} MN"
 
 
+def bounded(value: float, bound: float | None, unit: str = "") -> str:
+    """'2.34 ± 1.8 %', with as many digits as the bound leaves; '2.27 (one mesh, bound unknown)' where there is none."""
+    unit = f" {unit}" if unit else ""
+    if bound is None:
+        return f"{value:.3g}{unit} (one mesh, bound unknown)"
+    share = f"{100 * bound:.2g}" if bound < 0.1 else f"{100 * bound:.0f}"
+    return f"{value:.{4 if bound < 0.005 else 3}g}{unit} ± {share} %"
+
+
 def towards(direction: Sequence[float]) -> str:
     """'down', '+x', '(0.6, 0, -0.8)': where a vector that is not zero points to, within a degree."""
     length = sum(x * x for x in direction) ** 0.5

@@ -179,7 +179,7 @@ def test_numbers_are_those_of_results_json(told, read):
     scale = 1000 if design["compliance_J"] < 0.9995 else 1
     assert table[3] == f"{digits_of(scale * design['compliance_J'])} ± {percent(design['bound'])}"
     assert float(table[4].replace(" ", "")) == pytest.approx(design["ratio_to_full"], rel=5e-3)
-    assert table[7] == quantity(design["stress_999_Pa"], "Pa")
+    assert table[7] == quantity(design["stress_99_Pa"], "Pa")
     levels = results["verdict"]["levels"]
     governing = results["verdict"]["cases"][0]["name"]
     shown = [row for row in read.rows if row[0].isdigit() and len(row) == 11]

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from dsfab.report.compliance.words import within
 from dsfab.study.alternatives import losing_line
-from dsfab.wording import length, mass, sentence, table
+from dsfab.wording import bounded, length, mass, sentence, table
 
 if TYPE_CHECKING:
     from dsfab.study import Comparison
@@ -36,12 +36,28 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
             lines.append(f"{one.name} does not carry the loads: {one.error}")
         elif one.spread:
             lines.append(_spread(one, result))
+    lines += [line for one in result.competitors for line in _modes(one)]
     for one in result.rivals:
         gain = result.gain(one.name)
         if one.judgement and result.design.judgement:
             best = "best " if one.spread else ""
             lines.append(f"the design is {gain:.3g} x as stiff as the {best}{one.name} structure of the same mass")
     return "\n".join(lines)
+
+
+def _modes(one: "Competitor") -> list[str]:
+    """The lowest factor of buckling and the lowest frequency of one that was asked for them."""
+    cases = list(one.judgement.cases.values()) if one.judgement else []
+    pressed = [case for case in cases if case.buckling is not None]
+    told = []
+    if pressed:
+        least = min(pressed, key=lambda case: case.buckling or 0.0)
+        told.append(f"buckles at {bounded(least.buckling or 0.0, least.buckling_bound)} x the load")
+    if swinging := [case for case in cases if case.frequency is not None]:
+        told.append(f"swings at {bounded(swinging[0].frequency or 0.0, swinging[0].frequency_bound, 'Hz')}")
+    assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")
+    refused = list(dict.fromkeys(text for case in cases for text in case.refusals))
+    return [f"{one.name} {' and '.join(told)}{assumed}"] * bool(told) + [f"{one.name}: {text}" for text in refused]
 
 
 def _cells(one: "Competitor", result: "Comparison") -> tuple[str, ...]:

@@ -99,6 +99,8 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
 
     pair = str(elements_of("displacement"))
     lines = [f"{name}: {text}" for name, text in shortfalls(rows).items()]
+    beyond = {row.test for row in rows if row.verdict == "theory"}
+    lines += [f"{test.name}, verdict theory: {test.beyond}" for test in tests if test.name in beyond]
     failed = {f"{row.test} ({row.mesh}): {row.elements} {row.verdict}": None for row in failures(rows)}
     lines.append(f"pairs that are reported from: {', '.join(failed) or 'none is off on a finest mesh'}")
     aimed = [row for row in rows if row.met is not None]

@@ -87,6 +87,8 @@ def _note(told: Sequence[tuple[str, Answers]], sheet: Statics, surface: Surface,
 
 
 def _note_case(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
+    if answers.assumed:
+        log.note("statics", f"frequencies and buckling{under} are those of a sheet out of its plane: {answers.assumed}")
     for refusal in answers.refusals:
         aside = "" if answers.elements.bending else " (it was solved in its plane, but vibrates and buckles out of it)"
         log.note("statics", refusal + under + aside)

@@ -14,6 +14,12 @@ from dsfab.report.verification_plots import COLOURS, curves, drawing
 from dsfab.statics import REPORTED, USES, elements_of
 from dsfab.study.verification import Standing, Test, VerificationRow, pattern_spread, shortfalls, standings
 
+MANY_EDGES = 3000
+"""A sketch of more edges is black, and large: then the coarsest mesh is drawn."""
+
+WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
+"""Verdicts, in the order in which one of them stands for all patterns."""
+
 PAIR = str(elements_of("displacement"))
 """The pair that targets and published values are about."""
 
@@ -120,7 +126,7 @@ def _summary(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
             last = [row for row in rows if (row.test, row.elements, row.cells) == (test.name, pair, test.cells[-1])]
             ratios = sorted(row.ratio for row in last if row.ratio is not None)
             verdicts = Counter(row.verdict for row in last)
-            worst = next((name for name in ("off", "refused", "coarse", "not run") if name in verdicts), "ok")
+            worst = next((name for name in WORST_FIRST if name in verdicts), "")
             apart = ratios and ratios[-1] - ratios[0] >= 5e-4
             shown = "" if not ratios else f"{ratios[0]:.3f}" + (f" to {ratios[-1]:.3f}" if apart else "")
             cells += f"<td>{shown}</td>" + _verdict(worst)
@@ -158,9 +164,13 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
     here = [row for row in rows if row.test == test.name]
     beside = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
-    sketch = drawing(test.problem(test.cells[min(1, len(test.cells) - 1)], mesh), test.about)
+    problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
+    if len(problem.surface.edges.ends) > MANY_EDGES:
+        problem = test.problem(test.cells[0], mesh)
+    sketch = drawing(problem, test.about)
     plot = "" if test.tolerance < 1e-6 else curves(test, here, beside)
-    note = f"<p>{escape(short[test.name])}.</p>" if test.name in short else ""
+    told = (test.beyond and f"Verdict theory: {test.beyond}", short.get(test.name, ""))
+    note = "".join(f"<p>{escape(one)}.</p>" for one in told if one)
     return (
         f'<section id="{test.name}"><h2>{test.name}</h2><p>{escape(test.about.capitalize())}. Reference '
         f"{test.reference:.6g}: {escape(test.source)}.{_limit(test)}</p><figure>{sketch}{plot}</figure>"
@@ -204,7 +214,7 @@ def _numbers(row: VerificationRow) -> str:
 
 
 def _verdict(verdict: str) -> str:
-    return f'<td class="{"quiet" if verdict == "not run" else verdict}">{verdict}</td>'
+    return f'<td class="{"quiet" if verdict in ("not run", "") else verdict}">{verdict}</td>'
 
 
 def _beside(against: Sequence[Standing]) -> str:

@@ -97,6 +97,8 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
     force = problem.load.force
     shown, seen = problem.surface.V @ view.T, force @ view.T
     size = np.linalg.norm(force, axis=1)
+    if not size.any():  # it vibrates by itself
+        return
     loaded = np.flatnonzero(size > 0.2 * size.max())
     loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, ARROWS).round().astype(int))]
     reach = 0.2 * np.ptp(shown, axis=0).max() / size.max()

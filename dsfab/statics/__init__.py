@@ -19,6 +19,7 @@ from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import SheetMaterial, SheetModel
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
 from dsfab.statics.needles import flatness, needles_told
+from dsfab.statics.out_of_plane import ModeSupports, mode_supports
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
@@ -47,6 +48,7 @@ __all__ = [
     "LoadEntry",
     "Material",
     "Membrane",
+    "ModeSupports",
     "Peak",
     "Principal",
     "Quantity",
@@ -74,6 +76,7 @@ __all__ = [
     "membrane_stiffness",
     "membrane_strains",
     "membrane_stresses",
+    "mode_supports",
     "needles_told",
     "plane_von_mises",
     "resultant",

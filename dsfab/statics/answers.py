@@ -13,6 +13,7 @@ from dsfab.statics.factor import FactorOf, KeptFactor, factored
 from dsfab.statics.layers import SheetStress, sheet_stress
 from dsfab.statics.model import SheetModel
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
+from dsfab.statics.out_of_plane import mode_supports
 from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad
 from dsfab.statics.supports import all_clamped
@@ -63,6 +64,7 @@ class Answers:
     stress      : and energy, see `SheetStress`.
     vibration, buckling : None where they were not asked for or could not be found.
     refusals    : why not, one sentence each.
+    assumed     : what was assumed of the supports for vibration and buckling (`mode_supports`), or ''.
     """
 
     elements: Elements
@@ -71,6 +73,7 @@ class Answers:
     vibration: Vibration | None = None
     buckling: Buckling | None = None
     refusals: tuple[str, ...] = ()
+    assumed: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,18 +122,19 @@ def sheet_answers(
     if not ask.modes:
         return Answers(held, solved, stress)
     refusals: list[str] = []
-    model = replace(sheet, clamped=all_clamped(load))
+    standing = mode_supports(surface, load, plane)
+    model = replace(sheet, clamped=all_clamped(standing.load))
     shared: dict[str, Any] = {"elements": rich, "K": stiffness(rich)}
     shared["factor_of"] = again if plane else factor_of
     vibration = factors = None
     if ask.frequencies:
         more = {**shared, "spring": load.spring}
-        found = partial(frequencies, model, load.fixed, ask.frequencies, **more)
+        found = partial(frequencies, model, standing.load.fixed, ask.frequencies, **more)
         vibration = _found(found, "no natural frequencies", refusals)
     if ask.buckling:
-        search = partial(buckling, sheet, load, solved, ask.buckling, **shared)
+        search = partial(buckling, sheet, standing.load, solved, ask.buckling, **shared)
         factors = _found(search, "no buckling factors", refusals)
-    return Answers(held, solved, stress, vibration, factors, tuple(refusals))
+    return Answers(held, solved, stress, vibration, factors, tuple(refusals), standing.told)
 
 
 def _found(find: Callable[[], Found], missing: str, refusals: list[str]) -> Found | None:

@@ -44,8 +44,10 @@ NOTHING = 1e-10
 RESTARTS = 500
 """Lanczos gives up after so many restarts; sheets that are clearly compressed take a few."""
 
-ACCURATE = 1e-6
-"""Largest accepted relative residual of a mode, in the norm of the stiffness."""
+ACCURATE = 1e-4
+"""Largest accepted relative residual of a mode, in the norm of the stiffness: the true value is no further off than
+that share [Parlett 1980, 4.5]. Rounding alone makes 3e-6 of it on the second mesh of a cut strip 200 thicknesses long.
+"""
 
 
 @dataclass(frozen=True, eq=False)

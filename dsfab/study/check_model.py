@@ -11,10 +11,14 @@ from dsfab.pipeline import Design, Log, Progress, acting_on, sheet_load, surface
 from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.structure import check_scale
 from dsfab.preset import Preset
+from dsfab.slicing import Sheet
 from dsfab.statics import Equilibrium, SheetModel, SpreadLoad, elements_of, flat_axis, solve_cases
 from dsfab.statics.supports import all_clamped
 from dsfab.study.finite_elements import axes_of_file, nodal_forces, six_node_model
+from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
+from dsfab.study.verdict.rules import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
+from dsfab.wording import bounded
 
 UNRELIABLE = (
     "S6 shells are unreliable on cut curved sheets: CalculiX may refuse the file or answer far too soft; check the "
@@ -53,7 +57,9 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
     check_scale(preset, surface, log)
     acting = [loading for loading in loadings(preset, surface) if loading.name]
     held = {f"SUPPORT_{k}": support.fixed(surface) for k, support in enumerate(acting_on(preset, surface).support, 1)}
-    return _checked(preset, surface, acting, held, "uncut", progress)
+    setting = LoadedSurface(surface, preset.statics.sheet(), {one.name: one.load for one in acting})
+    modes = _modes(preset, setting, whole_sheet(surface), progress)
+    return _checked(preset, surface, acting, held, "uncut", progress, modes)
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
@@ -67,7 +73,25 @@ def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
     surface, supports = design.surface, acting_on(preset, design.surface).support
     fixed = (sheet.between(surface, one.fixed(surface), one.fixed_edges(surface)) for one in supports)
     held = {f"SUPPORT_{k}": of for k, of in enumerate(fixed, 1)}
-    return _checked(preset, sheet.surface, acting, held, "cut", progress)
+    modes = _modes(preset, LoadedSurface.of(design), design.slicing.cells.kept(), progress)
+    return _checked(preset, sheet.surface, acting, held, "cut", progress, modes)
+
+
+def _modes(preset: Preset, setting: LoadedSurface, material: Sheet, progress: Progress | None) -> list[str]:
+    """What [statics] asks of buckling and vibration, with its bound; nothing where it does not ask."""
+    if not (ask := preset.statics.ask).modes:
+        return []
+    found = mode_intervals(setting, material, ask, BUDGET, progress)
+    told = [f"Lowest factor of linear buckling, {name}: {_plain(one)}" for name, one in found.buckling.items()]
+    told += [f"Lowest natural frequency: {_plain(found.hertz, 'Hz')}"] if found.hertz else []
+    if told:
+        assumed = f"; {found.assumed}" if found.assumed else ""
+        told.append(f"Both are of {len(found.levels)} meshes, extrapolated{assumed}: no step of this file finds them")
+    return [*told, *found.refusals]
+
+
+def _plain(found: ModeEstimate, unit: str = "") -> str:
+    return bounded(found.value, found.known, unit).replace("±", "+-")
 
 
 def _checked(
@@ -77,6 +101,7 @@ def _checked(
     held: Mapping[str, Bools],
     kind: str,
     progress: Progress | None,
+    modes: Sequence[str] = (),
 ) -> CheckModel:
     cases = {loading.name: loading.load for loading in acting if loading.factors is None}
     load, axis = acting[0].load, flat_axis(surface, *cases.values())
@@ -105,6 +130,7 @@ def _checked(
             for name, answer in answers.items()
             for line in _expected(name, model, answer.u[:, turn], rigid[name], stored[name])
         ),
+        *modes,
         "Reactions are as CalculiX prints them: forces of its rigid supports together with the loads on their nodes",
         "Where the two differ by more than you accept, refine the mesh (surface.refine, surface.edge)",
     )

@@ -102,18 +102,27 @@ def _judged(judgement: Judgement) -> dict[str, Any]:
     found["level"] = judgement.level
     for name, unit in (("displacement", "m"), ("tension", "Pa"), ("compression", "Pa"), ("stress", "Pa")):
         worst = judgement.worst(name)
-        found |= {f"{name}_{unit}": worst.value, f"{name}_at_m": worst.place, f"{name}_999_{unit}": worst.quantile}
+        found |= {f"{name}_{unit}": worst.value, f"{name}_at_m": worst.place, f"{name}_99_{unit}": worst.quantile}
+        if worst.away is not None:
+            found[f"{name}_off_corners_{unit}"] = max(getattr(case, name).settled for case in judgement.cases.values())
     cases = judgement.cases.values()
     shares = [case.utilisation for case in cases if case.utilisation]
     if shares:
-        found["utilisation_999"], found["utilisation"] = (max(column) for column in zip(*shares, strict=True))
+        found["utilisation_99"], found["utilisation_off_corners"] = (
+            max(column) for column in zip(*shares, strict=True)
+        )
     for name, lowest in (("buckling", min), ("frequency", min)):
-        known = [value for case in cases if (value := getattr(case, name)) is not None]
+        known = [
+            (value, getattr(case, f"{name}_bound")) for case in cases if (value := getattr(case, name)) is not None
+        ]
         if known:
-            found[f"{name}{'_hz' if name == 'frequency' else '_factor'}"] = lowest(known)
+            value, bound = lowest(known, key=lambda one: one[0])
+            found |= {f"{name}{'_hz' if name == 'frequency' else '_factor'}": value, f"{name}_bound": bound}
     found["reactions_N"] = {name: case.reactions for name, case in judgement.cases.items()}
     if refusals := [told for case in cases for told in case.refusals]:
         found["refusals"] = "; ".join(refusals)
+    if assumed := "; ".join(dict.fromkeys(case.assumed for case in cases if case.assumed)):
+        found["assumed"] = assumed
     found["imbalance"] = max(case.imbalance for case in cases)
     found["residual"] = max(case.residual for case in cases)
     return found

@@ -12,22 +12,20 @@ from dsfab.limits import Status
 from dsfab.pipeline import acting_on, sheet_loads
 from dsfab.slicing import Sheet
 from dsfab.statics import (
-    LAYERS,
     Ask,
     Equilibrium,
     SheetStress,
     buckling,
     frequencies,
+    mode_supports,
     sheet_stress,
     solve_for,
 )
 from dsfab.statics.supports import all_clamped
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.verdict import Verdict, rules
+from dsfab.study.verdict.stresses import Extreme, quantile, stress_extremes
 from dsfab.surface import LoadCase, Support, Surface
-
-QUANTILE = 0.999
-"""Share of the area that a stress is told of which all but the worst places keep to: peaks grow with the mesh."""
 
 UNCUT = 0.5
 """Bound of the quick level for whole sheets that bend, whose meshes are coarse beside those of cut ones: half as much
@@ -35,25 +33,20 @@ again as the 32 % that the dome's thinner sheet is off by. No table of random de
 
 
 @dataclass(frozen=True)
-class Extreme:
-    """The largest of a quantity: `value` at `place`, metres; and what `QUANTILE` of the area does not exceed."""
-
-    value: float
-    place: tuple[float, float, float]
-    quantile: float
-
-
-@dataclass(frozen=True)
 class Carried:
     """How a sheet answers one load.
 
     compliance, displacement : joules, and metres with its place.
-    tension, compression     : the largest principal stress of all layers, and minus the smallest, Pa; not under 0.
-    stress      : the largest von Mises stress, Pa.      utilisation : over the strength, of `QUANTILE` and at the peak.
+    stress, tension, compression : see `dsfab.study.verdict.stresses`, Pa; of the finest mesh that was solved.
+    triangles   : of that mesh.
+    utilisation : over the strength: of 99 % of the area, and of the largest stress at a rib's width from corners.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None where they were not asked for or there is none.
+    buckling_bound, frequency_bound : half width of the interval that they lie in, over them, by two meshes or three;
+                  None where one mesh alone was solved: then they are told without a bound.
     refusals    : why they could not be found.
+    assumed     : of the supports for both, see `dsfab.statics.mode_supports`; or ''.
     """
 
     compliance: float
@@ -68,6 +61,10 @@ class Carried:
     buckling: float | None = None
     frequency: float | None = None
     refusals: tuple[str, ...] = ()
+    assumed: str = ""
+    buckling_bound: float | None = None
+    frequency_bound: float | None = None
+    triangles: int = 0
 
 
 @dataclass(frozen=True)
@@ -96,7 +93,7 @@ class Judgement:
     def worst(self, name: str) -> Extreme:
         """The largest over the cases of `displacement`, `tension`, `compression` or `stress`."""
         found: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
-        return max(found, key=lambda extreme: extreme.value)
+        return max(found, key=lambda extreme: extreme.settled)
 
 
 Judge = Callable[[ComparisonTask, Structure], Judgement]
@@ -153,35 +150,26 @@ def quick(task: ComparisonTask, structure: Structure, ask: Ask | None = None, ev
 def _carried(task: ComparisonTask, structure: Structure, found: Answered, ask: Ask) -> Carried:
     load, answer, stress = found.load, found.equilibrium, found.stress
     statics, surface = task.preset.statics, structure.sheet.surface
-    principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     moved = np.linalg.norm(answer.u, axis=1)
-    largest = _extreme(surface, stress.largest)
-    strength = statics.strength
+    stresses = stress_extremes(surface, stress, load.held)
     return Carried(
         answer.compliance,
         Extreme(float(moved.max()), _point(surface.V[moved.argmax()]), quantile(moved, surface.vertex_areas)),
-        _extreme(surface, np.maximum(principal[..., 0].max(axis=1), 0)),
-        _extreme(surface, np.maximum(-principal[..., 1].min(axis=1), 0)),
-        largest,
-        (largest.quantile / strength, largest.value / strength) if strength else None,
+        stresses["tension"],
+        stresses["compression"],
+        stresses["stress"],
+        utilisation(stresses["stress"], statics.strength),
         _reactions(task, structure, answer),
         answer.imbalance,
         answer.residual,
         *_modes(task, structure, load, answer, ask),
+        triangles=surface.m,
     )
 
 
-def _extreme(surface: Surface, value: Floats) -> Extreme:
-    """Of values of faces (m,)."""
-    worst = int(value.argmax())
-    return Extreme(float(value[worst]), _point(surface.centroids[worst]), quantile(value, surface.areas))
-
-
-def quantile(value: Floats, weight: Floats, share: float = QUANTILE) -> float:
-    """What of the values (k,) a share of the weights (k,) does not exceed."""
-    order = np.argsort(value)
-    upto = np.cumsum(weight[order])
-    return float(value[order][min(np.searchsorted(upto, share * upto[-1]), len(order) - 1)])
+def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
+    """Of 99 % of the area, and at a rib's width from corners; None without a strength."""
+    return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 
 def _point(x: Floats) -> tuple[float, float, float]:
@@ -207,21 +195,24 @@ def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
 
 def _modes(
     task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
-) -> tuple[float | None, float | None, tuple[str, ...]]:
-    """`buckling`, `frequency` and `refusals` of a `Carried`."""
+) -> tuple[float | None, float | None, tuple[str, ...], str]:
+    """`buckling`, `frequency`, `refusals` and `assumed` of a `Carried`, by the mesh as it is cut."""
     statics = task.preset.statics
     sheet = statics.sheet(structure.thickness).on(structure.sheet.surface)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
+    if not ask.modes:
+        return None, None, (), ""
+    standing = mode_supports(sheet.surface, load)
     try:
         if ask.buckling:
-            factor = buckling(sheet, load, answer, 1).factor
+            factor = buckling(sheet, standing.load, answer, 1).factor
     except StaticsError as error:
         refusals.append(f"no buckling factor: {error}")
     try:
         if ask.frequencies:
-            turning = replace(sheet, clamped=all_clamped(load))
-            hertz = frequencies(turning, load.fixed, 1, spring=load.spring).hertz
+            turning = replace(sheet, clamped=all_clamped(standing.load))
+            hertz = frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
     lowest = [float(found[0]) if len(found) else None for found in (factor, hertz)]
-    return lowest[0], lowest[1], tuple(refusals)
+    return lowest[0], lowest[1], tuple(refusals), standing.told

@@ -17,8 +17,9 @@ from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.competitors import Competitor
 from dsfab.study.judging import Answered, Carried, Judgement, solved_loads
 from dsfab.study.verdict import rules
+from dsfab.study.verdict.stresses import Extreme
 from dsfab.surface import LimitState
-from dsfab.wording import mass
+from dsfab.wording import bounded, mass
 
 KNOCKED_DOWN = 5.0
 """Real shells buckle at a fifth to a half of the linear load factor: a factor above this needs no second look."""
@@ -173,7 +174,7 @@ class Findings:
             told = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", told, "equilibrium with its supports")]
         found = [self._carries(), self._known(), self._balanced(), self._member(), self._faceted()]
-        return [one for one in (*found, self._strong(), self._buckles()) if one]
+        return [one for one in (*found, self._strong(), self._buckles(), self._vibrates()) if one]
 
     def _carries(self) -> CheckLine:
         loose = self.design.loose
@@ -231,18 +232,33 @@ class Findings:
         shares = [share for name in cases if (share := self.judged.cases[name].utilisation)]
         if not shares:
             return None
-        usual, peak = max(share[0] for share in shares), max(share[1] for share in shares)
-        status: Status = "fail" if usual > 1 else "pass" if peak <= 1 else "unknown"
-        told = f"{usual:.0%} on 99.9 % of the area, {peak:.0%} at the peak{self._under('stress')}"
+        usual, away = max(share[0] for share in shares), max(share[1] for share in shares)
+        status: Status = "fail" if usual > 1 else "pass" if away <= 1 else "unknown"
+        where = f"further than a rib's width from corners{self._under('stress')}"
+        told = f"{usual:.0%} on 99 % of the area, {away:.0%} {where}"
         return CheckLine("Stress against the strength", status, told, quantity(self.task.preset.statics.strength, "Pa"))
 
     def _buckles(self) -> CheckLine | None:
-        least = self.decisive("buckling")[1].buckling
+        case = self.decisive("buckling")[1]
+        least, off = case.buckling, case.buckling_bound
         if least is None:
             return None
-        status: Status = "fail" if least < 1 else "pass" if least >= KNOCKED_DOWN else "unknown"
-        told = f"{least:.3g} times the load (linear, perfect shape){self._under('buckling')}"
-        return CheckLine("Buckling", status, told, f"{KNOCKED_DOWN:g} or more")
+        low, high = (least * (1 + side * (off or 0.0)) for side in (-1, 1))
+        status: Status = "fail" if high < 1 else "pass" if low >= KNOCKED_DOWN else "unknown"
+        told = f"{bounded(least, off)} times the load (linear, perfect shape){self._under('buckling')}"
+        return CheckLine("Buckling", status, f"{told}{self._assumed()}", f"{KNOCKED_DOWN:g} or more")
+
+    def _vibrates(self) -> CheckLine | None:
+        case = next((case for case in self.judged.cases.values() if case.frequency is not None), None)
+        if case is None or case.frequency is None:
+            return None
+        told = f"{bounded(case.frequency, case.frequency_bound, 'Hz')}{self._assumed()}"
+        return CheckLine("Lowest natural frequency", "note", told, "not judged")
+
+    def _assumed(self) -> str:
+        """What was assumed of the supports of a sheet that leaves its plane."""
+        told = next((case.assumed for case in self.judged.cases.values() if case.assumed), "")
+        return f"; {told}" if told else ""
 
     @cached_property
     def claims(self) -> list[CheckLine]:
@@ -270,4 +286,5 @@ def _size(case: Carried, answer: str) -> float:
     """How grave an answer is: metres, pascals, or the buckling factor's distance below infinity."""
     if answer == "buckling":
         return -math.inf if case.buckling is None else -case.buckling
-    return float(getattr(case, answer).value)
+    found: Extreme = getattr(case, answer)
+    return found.settled

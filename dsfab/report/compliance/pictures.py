@@ -16,7 +16,8 @@ from dsfab.report.compliance.document import ReportFigure, Scale
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.words import digits_of, nice, unit_for
 from dsfab.slicing.features import kept_cells
-from dsfab.study.judging import Answered, quantile
+from dsfab.study.judging import Answered
+from dsfab.study.verdict.stresses import quantile
 from dsfab.surface import LoadCase, Surface
 
 SIZE = (1500, 1000)

@@ -154,12 +154,14 @@ def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     stressed = drawn.stress(
         shown,
         number.figure(
-            f"von Mises stress{under}, the largest of top, middle and bottom of the sheet; peak "
-            f"{quantity(case.stress.value, 'Pa')}."
+            f"von Mises stress{under}, the largest of top, middle and bottom of the sheet as it is cut; on 99 % of the "
+            f"area of the finest mesh at most {quantity(case.stress.quantile, 'Pa')}."
         ),
     )
     words = Paragraph(
-        f"Both are those of one solve on the mesh as it is cut, by {elements_of('displacement')} elements.", "quiet"
+        f"Both pictures are those of one solve on the mesh as it is cut, by {elements_of('displacement')} elements; "
+        "the table has the stress of the finest mesh that was solved.",
+        "quiet",
     )
     return ReportSection(
         "Displacements and stress", [words, moved, stressed, tables.stress_table(found, number)], own_page=True

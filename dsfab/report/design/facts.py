@@ -9,7 +9,7 @@ from typing import Any
 from dsfab import __version__
 from dsfab.pipeline.design import Design
 from dsfab.report.design.acting import acting_facts
-from dsfab.report.design.answers import answer_facts
+from dsfab.report.design.answers import answer_facts, mode_facts
 from dsfab.report.design.balance import case_facts, cut_load_facts, equilibrium_facts
 from dsfab.report.design.choice import attempt_facts, choice_facts
 
@@ -29,6 +29,7 @@ def facts(
             "of": "the uncut sheet",
             **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
             **answer_facts(design, design.statics),
+            **mode_facts(design),
             "cases": case_facts(design),
             "followed": design.preset.followed,
         },

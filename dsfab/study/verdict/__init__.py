@@ -4,11 +4,13 @@ check ─► attached_material                           pieces and loads (loade
       ─► Refinement.up ─► finer, on_mesh ─► level    mesh after mesh (refinement.py, finer.py, levels.py)
                        ─► estimate                   value and bound (rules.py)
       ─► Verdict                                     what is told (verdict.py)
+mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same of buckling and frequency (modes.py)
 """
 
 from dsfab.study.verdict.check import BUDGET, check
 from dsfab.study.verdict.levels import Level
 from dsfab.study.verdict.loaded_surface import Dropped, LoadedSurface, whole_sheet
+from dsfab.study.verdict.modes import ModeIntervals, ModeLevel, mode_intervals
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
 
 __all__ = [
@@ -18,7 +20,10 @@ __all__ = [
     "Dropped",
     "Level",
     "LoadedSurface",
+    "ModeIntervals",
+    "ModeLevel",
     "Verdict",
     "check",
+    "mode_intervals",
     "whole_sheet",
 ]

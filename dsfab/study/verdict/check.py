@@ -14,8 +14,8 @@ from dsfab.study.verdict import rules
 from dsfab.study.verdict.loaded_surface import Dropped, LoadedSurface, attached_material
 from dsfab.study.verdict.refinement import Refinement
 from dsfab.study.verdict.smooth import SmoothSurface
+from dsfab.study.verdict.stresses import rib_width
 from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
-from dsfab.surface import Surface
 
 BUDGET = 4e9
 """Bytes that a verdict may take unless told otherwise."""
@@ -90,10 +90,7 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 def members(sheet: Sheet) -> float:
     """Metres: the mean width of the members, twice the area over the length of all borders; inf without a border."""
-    surface: Surface = sheet.surface
-    ends = surface.V[surface.edges.ends[surface.edges.boundary]]
-    length = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
-    return 2 * surface.area / length if length else float("inf")
+    return rib_width(sheet.surface)
 
 
 def facets_of(smooth: SmoothSurface, thickness: float) -> float:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from dsfab.statics import (
     Elements,
     Equilibrium,
     SheetMaterial,
+    SheetStress,
     SpreadLoad,
     elements_of,
     equilibria,
@@ -19,6 +20,7 @@ from dsfab.statics import (
     sheet_stiffness,
     sheet_stress,
 )
+from dsfab.study.verdict.stresses import Extreme, stress_extremes
 from dsfab.surface import LoadCase, Surface
 
 MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
@@ -43,6 +45,7 @@ class Level:
     residual   : the largest of all cases and pairs, relative, in the norm of the energy (see `Equilibrium`).
     seconds    : of both pairs.
     memory     : bytes, the most that the process has held up to then.
+    stresses   : of the main pair, for each case, see `stress_extremes`.
     """
 
     triangles: int
@@ -54,6 +57,7 @@ class Level:
     residual: float
     seconds: float
     memory: int
+    stresses: Mapping[str, Mapping[str, Extreme]] = field(default_factory=dict)
 
 
 def level(
@@ -76,7 +80,8 @@ def level(
         del K
     main = pairs[0]
     elements = main.in_plane if plane else main
-    errors = {name: recovery_errors(surface, made, elements, answer) for name, answer in found[main].items()}
+    stress = {name: sheet_stress(made.on(surface), elements, answer) for name, answer in found[main].items()}
+    errors = {name: recovery_errors(surface, made, stress[name], answer) for name, answer in found[main].items()}
     energies = {pair: {name: answer.compliance for name, answer in of.items()} for pair, of in found.items()}
     return Level(
         surface.m,
@@ -88,17 +93,17 @@ def level(
         max(answer.residual for of in found.values() for answer in of.values()),
         time.perf_counter() - start,
         peak_memory(),
+        {name: stress_extremes(surface, one, loads[name].held) for name, one in stress.items()},
     )
 
 
 def recovery_errors(
-    surface: Surface, made: SheetMaterial, elements: Elements, answer: Equilibrium
+    surface: Surface, made: SheetMaterial, found: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
     """Squared errors in the norm of the energy over the compliance, of membrane and of bending: how far the stress is
     from the same averaged around each vertex [Zienkiewicz and Zhu 1987]. 0 for stress that is constant on each face."""
     if answer.compliance <= 0:
         return 0.0, 0.0
-    found = sheet_stress(made.on(surface), elements, answer)
     C = np.linalg.inv(made.material.membrane(made.law)) * made.thickness
     D = np.linalg.inv(made.material.bending(made.thickness)) * (made.thickness**2 / 6) ** 2
     membrane = _squared(surface, found.smooth_membrane - found.membrane, np.asarray(C))

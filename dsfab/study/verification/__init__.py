@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 
 from dsfab.errors import StaticsError
 from dsfab.statics import REPORTED, Elements, elements_of
-from dsfab.study.verification import beams, plane, plates, shells, vessels
+from dsfab.study.verification import beams, cut_sheets, plane, plates, shells, stability, vessels, vibrations
 from dsfab.study.verification.benchmark_comparison import Standing, shortfalls, standings
 from dsfab.study.verification.meshes import Mesh
 from dsfab.study.verification.problem import Problem, Test
-from dsfab.study.verification.rows import VerificationRow, failures, pattern_spread, series
+from dsfab.study.verification.rows import VerificationRow, failures, outside_series, pattern_spread, series
 
 __all__ = [
     "PAIRS",
@@ -30,9 +30,9 @@ __all__ = [
     "verify",
 ]
 
-TESTS: dict[str, Test] = {
-    test.name: test for family in (plates, beams, plane, shells, vessels) for test in family.TESTS
-}
+FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
+
+TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}
 """Every test by its name."""
 
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
@@ -57,10 +57,11 @@ def verify(
     pairs: Sequence[Elements] = PAIRS,
     progress: Callable[[str, str], None] | None = None,
 ) -> Iterator[VerificationRow]:
-    """The rows of all tests, patterns and pairs, series by series as they are solved."""
+    """The rows of all tests, patterns and pairs, and of programs that are not ours, series by series as solved."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")
         for mesh in test.meshes:
             for elements in pairs:
                 yield from series(test, mesh, elements)
+            yield from outside_series(test, mesh)

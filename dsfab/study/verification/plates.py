@@ -45,6 +45,31 @@ def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
     )
 
 
+SKEWED = Material(young=1085.0, poisson=0.31)
+
+
+def skew_plate(cells: int, mesh: Mesh) -> Problem:
+    """A rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides, free at the others.
+
+    The value is the sag of its centre times 100 D / (q a^4).
+    """
+    uv, F = square(cells, cells, mesh)
+    surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
+    ends = at(uv[:, 1], 0.0) | at(uv[:, 1], 1.0)
+    centre = np.arange(surface.n) == np.abs(uv - 0.5).max(axis=1).argmin()
+    scale = 100 * SKEWED.bending_stiffness(0.1) / 100**4
+    return Problem(
+        surface,
+        SKEWED,
+        0.1,
+        fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (ends, "z")),
+        force=np.zeros((surface.n, 3)),
+        spread=SpreadLoad.on(surface, face=(0.0, 0.0, 1.0)),
+        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
+        value=lambda answer: scale * float(answer.u[centre, 2][0]),
+    )
+
+
 def stressed_plate(cells: int, mesh: Mesh) -> Problem:
     """The supported plate; the value is the largest stress at its centre over q (a / h)^2."""
     problem = plate(cells, mesh, clamped=False)
@@ -126,6 +151,16 @@ TESTS = [
         cells=(4, 8, 16),
         meshes=MESHES,
         targets={8: 0.005},
+    ),
+    Test(
+        "skew_plate",
+        0.7945,
+        "Razzaque 1973, finite differences (recalled); whole plate",
+        "rhombic plate of 60 degrees on two simple supports under a uniform load: sag of its centre",
+        skew_plate,
+        cells=(4, 8, 16, 32),
+        meshes=MESHES,
+        targets={16: 0.005},
     ),
     Test(
         "plate_stress",

@@ -109,6 +109,8 @@ class Test:
     limit     : what the targets are about where it is not the reference: what the elements converge to (the exact
                 answer of a thin sheet where one is published) if the usual reference is not that. The table has both.
     quantity  : what the number is: it says how far off it may be.
+    beyond    : what no thin sheet has and the reference does, in words: then it is `limit` that must be met.
+    outside   : (cells, mesh) -> unknowns and value of a program that is not ours, None where that is not installed.
     """
 
     __test__ = False  # pytest collects classes of this name
@@ -124,6 +126,8 @@ class Test:
     targets: Mapping[int, float] = field(default_factory=dict)
     limit: float | None = None
     quantity: Quantity = "displacement"
+    beyond: str = ""
+    outside: Callable[[int, Mesh], tuple[int, float] | None] | None = None
 
     @property
     def tolerance(self) -> float:

@@ -1,0 +1,154 @@
+"""Buckling and frequency with a bound: a cut sheet on its mesh and on finer ones, and what they tend to."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import islice
+
+from dsfab.errors import DsfabError
+from dsfab.pipeline.log import Progress
+from dsfab.slicing import Sheet
+from dsfab.statics import (
+    Ask,
+    Elements,
+    KeptFactor,
+    ModeSupports,
+    SheetMaterial,
+    SpreadLoad,
+    buckling,
+    elements_of,
+    equilibria,
+    flat_axis,
+    frequencies,
+    mode_supports,
+    sheet_stiffness,
+)
+from dsfab.statics.supports import all_clamped
+from dsfab.study.verdict import rules
+from dsfab.study.verdict.finer import meshes, on_mesh, shares
+from dsfab.study.verdict.levels import memory_needed
+from dsfab.study.verdict.loaded_surface import LoadedSurface, attached_material
+from dsfab.study.verdict.smooth import SmoothSurface
+from dsfab.surface import LoadCase, Surface
+
+PAIR: Elements = elements_of("buckling")
+"""The elements of both: they share a stiffness and its factor."""
+
+LEVELS = 3
+"""Meshes at most."""
+
+
+@dataclass(frozen=True)
+class ModeLevel:
+    """One mesh. buckling : the lowest factor of each case, None where nothing is pressed; empty where not asked.
+    hertz : the lowest frequency, None where not asked.    triangles : of the mesh."""
+
+    triangles: int
+    buckling: Mapping[str, float | None]
+    hertz: float | None
+
+
+@dataclass(frozen=True)
+class ModeIntervals:
+    """What the meshes say together.
+
+    buckling : the lowest factor of each case with its bound; cases that do not buckle are left out.
+    hertz    : the lowest frequency with its bound; None where it was not asked for or could not be found.
+    levels   : the meshes, coarse to fine.
+    assumed  : of the supports (`mode_supports`), or ''.
+    refusals : why something could not be found, or no finer mesh was solved; a sentence each.
+    """
+
+    buckling: Mapping[str, rules.ModeEstimate]
+    hertz: rules.ModeEstimate | None
+    levels: tuple[ModeLevel, ...]
+    assumed: str = ""
+    refusals: tuple[str, ...] = ()
+
+
+def mode_intervals(
+    setting: LoadedSurface, material: Sheet, ask: Ask, budget: float, progress: Progress | None = None
+) -> ModeIntervals:
+    """The lowest factor of linear buckling of each case and the lowest frequency of a sheet, as `ask` wants them.
+
+    On the cut mesh with its points on the smooth surface and on the next finer one; on a third where a bound is more
+    than `rules.MODES_KNOWN` then. Loads are spread as in `check`. Shapes are not kept.
+
+    budget : bytes that the solver may take; a mesh that would need more is not solved.
+
+    What cannot be found is told in `refusals`, nothing is raised.
+    """
+    levels: list[ModeLevel] = []
+    refusals: list[str] = []
+    assumed = ""
+    try:
+        sheet, _, loads = attached_material(setting, material)
+        forces = shares(sheet, loads)
+        for mesh in islice(meshes(sheet, SmoothSurface.through(setting.surface)), LEVELS):
+            needed = memory_needed(PAIR.unknowns(mesh.surface), PAIR.bending)
+            if levels and needed > budget:
+                refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
+                break
+            if progress:
+                progress("modes", f"{mesh.surface.m:,} triangles")
+            cases, spreads = on_mesh(setting.surface, mesh, setting.loads, forces)
+            standing = mode_supports(mesh.surface, next(iter(cases.values())), _plane(mesh.surface, cases))
+            assumed = standing.told
+            levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, ask))
+            found = _together(levels)
+            if len(levels) > 1 and all(one.bound <= rules.MODES_KNOWN for one in found):
+                break
+    except DsfabError as error:
+        refusals.append(f"no {'finer mesh for the bound of modes' if levels else 'modes'}: {error}")
+    return ModeIntervals(_factors(levels), _hertz(levels), tuple(levels), assumed, tuple(refusals))
+
+
+def mode_level(
+    surface: Surface,
+    made: SheetMaterial,
+    cases: Mapping[str, LoadCase],
+    spreads: Mapping[str, SpreadLoad],
+    standing: ModeSupports,
+    ask: Ask,
+) -> ModeLevel:
+    """One mesh; one factor serves all cases and both questions. Raises StaticsError where modes cannot be found."""
+    sheet, kept = made.on(surface), KeptFactor(2)
+    K = sheet_stiffness(sheet, PAIR)
+    supports = standing.load
+    factors: dict[str, float | None] = {}
+    if ask.buckling:
+        plane = PAIR.in_plane if _plane(surface, cases) else PAIR
+        stiffness = sheet_stiffness(sheet, plane) if plane != PAIR else K
+        given = list(spreads.values())
+        answers = equilibria(surface, stiffness, list(cases.values()), plane, given, factor_of=kept)
+        for (name, load), answer in zip(cases.items(), answers, strict=True):
+            held = replace(load, fixed=supports.fixed, clamped=supports.clamped)
+            found = buckling(sheet, held, answer, 1, PAIR, K, kept).factor
+            factors[name] = float(found[0]) if len(found) else None
+    hertz = None
+    if ask.frequencies:
+        still = replace(sheet, clamped=all_clamped(supports))
+        hertz = float(frequencies(still, supports.fixed, 1, PAIR, K, kept, supports.spring).hertz[0])
+    return ModeLevel(surface.m, factors, hertz)
+
+
+def _plane(surface: Surface, cases: Mapping[str, LoadCase]) -> bool:
+    return flat_axis(surface, *cases.values()) is not None
+
+
+def _together(levels: list[ModeLevel]) -> list[rules.ModeEstimate]:
+    hertz = _hertz(levels)
+    return [*_factors(levels).values(), *([hertz] if hertz else [])]
+
+
+def _factors(levels: list[ModeLevel]) -> dict[str, rules.ModeEstimate]:
+    found: dict[str, rules.ModeEstimate] = {}
+    for name in levels[0].buckling if levels else ():
+        values = [value for level in levels if (value := level.buckling[name]) is not None]
+        if len(values) == len(levels):
+            found[name] = rules.mode_estimate(values)
+    return found
+
+
+def _hertz(levels: list[ModeLevel]) -> rules.ModeEstimate | None:
+    values = [level.hertz for level in levels if level.hertz is not None]
+    return rules.mode_estimate(values) if values else None
