@@ -56,6 +56,10 @@ class Statics(Section):
     """constant strain (the paper), or quadratic or hybrid: right for slender parts too, at several times the cost."""
     bending: Bending = "hinge"
     """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
+    stress: Literal["membrane", "layers", "auto"] = "membrane"
+    """What the pattern follows: membrane, the stress of the middle surface (the paper; of a flat sheet that only bends,
+    which has none there, that of its lower side); layers, that of all layers, bending counts; auto: layers where
+    bending stores at least half of the energy."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Pa that the largest stress is compared with (steel S235: 235e6); 0 compares nothing."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0

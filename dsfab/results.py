@@ -24,6 +24,7 @@ class CaseResult:
 
     answers : what else the sheet tells; by other elements than `equilibrium` where these do not answer (see `Ask`).
     factors : of the cases in a combination; None for a case.
+    layered : (m, 3, 3) Pa, the stress of all layers (`layer_stress`), where the pattern follows it; else None.
     """
 
     load: LoadCase
@@ -31,6 +32,12 @@ class CaseResult:
     sigma: Floats
     answers: Answers
     factors: Mapping[str, float] | None = None
+    layered: Floats | None = None
+
+    @property
+    def followed(self) -> Floats:
+        """(m, 3, 3) Pa, what the pattern follows."""
+        return self.sigma if self.layered is None else self.layered
 
 
 @dataclass(frozen=True, eq=False)

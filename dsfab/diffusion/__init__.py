@@ -1,6 +1,7 @@
 """Stage 3, diffusion: where material wants to run."""
 
 from dsfab.diffusion.frame import CLEAR, reference_axes
+from dsfab.diffusion.layers import layer_stress, only_bends
 from dsfab.diffusion.modes import Modes, diffusion_modes, family_modes
 from dsfab.diffusion.operators import diffusion_operator
 from dsfab.diffusion.symmetry import Symmetry, generated_group, symmetry_group, symmetry_of
@@ -20,6 +21,8 @@ __all__ = [
     "family_modes",
     "found_symmetry",
     "generated_group",
+    "layer_stress",
+    "only_bends",
     "principal_stresses",
     "reference_axes",
     "symmetry_group",

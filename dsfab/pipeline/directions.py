@@ -5,6 +5,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.diffusion import (
     CLEAR,
+    Labelling,
     combined_stress,
     diffusion_operator,
     diffusion_tensors,
@@ -23,7 +24,7 @@ CELLS_PER_ROOT_R = 3.2
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
     """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
-    sigma = {name: statics.cases[name].sigma for name in preset.followed}
+    sigma = {name: statics.cases[name].followed for name in preset.followed}
     if not preset.combines:
         return next(iter(sigma.values()))
     return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
@@ -69,5 +70,16 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             "(surface.refine)",
         )
     if (share := tensors.isotropic @ surface.areas / surface.area) > 0.5:
-        log.note("diffusion", f"{share:.0%} of the surface has no clear stress direction; raise gamma or the loads")
+        log.note("diffusion", _unclear(share, ask.labelling))
     return DiffusionResult(tensors, major, minor)
+
+
+def _unclear(share: float, labelling: Labelling) -> str:
+    """What is told where most of the surface has no direction: larger loads would not change that, the stress grows
+    alike everywhere."""
+    alike = "as large" if labelling == "magnitude" else "nearly the same"
+    more = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
+    return (
+        f"{share:.0%} of the surface has no clear stress direction, both principal stresses are {alike} there: stripes "
+        f"run as they do around it; diffusion.isotropy = 0 follows the smallest difference{more}"
+    )

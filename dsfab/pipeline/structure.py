@@ -10,7 +10,7 @@ from dsfab.errors import SurfaceError
 from dsfab.limits import PRECISE, USUAL_SIZE
 from dsfab.pipeline.answers import answers_step
 from dsfab.pipeline.buildable import objections, off_surface
-from dsfab.pipeline.flat import bending_stress, only_bends
+from dsfab.pipeline.layers import FollowedStress, followed_layers
 from dsfab.pipeline.loadings import loadings
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
@@ -94,12 +94,14 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
     with log.row("stress"):
         sigma = [stress(surface, sheet.elastic, a.u, sheet.law, a.bubbles) for a in found]
     answers = answers_step(preset, surface, list(zip(acting, found, strict=True)), plane, {elements: K}, factor_of, log)
-    if not plane and only_bends(surface, answers):
-        sigma = bending_stress(sheet, surface, acting, answers)
-        log.note("statics", "the sheet is flat and bends: the pattern follows the stress at its lower side")
+    with log.row("stress"):
+        follow = FollowedStress(sigma) if plane else followed_layers(preset, surface, acting, answers, sigma)
+    if follow.told:
+        log.note("statics", follow.told)
+    layered = follow.layered or [None] * len(acting)
     results = {
-        ld.name: CaseResult(ld.load, e, s, a, ld.factors)
-        for ld, e, s, a in zip(acting, found, sigma, answers, strict=True)
+        ld.name: CaseResult(ld.load, e, s, a, ld.factors, every)
+        for ld, e, s, a, every in zip(acting, found, follow.sigma, answers, layered, strict=True)
     }
     whole = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
