@@ -22,6 +22,7 @@ class CaseResult:
     """A load case or a combination: its load, its equilibrium and the stress (m, 3, 3), Pa, of the middle surface, or
     of the lower side of a flat sheet that only bends.
 
+    sigma   : (m, 3, 3) Pa, the stress of the middle surface, or of the lower side of a flat sheet that only bends.
     answers : what else the sheet tells; by other elements than `equilibrium` where these do not answer (see `Ask`).
     factors : of the cases in a combination; None for a case.
     layered : (m, 3, 3) Pa, the stress of all layers (`layer_stress`), where the pattern follows it; else None.

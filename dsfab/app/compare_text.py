@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from dsfab.report.compliance.words import within
-from dsfab.study.alternatives import losing_line
+from dsfab.study import losing_line
 from dsfab.wording import bounded, length, mass, sentence, table
 
 if TYPE_CHECKING:

@@ -33,8 +33,8 @@ stress, as a slab's is, the sign at the bottom, where its weight pulls it. Of a 
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.surface import Surface
 from dsfab.surface.hats import tangents
-from dsfab.surface.mesh import Surface
 
 UNSTRESSED = 1e-3
 """A middle surface with less than this share of the stress of the sides leaves nothing to follow."""
@@ -61,7 +61,7 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
     along = np.einsum("mka,mka->mk", signed, axes)
     planar = np.einsum("mk,mka,mkb->mab", np.copysign(size, along), axes, axes)
     found = np.einsum("mai,mab,mbj->mij", t, planar, t, optimize=True)
-    return np.asarray(np.where(bending.any(axis=(1, 2))[:, None, None], found, membrane))
+    return np.asarray(np.where(np.asarray(bending.any(axis=(1, 2)))[:, None, None], found, membrane))
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:

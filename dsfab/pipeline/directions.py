@@ -69,7 +69,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
             "(surface.refine)",
         )
-    if (share := tensors.isotropic @ surface.areas / surface.area) > 0.5:
+    if (share := float(tensors.isotropic @ surface.areas) / surface.area) > 0.5:
         log.note("diffusion", _unclear(share, ask.labelling))
     return DiffusionResult(tensors, major, minor)
 

@@ -1,11 +1,11 @@
 """The second step: how what is given carries the load."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools
+from dsfab.arrays import Bools, Floats
 from dsfab.errors import SurfaceError
 from dsfab.limits import PRECISE, USUAL_SIZE
 from dsfab.pipeline.answers import answers_step
@@ -98,7 +98,7 @@ def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
         follow = FollowedStress(sigma) if plane else followed_layers(preset, surface, acting, answers, sigma)
     if follow.told:
         log.note("statics", follow.told)
-    layered = follow.layered or [None] * len(acting)
+    layered: Sequence[Floats | None] = follow.layered or [None] * len(acting)
     results = {
         ld.name: CaseResult(ld.load, e, s, a, ld.factors, every)
         for ld, e, s, a, every in zip(acting, found, follow.sigma, answers, layered, strict=True)

@@ -18,7 +18,7 @@ from dsfab.preset_file import overridden
 from dsfab.render.palette import PAPER
 from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
 from dsfab.report.html import style
-from dsfab.study.alternatives import WORDS, design_alternatives, losing_line
+from dsfab.study import ALTERNATIVE_WORDS, design_alternatives, losing_line
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.plan import Plan
@@ -156,7 +156,7 @@ def best_loss(folder: SweepFolder) -> str:
     ranked = best(folder.rows(), headline(folder.plan), folder.plan.limits)
     if not ranked:
         return ""
-    row, names = ranked[0], [f"over_{name}" for name in WORDS]
+    row, names = ranked[0], [f"over_{name}" for name in ALTERNATIVE_WORDS]
     if all(name in row.metrics for name in names) and max(row.metrics[name] for name in names) <= 1:
         return ""
     try:

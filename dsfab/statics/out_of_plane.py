@@ -6,8 +6,7 @@ from dsfab.errors import StaticsError
 from dsfab.statics.mechanisms import require_held
 from dsfab.statics.solve import flat_axis
 from dsfab.statics.supports import all_clamped
-from dsfab.surface.loads import LoadCase
-from dsfab.surface.mesh import Surface
+from dsfab.surface import LoadCase, Surface
 
 HELD = "its supports hold it out of its plane too"
 UPRIGHT = f"{HELD}, and their edges do not turn: on hinges it would fall over"

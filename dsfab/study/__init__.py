@@ -1,8 +1,22 @@
 """Questions about designs: parametric sweeps, comparisons with other designs, and the verification of the elements."""
 
+from dsfab.study.alternatives import ALTERNATIVE_WORDS, Alternative, design_alternatives, is_searched, losing_line
 from dsfab.study.comparison import Comparison, compare_at
 from dsfab.study.competitors import Competitor
 from dsfab.study.judges import compare
 from dsfab.study.sweeps import METRICS, Run, sweep
 
-__all__ = ["METRICS", "Comparison", "Competitor", "Run", "compare", "compare_at", "sweep"]
+__all__ = [
+    "ALTERNATIVE_WORDS",
+    "METRICS",
+    "Alternative",
+    "Comparison",
+    "Competitor",
+    "Run",
+    "compare",
+    "compare_at",
+    "design_alternatives",
+    "is_searched",
+    "losing_line",
+    "sweep",
+]

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dsfab.errors import DsfabError
-from dsfab.pipeline import sheet_loads
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design, sheet_loads
 from dsfab.pipeline.trial import Trial
 from dsfab.preset import Preset
 from dsfab.results import Candidate
@@ -23,7 +22,7 @@ from dsfab.study.competitors import Competitor
 from dsfab.study.full_check import full
 from dsfab.study.judging import Judge, quick
 
-WORDS = {
+ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
@@ -62,7 +61,7 @@ class Alternative:
     @property
     def sentence(self) -> str:
         """What to tell of a design that loses to it."""
-        which = f"{WORDS[self.name]} of the same mass"
+        which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
         may = "may lose" if self.low <= 1 else "loses"
@@ -103,7 +102,9 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
     return design.once("slicing", "alternatives", looked)
 
 
-def alternatives(task: ComparisonTask, own: Structure, names: Sequence[str] = tuple(WORDS)) -> tuple[Alternative, ...]:
+def alternatives(
+    task: ComparisonTask, own: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
+) -> tuple[Alternative, ...]:
     """Named alternatives beside a structure of the task's mass."""
     return tuple({"thinner": beside_thinner, "isotropic": beside_isotropic}[name](task, own) for name in names)
 
@@ -161,7 +162,7 @@ def compared_alternatives(own: Competitor, rivals: Iterable[Competitor]) -> tupl
     return tuple(
         _beside(one.name, mine, _of(one), f"{one.judgement.level} check" if one.judgement else "")
         for one in rivals
-        if one.name in WORDS
+        if one.name in ALTERNATIVE_WORDS
     )
 
 

@@ -16,7 +16,7 @@ from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.pattern_quality import PatternQuality
-from dsfab.study.alternatives import WORDS, Alternative, alternatives, compared_alternatives, losing_line
+from dsfab.study.alternatives import ALTERNATIVE_WORDS, Alternative, alternatives, compared_alternatives, losing_line
 from dsfab.study.baselines import DEFAULT, Baseline, ComparisonTask, Structure, Variant, chosen
 from dsfab.study.baselines.matching import striped_structure
 from dsfab.study.competitors import Competitor, Spread
@@ -53,7 +53,7 @@ class Comparison:
 
     def with_alternatives(self) -> Self:
         """With a quick look at those alternatives that are none of the competitors."""
-        missing = [name for name in WORDS if name not in {one.name for one in self.rivals}]
+        missing = [name for name in ALTERNATIVE_WORDS if name not in {one.name for one in self.rivals}]
         own = self.design.structure
         return replace(self, looked_at=alternatives(self.task, own, missing)) if own and missing else self
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from dsfab.errors import StaticsError
-from dsfab.pipeline.log import Progress
+from dsfab.pipeline import Progress
 from dsfab.statics import Ask
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.judging import Carried, Judgement, quick, utilisation

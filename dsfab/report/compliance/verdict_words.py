@@ -3,7 +3,7 @@
 from dsfab.report.compliance.document import Banner, escaped
 from dsfab.report.compliance.findings import LABELS, Findings
 from dsfab.report.compliance.words import digits_of, enumeration, percent, times, within
-from dsfab.study.alternatives import losing_line
+from dsfab.study import losing_line
 from dsfab.study.competitors import Competitor
 from dsfab.wording import length, mass, sentence
 

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dsfab.study.alternatives import WORDS, losing_line
+from dsfab.study import ALTERNATIVE_WORDS, losing_line
 from dsfab.wording import table
 
 if TYPE_CHECKING:
     from dsfab.results import Attempt, Candidate, Choice
-    from dsfab.study.alternatives import Alternative
+    from dsfab.study import Alternative
 
 SHOWN = 8
 """Lines of the table that a build prints; `design.json` has them all."""
@@ -79,7 +79,7 @@ def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
 
 
 def _beside(one: Mapping[str, Any]) -> str:
-    which = f"{WORDS[one['name']]} of the same mass"
+    which = f"{ALTERNATIVE_WORDS[one['name']]} of the same mass"
     if one.get("error"):
         return f"beside {which}: there is none that carries the loads"
     told = "does not carry its loads" if one["over"] is None else f"has {one['over']:.3g} x its compliance"

@@ -22,7 +22,7 @@ from dsfab.report.design.choice import alternative_facts
 from dsfab.report.design.fabrication import fabrication_facts
 from dsfab.report.design.facts import facts
 from dsfab.report.design.pattern import quality_facts
-from dsfab.study.alternatives import design_alternatives, is_searched
+from dsfab.study import design_alternatives, is_searched
 from dsfab.study.fabrication import FabricationMeasures, fabrication
 from dsfab.thickening import SplitBodies, parts
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from dsfab.errors import DsfabError
-from dsfab.pipeline.log import Progress
+from dsfab.pipeline import Progress
 from dsfab.slicing import Sheet
 from dsfab.statics import (
     Ask,
