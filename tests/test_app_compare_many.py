@@ -46,6 +46,7 @@ def test_what_is_refused_is_told_and_the_others_are_made(compared):
     assert not re.search(r'(src|href)="(http|//)', text)
 
 
+@pytest.mark.slow
 def test_resuming_makes_what_is_missing_or_was_asked_otherwise(compared, monkeypatch, capsys):
     made, real = [], compare_many.compare_one
 

@@ -216,6 +216,7 @@ def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
     assert (alone.frequency, alone.buckling) == (None, None)
 
 
+@pytest.mark.slow
 def test_python_and_the_command_line_look_as_deep(tmp_path, capsys):
     """The same levels by default: the design is checked on finer meshes, and so is what it is compared with."""
     design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.1}))

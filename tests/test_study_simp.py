@@ -209,6 +209,7 @@ def optimised_bracket(cells: int, seed: int, rim: float, keep: float) -> float:
     return quick(task, structure).compliance / full
 
 
+@pytest.mark.slow
 def test_simp_on_a_bracket_is_the_same_whatever_rim_keep_mesh_and_seed():
     """3.15 or 5.00 times the whole plate it was, by rim and keep; an outside SIMP has 2.35, cut from squares."""
     found = [

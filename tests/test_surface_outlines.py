@@ -132,6 +132,7 @@ def test_a_brush_picks_what_is_near_its_points_and_the_ways_of_its_strokes():
     assert Brush(((0.8, 0.8, 0.0),) * 2, 0.1).vertices(PLATE).sum() == (away[PLATE.V[:, 1] > 0.5] <= 0.1 + 1e-6).sum()
 
 
+@pytest.mark.slow
 @given(st.floats(0.05, 0.2), st.floats(-1.5, 1.5), st.floats(0.5, 2.5))
 @settings(max_examples=25, deadline=None)
 def test_the_outline_of_a_stroke_has_no_scallops(radius, turn, bend):

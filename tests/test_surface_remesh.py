@@ -144,6 +144,7 @@ def test_the_same_surface_gives_the_same_mesh(smooth):
     assert np.array_equal(one.F, two.F)
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(power=st.integers(-12, 12), angle=st.floats(0, 6.3), edge=st.floats(0.35, 1.2))
 def test_size_and_turn_make_no_difference(power, angle, edge):

@@ -125,6 +125,7 @@ def test_feet_get_smaller_triangles_and_the_note_says_so():
     assert any("smaller ones where the stress changes" in note.text for note in design.notes)
 
 
+@pytest.mark.slow
 def test_a_revised_thickness_makes_the_mesh_of_a_fresh_design():
     thin, thick = of_canopy(0.03), of_canopy(0.4)
     revised = dsfab.revise(dsfab.Design.of(thin).until("statics"), thick).surface
