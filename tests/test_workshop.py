@@ -16,7 +16,7 @@ from dsfab.app.cli import main
 from dsfab.errors import PatternError, PresetError
 from dsfab.members import Node, member_graph
 from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset
+from dsfab.preset_file import load_preset, overridden
 from dsfab.surface import Surface
 from dsfab.workshop import FlatPart, Layering, nested, sheet_parts, strip_limits, workshop_plan
 from dsfab.workshop.letters import GLYPHS, strokes
@@ -282,6 +282,13 @@ def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp
     assert part.area == pytest.approx(design.sheet.surface.area)
     assert main(["workshop", "dome", "--set", "workshop.route=sheet", "--set", "surface.edge=0.6", "-o", str(out)]) == 1
     assert "is for flat designs" in capsys.readouterr().err
+
+
+def test_a_stock_that_no_piece_of_a_strip_fits_on_is_refused(vault):
+    """It cut shorter and shorter pieces without end."""
+    small = Design.of(overridden(vault.preset, {"workshop.stock": [0.1, 0.1]})).until("slicing")
+    with pytest.raises(PatternError, match=r"no piece of a strip .* workshop\.stock"):
+        workshop_plan(small)
 
 
 def test_the_section_takes_one_size_or_several_and_refuses_what_is_none():

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.errors import PatternError
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import polygon_area
 
@@ -48,12 +49,19 @@ def splice_cuts(course: tuple[float, float], nodes: Floats, clear: float, fits: 
 
     nodes : (q,) arc lengths that cuts stay away from, by `clear` metres where that is possible.
     fits  : whether a piece from one arc length to another fits on the stock.
+
+    Raises PatternError where the longest piece that fits is shorter than `clear`.
     """
     begin, end = course
     cuts, near = [begin], 0
     while not fits(cuts[-1], end):
         last = cuts[-1]
         far = _farthest(last, end, fits)
+        if far - last < clear:
+            raise PatternError(
+                "no piece of a strip that is as long as its splice needs fits on the stock: give larger sheets in "
+                "workshop.stock, or narrower members"
+            )
         far = min(far, max(end - 2 * clear, (last + end) / 2))
         least = last + SHORTEST * (far - last)
         free = _free(nodes, clear, least, far)
