@@ -60,11 +60,17 @@ def encode(part: Part) -> Iterator[bytes]:
                 entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
         if not flat:
             _beside(document, part)
-        document.classes.add_required_classes(document.dxfversion)
-        document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
-        text = io.StringIO()
-        document.write(text)
-    yield text.getvalue().encode(document.output_encoding, errors="dxfreplace")
+        data = dxf_bytes(document)
+    yield data
+
+
+def dxf_bytes(document: Any) -> bytes:
+    """A document of ezdxf as a file, the same bytes in each process."""
+    document.classes.add_required_classes(document.dxfversion)
+    document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
+    text = io.StringIO()
+    document.write(text)
+    return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
 
 
 def _beside(document: Any, part: Part) -> None:

@@ -4,7 +4,6 @@ Nothing but LWPOLYLINE and CIRCLE, which every cutting program reads; letters ar
 the same bytes.
 """
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats, lock
 from dsfab.errors import ExportError
-from dsfab.export.dxf import same_bytes
+from dsfab.export.dxf import dxf_bytes, same_bytes
 from dsfab.export.text import one_line
 from dsfab.units import MM_PER_M
 
@@ -82,11 +81,7 @@ def flat_dxf(drawing: FlatDrawing) -> bytes:
         for circle in drawing.circles:
             middle = tuple(round(MM_PER_M * x, 6) + 0.0 for x in circle.at)
             space.add_circle(middle, MM_PER_M * circle.diameter / 2, dxfattribs={"layer": circle.layer})
-        document.classes.add_required_classes(document.dxfversion)
-        document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
-        text = io.StringIO()
-        document.write(text)
-    return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
+        return dxf_bytes(document)
 
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
