@@ -229,6 +229,7 @@ def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
     assert out.splitlines()[1].split()[4] == "n/a"
 
 
+@pytest.mark.slow
 def test_compare_prints_the_competitors_and_the_gain_and_writes_them(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "thinner,grid", "--frequency"]

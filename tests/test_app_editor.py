@@ -99,6 +99,7 @@ def test_the_page_names_no_file_here(tmp_path):
         opened_shipped("../presets/dome")
 
 
+@pytest.mark.slow
 def test_a_mesh_stands_and_carries_itself(tmp_path):
     path = write(load_preset(DOME_MODES, COARSE).surface.build(), tmp_path / "my mesh.obj")
     now = opened_mesh(MeshRequest(path, "my mesh.obj", "mm"))
@@ -364,6 +365,7 @@ def test_a_mesh_of_the_page_is_read_elsewhere_and_may_be_cancelled(tmp_path):
         assert {one.topic for one in session.opened.decided} >= {"unit", "stands on", "made of"}
 
 
+@pytest.mark.slow
 def test_a_build_writes_what_the_command_line_writes(monkeypatch):
     import trimesh
 
@@ -505,6 +507,7 @@ def test_fifty_clients_at_once_are_answered(server):
     assert got == [[200] * 4] * 50
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="what a process is told, and who is alive, by Linux")
 def test_temporary_folders_are_gone_at_the_end_and_after_a_kill_at_the_next_start(tmp_path):
     def editor():

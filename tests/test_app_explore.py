@@ -408,6 +408,7 @@ def test_reactions_are_a_layer(capsys: pytest.CaptureFixture[str], tmp_path: Pat
     assert "--layers 'birds' is not known" in refused(capsys, "preview", DOME_MODES, "--layers", "loads,birds")
 
 
+@pytest.mark.slow
 def test_where_loads_are_a_picture_of_their_own_their_arrows_are_on_it_alone(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -154,6 +154,7 @@ def test_a_design_is_a_shape_for_cad(design: dsfab.Design) -> None:
     assert shape.volume == pytest.approx(design.solid.volume * 1e9, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_solid_is_a_shape_for_cad() -> None:
     box = trimesh.creation.box((1.0, 2.0, 3.0))
     shape = Solid(box.vertices, box.faces, 0, 1).to_build123d()

@@ -100,6 +100,7 @@ def test_a_solid_that_is_not_held_is_refused(tmp_path):
         compliances(solid, held(solid, np.array([[0.2, 0.1, 0.005]]), "z"), [force])
 
 
+@pytest.mark.slow
 def test_a_cut_cantilever_in_its_plane_carries_as_its_shell(tmp_path):
     design = run(preset())
     checked = check_file(write(design.solid, tmp_path / "strip.stl"), design)

@@ -130,6 +130,7 @@ def test_files_above_the_budget_in_megabytes_are_refused_with_the_ways_out(tmp_p
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_command_line_estimates_and_writes_nothing(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     options = ["--set", "surface.edge=0.2", "--estimate", "--max-faces", "100", "--max-mb", "9", "--quiet"]

@@ -272,6 +272,7 @@ def test_what_goes_into_which_format(design):
             assert details.tolerance == design.preset.statics.thickness / 40
 
 
+@pytest.mark.slow
 def test_build_and_export_write_them(tmp_path, capsys):
     small = ("--set", "surface.edge=0.12")
     folder = tmp_path / "built"

@@ -368,6 +368,7 @@ def test_loops_keep_their_sense_and_pieces_their_holes():
     assert 0 < shape.deviation <= 0.2
 
 
+@pytest.mark.slow
 def test_a_build_says_how_its_step_file_was_made(tmp_path, here):
     how = {
         "source": Source(("surface.edge=0.08",)),

@@ -230,6 +230,7 @@ def test_fix_says_what_no_pattern_can_change(plate, limits, words):
         fixed_design(with_limits(plate, **limits))
 
 
+@pytest.mark.slow
 def test_fix_ends_with_a_sentence():
     coarse = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.1, "fabrication.min_gap": 3.0}))
     try:

@@ -499,6 +499,7 @@ def test_searches_know_their_regions(more):
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.45, abs=6e-3)
 
 
+@pytest.mark.slow
 def test_revising_begins_where_a_region_is_cut():
     one = dsfab.run(wall(OCULUS, RING))
     two = dsfab.revise(one, wall(OCULUS, {**RING, "width": 0.4, "name": "ring"}))

@@ -438,6 +438,7 @@ def test_the_archive_and_the_preset_give_the_same_design_back(ribs, tmp_path):
     assert read_archive(tmp_path, other) is None
 
 
+@pytest.mark.slow
 def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
     wider = dsfab.revise(ribs, overridden(ribs.preset, {"pattern.width.solid_fraction": 0.5}))
     assert wider.pattern.even is ribs.pattern.even
@@ -511,6 +512,7 @@ def test_where_guides_lead_members_may_turn_back():
     assert pattern_quality(rings, *given, guided=np.ones(surface.m, dtype=bool)).dead_ends == 0
 
 
+@pytest.mark.slow
 def test_widths_follow_the_stress_along_the_stripes():
     plain, turned = drafted(), drafted(rotate=90)
     both = [stripe_stresses(made.surface, made.diffusion, made.pattern.even) for made in (plain, turned)]
@@ -523,6 +525,7 @@ def test_widths_follow_the_stress_along_the_stripes():
     assert np.abs(half[:, 0] / half[:, 1] - 1)[away].max() < 0.35
 
 
+@pytest.mark.slow
 def test_auto_leaves_modes_out_where_they_cannot_follow():
     for more in ({"rotate": 45}, {"families": "minor"}):
         made = drafted(method="auto", width={"rule": "plain"}, **more)

@@ -353,6 +353,7 @@ def test_a_small_jump_is_told_too():
         assert any("is the nearest" in note.text for note in notes) == told
 
 
+@pytest.mark.slow
 def test_competitors_have_the_mass_that_is_there_not_the_one_that_was_asked():
     """A plate that carries, of which 43.9 % is wanted and 44.14 % the nearest."""
     from dsfab.study import compare

@@ -60,6 +60,7 @@ def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
     assert design.surface not in finishing._REHEARSALS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change", [{"slicing.snap": 0.1}, {"slicing.pinch": "split"}, {"slicing.min_opening": 0.2}], ids=str
 )

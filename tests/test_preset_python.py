@@ -198,6 +198,7 @@ def test_the_editor_of_a_notebook_takes_a_mesh_in_a_preset_only() -> None:
     assert page.reopened(page.toml({})).preset == page.preset
 
 
+@pytest.mark.slow
 def test_a_saved_design_builds_again_with_the_command_line(tmp_path: Path) -> None:
     mesh = trimesh.Trimesh(HYPAR.V / 0.9, HYPAR.F, process=False)
     design = dsfab.run(preset(mesh, name="roof", pattern=PATTERN, export={"formats": ["stl", "3mf", "step"]}))

@@ -223,6 +223,7 @@ def test_presets_ask_within_reason(key, value):
         load_preset(DOME_MODES, {f"statics.{key}": value})
 
 
+@pytest.mark.slow
 def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, **ALL, "export.formats": ["stl"]}.items()]
     assert (

@@ -194,6 +194,7 @@ def cantilever() -> dsfab.Design:
     return dsfab.run(dsfab.load_preset("cantilever", ASKED))
 
 
+@pytest.mark.slow
 def test_a_full_comparison_tells_both_with_a_bound_and_a_quick_one_without(cantilever):
     task = ComparisonTask.of(cantilever, cantilever.sheet.surface.area)
     structure = Structure(

@@ -99,6 +99,7 @@ def test_a_space_with_few_points_ends():
     assert land.best().metrics["compliance"] == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_a_search_for_real_is_stopped_and_goes_on(tmp_path):
     vary = {"pattern.major.phase": {"from": 0.0, "to": 1.0}, "pattern.minor.phase": {"from": 0.0, "to": 1.0}}
     ask = plan(vary=vary, metrics=["kept_share"], search={"metric": "kept_share", "evaluations": 30})

@@ -218,6 +218,7 @@ def test_limits_of_a_sphere_are_those_of_its_radius():
 # --- the command and its files
 
 
+@pytest.mark.slow
 def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_path, capsys):
     words = ["workshop", "barrel_vault", "--set", "surface.edge=0.3", "--set", "statics.material=GL24h", "-o"]
     assert main([*words, str(tmp_path / "one")]) == 0
