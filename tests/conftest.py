@@ -5,7 +5,7 @@ import signal
 import pytest
 
 LONGEST = (
-    *("test_readme.py", "test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py"),
+    *("test_docs.py", "test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py"),
     *("test_study_sweep_folder.py", "test_targets.py", "test_app_cli.py", "test_paper_presets.py"),
 )
 

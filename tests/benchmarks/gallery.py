@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 import dsfab
+from dsfab.app.cli import main
 from dsfab.app.editor.source import Opened
 from dsfab.pipeline.log import silent
 from dsfab.render.caption import caption
@@ -30,6 +31,7 @@ GALLERY = Path(__file__).parents[2] / "outputs" / "gallery"
 DESIGNS = {
     **{name: (name, {}) for name in ("dome", "globe", "barrel_vault", "tower", "snow_vault", "cantilever")},
     "canopy": (GALLERY / "canopy.toml", {}),
+    "my_roof": (GALLERY / "canopy.obj", {}),
     "figurine": ("figurine", {"surface.file": "bob.obj", "surface.unit": "m"}),
 }
 PANEL = (800, 600)
@@ -66,13 +68,16 @@ def draw(name: str) -> None:
     preset, changes = DESIGNS[name]
     if "surface.file" in changes:
         changes = {**changes, "surface.file": str(mesh_file(changes["surface.file"]))}
-    design = dsfab.run(dsfab.load_preset(preset, changes))
+    given = dsfab.preset_for(preset) if Path(preset).suffix == ".obj" else dsfab.load_preset(preset, changes)
+    design = dsfab.run(given)
     solid = design.solid
 
     def built(size, load):
         return picture(solid.V, solid.F, surface=design.surface, load=load, caption=caption(design), look=Look(size))
 
     write(built(WHOLE, design.load), name)
+    if name == "my_roof":
+        return
     above = panels(design, ("loads", "directions"), PANEL, silent).pixels
     bare = picture(solid.V, solid.F, caption=caption(design), look=Look(PANEL, up=upwards(design)))
     write(np.concatenate([above, np.concatenate([by_family(design), bare], axis=1)]), f"{name}_steps")
@@ -93,7 +98,28 @@ def editor() -> None:
         write(Image.open(Path(folder) / "editor.png").convert("RGB"), "editor")
 
 
+def explore() -> None:
+    """A contact sheet of domes."""
+    with tempfile.TemporaryDirectory() as folder:
+        vary = ["--vary", "pattern.major.spacing=0.8,1.6", "--vary", "pattern.minor.spacing=0.5,0.8"]
+        main(["explore", "dome", *vary, "-o", folder])
+        write(Image.open(Path(folder) / "sheet.png").convert("RGB"), "explore")
+
+
+def report() -> None:
+    """The first page of a report, as a browser shows it."""
+    width, height = 1200, 1010
+    with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "browser", (width, height)) as tab:
+        main(["compare", "dome", "-o", folder])
+        tab.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        tab.open((Path(folder) / "report.html").as_uri(), "document.readyState === 'complete'")
+        tab.picture(Path(folder) / "report.png")
+        write(Image.open(Path(folder) / "report.png").convert("RGB"), "report")
+
+
+PAGES = {"editor": editor, "explore": explore, "report": report}
+
 if __name__ == "__main__":
-    for name in sys.argv[1:] or (*DESIGNS, "editor"):
-        draw(name) if name in DESIGNS else editor()
+    for name in sys.argv[1:] or (*DESIGNS, *PAGES):
+        draw(name) if name in DESIGNS else PAGES[name]()
         print(f"  {GALLERY / name}.png")

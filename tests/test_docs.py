@@ -1,0 +1,271 @@
+"""The README and the pages of docs/ are true: commands run, Python runs, presets load, pictures and options exist."""
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import ezdxf
+import numpy as np
+import pytest
+import trimesh
+
+import dsfab
+from dsfab.app.cli import main
+from dsfab.materials import MATERIALS
+from dsfab.proposal import propose
+from dsfab.statics import USES
+from dsfab.study.verdict.rules import QUICK
+from dsfab.study.verification import TESTS
+from dsfab.surface.shapes import barrel_vault
+from tests.own_meshes import canopy_mm
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+}
+README, LESSON = PAGES["README.md"], "docs/ten-minutes.md"
+
+
+def blocks(language: str, page: str) -> list[str]:
+    """The code blocks of a language on a page."""
+    return re.findall(rf"```{language}\n(.*?)```", PAGES[page], flags=re.DOTALL)
+
+
+ELSEWHERE = ("dsfab edit", "dsfab check")
+"""The one waits for a browser, the other for a folder: test_app_editor.py and test_app_check.py run them."""
+
+COMMANDS = dict.fromkeys(
+    line.partition("#")[0].strip()
+    for page in PAGES
+    if page != LESSON
+    for block in blocks("sh", page)
+    for line in block.splitlines()
+    if line.startswith("dsfab ") and not line.startswith(ELSEWHERE)
+)
+LONG = ("dsfab build", "dsfab bench", "dsfab verify", "dsfab compare", "dsfab explore")
+"""Commands that take long, each of which has shorter tests of its own."""
+
+SETUP = [line for block in blocks("sh", "README.md") for line in block.splitlines() if ".venv/bin/" in line]
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """A folder with a roof of one's own in it, in millimetres."""
+    hall = barrel_vault(edge=1.2)
+    trimesh.Trimesh(hall.V * 1000, hall.F, process=False).export(tmp_path / "my_roof.obj")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "line", [pytest.param(line, marks=[pytest.mark.slow] * line.startswith(LONG)) for line in COMMANDS]
+)
+def test_every_command_runs_as_written(line, desk, capsys):
+    words = shlex.split(line, comments=True)
+    assert main(words[1:]) == 0, capsys.readouterr().err
+    if "build" in words:
+        folder = Path(words[words.index("-o") + 1]) if "-o" in words else Path("outputs") / Path(words[2]).stem
+        made = {path.suffix for path in folder.iterdir()}
+        assert {".stl", ".3mf", ".step", ".png", ".toml", ".json", ".ply"} <= made
+
+
+def test_there_are_five_commands_to_begin_with():
+    first = README.partition("## Five commands")[2].partition("```sh\n")[2].partition("```")[0]
+    assert len(first.splitlines()) == 5
+    assert {line.partition("#")[0].strip() for line in first.splitlines()} <= set(COMMANDS)
+
+
+def test_the_two_set_up_commands_differ_in_what_they_install_and_run_only():
+    """They themselves are run by `.ci/run`, in a fresh clone; here their parts are checked."""
+    build, test = SETUP
+    assert build.split(" && ")[0] == test.split(" && ")[0] == "python3 -m venv .venv"
+    assert build.endswith(".venv/bin/dsfab build presets/dome.toml")
+    assert test.endswith(".venv/bin/pytest")
+    assert (ROOT / "presets" / "dome.toml").is_file()
+
+
+def test_ci_finds_the_commands_it_runs():
+    for marker in ("system-packages", "build", "test"):
+        after = README.partition(f"<!-- {marker} -->\n```sh\n")[2]
+        assert after.splitlines()[0], marker
+
+
+@pytest.mark.slow
+def test_the_python_example_runs(desk):
+    code, _ = blocks("python", "docs/python.md")
+    names: dict[str, object] = {}
+    exec(code, names)
+    assert names["finer"].surface is names["design"].surface
+    assert (desk / "dome.step").stat().st_size > 1000
+    assert names["roof"].m == len(names["mesh"].faces)
+
+
+@pytest.mark.slow
+def test_a_mesh_in_memory_becomes_a_file_as_the_readme_says(desk):
+    _, code = blocks("python", "docs/python.md")
+    names: dict[str, object] = {}
+    exec(code, names)
+    assert names["design"].surface.n == names["mesh"].n_points
+    assert names["design"].sheet.surface.area / names["design"].surface.area == pytest.approx(0.45, abs=0.005)
+    assert "MANIFOLD_SOLID_BREP" in (desk / "roof.step").read_text(encoding="ascii")
+    assert names["others"].gain("isotropic") > 3
+
+
+def test_the_table_of_materials_is_that_of_dsfab():
+    rows = (
+        PAGES["docs/supports-and-loads.md"]
+        .partition("<!-- materials -->")[2]
+        .partition("\n\n")[0]
+        .strip()
+        .splitlines()[2:]
+    )
+    found = {row.split("|")[1].strip(" `"): [float(cell) for cell in row.split("|")[2:7]] for row in rows}
+    units = (1e9, 1.0, 1.0, 1e6, 1e-6)
+    assert list(found) == list(MATERIALS)
+    for name, numbers in found.items():
+        values = (*MATERIALS[name].values.values(), MATERIALS[name].expansion)
+        assert [x * unit for x, unit in zip(numbers, units, strict=True)] == pytest.approx(values, rel=1e-12)
+
+
+def test_the_preset_of_the_readme_builds(tmp_path):
+    text, combined = blocks("toml", "docs/supports-and-loads.md")
+    steered, drawn = blocks("toml", "docs/patterns.md")
+    (workshop,) = blocks("toml", "docs/workshop.md")
+    (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
+    design = dsfab.run(dsfab.load_preset(tmp_path / "canopy.toml"))
+    assert len(design.slicing.pieces) == 1
+    assert design.preset.name == "canopy"
+    people = {"kind": "force", "at": {"pick": "all"}, "force": [0, 0, -1000.0], "case": "people"}
+    given = {f"surface.{key}": value for key, value in tomllib.loads(combined)["surface"].items()}
+    loads = [*tomllib.loads(text)["surface"]["load"], people]
+    sums = dsfab.load_preset(tmp_path / "canopy.toml", {"surface.load": loads, **given}).surface.sums
+    assert "1.35 dead + 1.6 people + 0.96 snow" in [one.formula for one in sums]
+    more = {f"pattern.{key}": value for key, value in tomllib.loads(steered)["pattern"].items()}
+    guided = dsfab.revise(design, dsfab.load_preset(tmp_path / "canopy.toml", more))
+    assert len(guided.preset.pattern.guide) == 2
+    cut = {f"workshop.{key}": value for key, value in tomllib.loads(workshop)["workshop"].items()}
+    assert dsfab.load_preset(tmp_path / "canopy.toml", cut).workshop.thickness == 0.012
+    assert any("guides break the rest" in note.text for note in guided.notes)
+    assert len(guided.slicing.pieces) == 1
+
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = 6
+    document.modelspace().add_circle((-2.0, -0.5), 0.6, dxfattribs={"layer": "slab"})
+    document.saveas(tmp_path / "canopy.dxf")
+    (tmp_path / "drawn.toml").write_text(f"{text}\n{drawn}", encoding="utf-8")
+    void, rim, slab = (preset := dsfab.load_preset(tmp_path / "drawn.toml")).pattern.region
+    holed = dsfab.run(preset)
+    assert len(holed.surface.loops) == len(design.surface.loops) + 1
+    assert design.surface.area - holed.surface.area == pytest.approx(np.pi * void.at.radius**2, rel=0.1)
+    assert holed.surface.areas[slab.faces(holed.surface)].sum() == pytest.approx(np.pi * 0.6**2, rel=0.2)
+    assert rim.width == 0.25
+    assert holed.sheet.surface.area / holed.surface.area == pytest.approx(0.45, abs=0.006)
+
+
+def test_its_table_of_elements_is_that_of_the_code():
+    page = PAGES["docs/trust.md"]
+    rows = re.findall(r"^\| ([^|`]+) \| `(\w+)` \+ `(\w+)` \| (\S+) % \|$", page, flags=re.MULTILINE)
+    told = [(about, f"{membrane}+{bending}", float(percent) / 100) for about, membrane, bending, percent in rows]
+    assert told == [(use.about, str(use.pair), use.tolerance) for use in USES.values() if use.tolerance is not None]
+    assert f"solves {len(TESTS)} structures" in page
+    typical, most = QUICK
+    assert f"typically within {100 * typical:g} % of the compliance, nine in ten within {100 * most:g} %" in page
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_pictures_and_pages_that_are_named_exist(page):
+    made = ("reference-presets.md", "reference-commands.md", "reference-python.md")
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)", PAGES[page]):
+        path = (ROOT / page).parent / target
+        assert path.name in made or path.exists(), target
+        assert path.suffix != ".png" or path.stat().st_size > 10_000, target
+
+
+def test_the_readme_names_what_lies_beside_it():
+    for name in ("CHANGELOG.md", "LICENSE", "presets/"):
+        assert f"`{name}`" in README
+        assert (ROOT / name).exists()
+
+
+def test_the_decisions_that_are_shown_are_those_for_the_canopy(tmp_path):
+    (shown,) = (block for block in blocks("text", "docs/surfaces.md") if block.startswith("unit"))
+    assert shown.strip().splitlines() == list(propose(canopy_mm(tmp_path)).lines)
+
+
+def options(command: str) -> set[str]:
+    """What `dsfab COMMAND --help` lists."""
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown):
+        assert main([command, "--help"]) == 0
+    return set(re.findall(r"(?<![\w-])--?[a-z][\w-]*", shown.getvalue()))
+
+
+def test_every_command_and_option_that_is_named_exists():
+    named = [code for text in PAGES.values() for code in re.findall(r"`(dsfab [^`]+)`", text)]
+    named += [line for page in PAGES for block in blocks("sh", page) for line in block.splitlines()]
+    known: dict[str, set[str]] = {}
+    for line in (line for line in named if line.startswith("dsfab ")):
+        command, *rest = line.partition("#")[0].split()[1:]
+        if command.startswith("-") or command.isupper():
+            continue
+        known.setdefault(command, options(command))
+        assert {word for word in rest if re.match(r"--?[a-z]", word)} <= {"--help", *known[command]}, line
+
+
+PLAIN = [page for page in PAGES if page not in ("docs/trust.md", "docs/contributing.md")]
+LONGEST = 35
+"""Words of a sentence that is read without going back."""
+
+NO_PROSE = re.compile(r"```.*?```|^\|.*?$|^:   |<!--.*?-->|\{[^}]*\}", flags=re.DOTALL | re.MULTILINE)
+"""Code, tables, marks."""
+
+
+@pytest.mark.parametrize("page", PLAIN)
+def test_sentences_are_short(page):
+    prose = re.sub(r"!?\[([^]]*)\]\([^)]*\)", r"\1", NO_PROSE.sub("", PAGES[page]))
+    for paragraph in re.split(r"\n\s*\n|\n(?=[*#\d])", prose):
+        for sentence in re.split(r"(?<=[.!?:;])\s", " ".join(paragraph.split())):
+            assert len(sentence.split()) <= LONGEST, sentence
+
+
+@pytest.mark.slow
+def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch, capsys):
+    """Its commands in their order, with what it shows of their output; each ends well and leaves what the page says."""
+    shutil.copy(ROOT / "outputs" / "gallery" / "canopy.obj", tmp_path / "my_roof.obj")
+    monkeypatch.chdir(tmp_path)
+    shown = iter(blocks("text", LESSON))
+    for block in blocks("sh", LESSON)[1:]:
+        for line in block.splitlines():
+            assert main(shlex.split(line)[1:]) == 0, line
+        out = capsys.readouterr().out
+        if any(f"dsfab {word} my_roof" in block for word in ("inspect", "new")) or "build my_roof.toml\n" in block:
+            expected = next(shown).strip().splitlines()
+            assert [row for row in expected if row not in out.splitlines()] == []
+    for name in ("my_roof/my_roof.step", "my_roof/compliance/report.pdf", "my_roof/workshop/nest.dxf"):
+        assert (tmp_path / "outputs" / name).stat().st_size > 10_000, name
+    assert next(shown, None) is None
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning_and_asks_no_other_host_for_anything(tmp_path):
+    """Links, anchors and pages are checked by mkdocs, `strict`; fonts, scripts and pictures lie in the folder."""
+    command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", str(ROOT / ".mkdocs.yml"), "-d", str(tmp_path)]
+    made = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
+    assert made.returncode == 0, made.stderr
+    assert not re.search("WARNING|ERROR", made.stderr), made.stderr
+    pages = sorted(tmp_path.glob("*.html"))
+    assert {"index.html", "ten-minutes.html", "reference-presets.html", "gallery.html"} <= {page.name for page in pages}
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"""(?:src|<link[^>]*href)=["'](?:https?:)?//""", text), page.name
+        for picture in re.findall(r'<img[^>]*?src="([^"]+)"', text):
+            assert (tmp_path / picture).is_file(), (page.name, picture)
+        assert all('alt=""' not in image and "alt=" in image for image in re.findall(r"<img[^>]*>", text)), page.name
