@@ -117,7 +117,35 @@ def report() -> None:
         write(Image.open(Path(folder) / "report.png").convert("RGB"), "report")
 
 
-PAGES = {"editor": editor, "explore": explore, "report": report}
+OPTIONS = {
+    "as the preset says: pattern.major.spacing = 1.1, minor 0.55": {},
+    "pattern.major.spacing = 0.7: rings nearer to each other": {"pattern.major.spacing": 0.7},
+    "pattern.width.rule = 'graded', min_width = 0.05": {
+        "pattern.width.rule": "graded",
+        "pattern.width.min_width": 0.05,
+    },
+    "pattern.families = 'minor': one family alone": {"pattern.families": "minor"},
+    "pattern.rotate = 45: both families off the stress": {"pattern.rotate": 45.0},
+    "pattern.method = 'modes': the paper's stripes": {
+        "pattern.method": "modes",
+        "pattern.major": {"spacing": 1.1},
+        "pattern.minor": {"spacing": 0.55},
+    },
+}
+
+
+def options() -> None:
+    """One dome by six ways of drawing its pattern."""
+    told = []
+    for words, changes in OPTIONS.items():
+        design = dsfab.run(dsfab.load_preset("dome", changes))
+        look = Look((640, 480), up=upwards(design))
+        told.append(picture(design.solid.V, design.solid.F, caption=words, look=look))
+    rows = [np.concatenate(told[k : k + 3], axis=1) for k in (0, 3)]
+    write(np.concatenate(rows), "options")
+
+
+PAGES = {"options": options, "editor": editor, "explore": explore, "report": report}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or (*DESIGNS, *PAGES):
