@@ -10,7 +10,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import ezdxf
+import matplotlib.pyplot as plt
 import numpy as np
+from ezdxf.addons.drawing import Frontend, RenderContext
+from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
+from ezdxf.addons.drawing.matplotlib import MatplotlibBackend
 from PIL import Image
 
 import dsfab
@@ -117,6 +122,25 @@ def report() -> None:
         write(Image.open(Path(folder) / "report.png").convert("RGB"), "report")
 
 
+def workshop() -> None:
+    """The first sheets of a vault's nest, as a CAD program shows the drawing."""
+    with tempfile.TemporaryDirectory() as folder:
+        main(["workshop", "barrel_vault", "--set", "statics.material=GL24h", "-o", folder])
+        sheet = ezdxf.readfile(next(Path(folder).rglob("nest.dxf"))).modelspace()
+        figure = plt.figure(figsize=(14, 12), dpi=100, facecolor="white")
+        axes = figure.add_axes((0, 0, 1, 1))
+        look = Configuration(
+            color_policy=ColorPolicy.BLACK, background_policy=BackgroundPolicy.WHITE, lineweight_scaling=0.4
+        )
+        Frontend(RenderContext(sheet.doc), MatplotlibBackend(axes), config=look).draw_layout(sheet, finalize=False)
+        axes.set_aspect("equal")
+        axes.autoscale()
+        axes.axis("off")
+        figure.savefig(Path(folder) / "nest.png")
+        plt.close(figure)
+        write(Image.open(Path(folder) / "nest.png").convert("RGB"), "workshop")
+
+
 OPTIONS = {
     "as the preset says: pattern.major.spacing = 1.1, minor 0.55": {},
     "pattern.major.spacing = 0.7: rings nearer to each other": {"pattern.major.spacing": 0.7},
@@ -145,7 +169,7 @@ def options() -> None:
     write(np.concatenate(rows), "options")
 
 
-PAGES = {"options": options, "editor": editor, "explore": explore, "report": report}
+PAGES = {"options": options, "workshop": workshop, "editor": editor, "explore": explore, "report": report}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or (*DESIGNS, *PAGES):
