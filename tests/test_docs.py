@@ -41,8 +41,8 @@ def blocks(language: str, page: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", PAGES[page], flags=re.DOTALL)
 
 
-ELSEWHERE = ("dsfab edit", "dsfab check")
-"""The one waits for a browser, the other for a folder: test_app_editor.py and test_app_check.py run them."""
+ELSEWHERE = ("dsfab edit", "dsfab hops", "dsfab check")
+"""They wait for a browser, for Grasshopper, for a folder: test_app_editor.py, _hops.py and _check.py run them."""
 
 COMMANDS = dict.fromkeys(
     line.partition("#")[0].strip()

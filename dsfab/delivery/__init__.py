@@ -6,5 +6,6 @@ member_records  its members and nodes, for files
 """
 
 from dsfab.delivery.files import to_build123d, write
+from dsfab.delivery.lines import design_lines
 
-__all__ = ["to_build123d", "write"]
+__all__ = ["design_lines", "to_build123d", "write"]

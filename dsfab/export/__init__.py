@@ -8,6 +8,8 @@ from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
 from dsfab.export.program import meanwhile
+from dsfab.export.rhino import ready as require_rhino
+from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json, polyline_points
 
 __all__ = [
     "FORMATS",
@@ -24,7 +26,12 @@ __all__ = [
     "flat_dxf",
     "flat_svg",
     "meanwhile",
+    "mesh_arrays",
+    "mesh_json",
+    "polyline_json",
+    "polyline_points",
     "replacing",
+    "require_rhino",
     "step_estimates",
     "temporary_folder",
     "whole_or_nothing",

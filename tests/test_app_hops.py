@@ -1,0 +1,266 @@
+"""Grasshopper's Hops: our server takes what Hops sends, and McNeel's own Python server reads what ours answers."""
+
+import http.client
+import json
+import subprocess
+import sys
+import threading
+from contextlib import closing, contextmanager
+
+import numpy as np
+import pytest
+import rhino3dm
+from ghhops_server import base, params
+
+from dsfab.app.cli import main
+from dsfab.app.hops import components
+from dsfab.app.hops.components import COMPONENTS, requested_preset, written_changes
+from dsfab.app.hops.protocol import HopsError, read_request
+from dsfab.app.hops.server import HopsServer
+from dsfab.app.hops.solver import Solver, answered
+from dsfab.export import mesh_arrays, mesh_json, polyline_json, polyline_points
+from dsfab.surface.shapes import barrel_vault
+
+params._init_rhino3dm()
+
+VAULT = barrel_vault(edge=1.0)
+
+
+def sent(name, kind, *data):
+    """A value as Hops sends it: branches of items, JSON in JSON."""
+    return {"ParamName": name, "InnerTree": {"{0}": [{"type": kind, "data": one} for one in data]}}
+
+
+def body(*values, unit="Meters", pointer="/preview"):
+    """What Hops posts to /solve."""
+    head = {"absolutetolerance": 0.001, "angletolerance": 1.0, "modelunits": unit, "algo": None, "pointer": pointer}
+    return {**head, "cachesolve": False, "recursionlevel": 0, "values": list(values), "warnings": [], "errors": []}
+
+
+def vault(scale=1.0):
+    return sent("mesh", "Rhino.Geometry.Mesh", mesh_json(VAULT.V * scale, VAULT.F))
+
+
+def read(answer, name):
+    """Our answer through the reader of McNeel's server."""
+    (value,) = (one for one in answer["values"] if one["ParamName"] == name)
+    kind = {"Mesh": params.HopsMesh, "Curve": params.HopsCurve, "Number": params.HopsNumber, "Text": params.HopsString}
+    output = next(one for whole in COMPONENTS.values() for one in whole.outputs if one.name == name)
+    access = params.HopsParamAccess.LIST if output.many else params.HopsParamAccess.ITEM
+    reader = kind[output.kind](name, access=access)
+    return reader.from_input({"ParamName": name, "InnerTree": {"{0}": value["InnerTree"]["0"]}})
+
+
+@contextmanager
+def serving(seconds=120.0):
+    with Solver(seconds) as solver, HopsServer(solver) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05})
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def asked(server, method, path, content=None, **headers):
+    connection = http.client.HTTPConnection(*server.server_address[:2], timeout=120)
+    given = {"Host": f"localhost:{server.server_address[1]}", **headers}
+    with closing(connection):
+        connection.request(method, path, json.dumps(content) if isinstance(content, dict) else content, given)
+        response = connection.getresponse()
+        return response.status, response.read()
+
+
+def test_a_mesh_comes_back_as_it_was_sent():
+    V, F = mesh_arrays(mesh_json(VAULT.V, VAULT.F))
+    assert np.array_equal(F, VAULT.F)
+    assert np.abs(V - VAULT.V).max() < 1e-6
+    points = np.array([[0.0, 0, 0], [1, 2, 3], [4, 5, 7]])
+    assert np.array_equal(polyline_points(polyline_json(points)), points)
+    assert np.array_equal(polyline_points(polyline_json(points[:, :2]))[:, 2], [0, 0, 0])
+
+
+def test_a_quad_becomes_two_triangles_along_its_shorter_diagonal():
+    mesh = rhino3dm.Mesh()
+    for point in [(0, 0, 0), (4, 0, 0), (5, 1, 0), (1, 1, 0)]:
+        mesh.Vertices.Add(*map(float, point))
+    mesh.Faces.AddFace(0, 1, 2, 3)
+    V, F = mesh_arrays(json.dumps(mesh.Encode()))
+    shared = set(F[0]) & set(F[1])
+    assert shared == {1, 3}
+    assert sorted(np.cross(V[f[1]] - V[f[0]], V[f[2]] - V[f[0]])[2] for f in F) == [4, 4]
+
+
+def test_components_are_described_as_mcneels_server_describes_its_own():
+    """The same fields, of the same types; Hops makes its sockets of them."""
+    hops = base.HopsBase(None)
+    kinds = {"Mesh": params.HopsMesh, "Point": params.HopsPoint, "Number": params.HopsNumber, "Text": params.HopsString}
+
+    @hops.component(
+        "/structure",
+        name="structure",
+        inputs=[kinds[one.kind](one.name, one.nickname, one.about) for one in components.INPUTS],
+        outputs=[params.HopsMesh("solid", "So", "The watertight solid.")],
+    )
+    def reference(mesh, supports, snow, spacing, thickness, share, preset):
+        """For its description alone."""
+
+    theirs = json.loads(hops.query("/structure")[1])
+    ours = COMPONENTS["structure"].described()
+    assert set(ours) == set(theirs)
+    for mine, other in zip(ours["Inputs"], theirs["Inputs"], strict=True):
+        assert set(mine) == set(other) - {"Default"}
+        assert {key: mine[key] for key in ("Name", "ParamType", "ResultType")} == {
+            key: other[key] for key in ("Name", "ParamType", "ResultType")
+        }
+    assert ours["Outputs"][0]["ResultType"] == theirs["Outputs"][0]["ResultType"]
+
+
+def test_a_preset_is_what_is_proposed_changed_by_what_is_connected():
+    more = [
+        sent("snow", "System.Double", "1200"),
+        sent("spacing", "System.Double", "900.0"),
+        sent("thickness", "System.Double", "150.0"),
+        sent("share", "System.Double", "0.5"),
+        sent("preset", "System.String", json.dumps("pattern.rotate = 45"), json.dumps("statics.material = 'S235'")),
+    ]
+    request = read_request(COMPONENTS["preview"], body(vault(1000), *more, unit="Millimeters"))
+    preset = requested_preset(request)
+    assert [load.kind for load in preset.surface.load] == ["self_weight", "snow"]
+    assert preset.surface.load[1].pressure == 1200
+    assert preset.pattern.major.spacing == preset.pattern.minor.spacing == pytest.approx(0.9)
+    assert preset.statics.thickness == pytest.approx(0.15)
+    assert preset.pattern.width.solid_fraction == 0.5
+    assert (preset.pattern.rotate, preset.statics.material) == (45, "S235")
+
+
+def test_points_are_feet_in_the_unit_of_the_model():
+    low = VAULT.V[:, 2] < VAULT.V[:, 2].min() + 1e-6
+    chosen = (1000 * VAULT.V[low][[0, 5, -1]]).tolist()
+    corners = [json.dumps(dict(zip("XYZ", point, strict=True))) for point in chosen]
+    request = read_request(
+        COMPONENTS["preview"],
+        body(vault(1000), sent("supports", "Rhino.Geometry.Point3d", *corners), unit="Millimeters"),
+    )
+    feet = requested_preset(request).surface.support
+    assert [foot.name for foot in feet] == ["foot 1", "foot 2", "foot 3"]
+    assert np.allclose(feet[0].at.center, VAULT.V[low][0])
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ([], "mesh: nothing is connected"),
+        ([sent("mesh", "Rhino.Geometry.Mesh", "{}")], "mesh: the geometry that was sent is not readable"),
+        ([sent("mesh", "Rhino.Geometry.Curve", polyline_json(np.eye(3)))], "mesh: a mesh is wanted, not"),
+        ([vault(), sent("snow", "System.Double", '"much"')], "snow: '\"much\"' is no number"),
+        ([vault(), sent("snow", "System.Double", "NaN")], "snow: 'NaN' is no number"),
+        ([vault(), sent("snow", "System.Double", "1", "2")], "snow: 2 values are connected, and it takes one"),
+        ([vault(), sent("preset", "System.String", '"pattern.rotate ="')], "preset: "),
+        ([vault(), sent("preset", "System.String", '"pattern.rotat = 4"')], "did you mean rotate?"),
+        ([vault(), sent("share", "System.Double", "7")], "pattern.width.solid_fraction = 7"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence_on_the_component(values, told):
+    done, text = answered("preview", body(*values))
+    assert not done
+    assert told in text
+    assert "Traceback" not in text
+
+
+def test_a_request_of_something_else_is_told():
+    with pytest.raises(HopsError, match="no request of Hops"):
+        read_request(COMPONENTS["preview"], {"values": [1]})
+    with pytest.raises(HopsError, match="the unit of the model is parsecs"):
+        read_request(COMPONENTS["preview"], body(vault(), unit="Parsecs"))
+    assert written_changes("[pattern]\nrotate = 4\nmajor = { spacing = 1 }") == {
+        "pattern.rotate": 4,
+        "pattern.major.spacing": 1,
+    }
+
+
+@pytest.mark.slow
+def test_a_preview_is_the_sheet_in_the_unit_of_the_model():
+    done, text = answered("preview", body(vault(1000), unit="Millimeters"))
+    assert done, text
+    answer = json.loads(text)
+    sheet = read(answer, "sheet")
+    box = sheet.GetBoundingBox()
+    long = box.Max.X - box.Min.X
+    assert long == pytest.approx(1000 * np.ptp(VAULT.V[:, 0]), rel=0.02)
+    lines = read(answer, "lines")
+    assert len(lines) > 5
+    assert all(line.IsValid for line in lines)
+    assert all(isinstance(one, str) for one in read(answer, "notes"))
+    kept = len(components._DESIGNS)
+    done, text = answered("members", body(vault(1000), unit="Millimeters"))
+    assert done, text
+    assert len(components._DESIGNS) == kept  # fed alike, made once
+    told = json.loads(text)
+    axes, lengths, names = read(told, "axes"), read(told, "lengths"), read(told, "names")
+    assert len(set(names)) == len(axes) == len(lengths)
+    assert max(lengths) == pytest.approx(max(axis.PointAtStart.DistanceTo(axis.PointAtEnd) for axis in axes), rel=1.0)
+
+
+def test_the_server_lists_describes_and_turns_pages_away():
+    with serving() as server:
+        status, text = asked(server, "GET", "/")
+        assert status == 200
+        assert [one["Name"] for one in json.loads(text)] == list(COMPONENTS)
+        assert json.loads(asked(server, "GET", "/members")[1]) == COMPONENTS["members"].described()
+        assert asked(server, "GET", "/nothing")[0] == 404
+        assert asked(server, "HEAD", "/")[0] == 200
+        assert asked(server, "GET", "/", Host="evil.example")[0] == 403
+        assert asked(server, "POST", "/solve", body(vault()), Origin="http://evil.example")[0] == 403
+        assert asked(server, "POST", "/solve", "[]")[0] == 400
+        assert asked(server, "POST", "/solve", body(pointer="/nothing"))[0] == 404
+        with closing(http.client.HTTPConnection(*server.server_address[:2], timeout=20)) as connection:
+            connection.putrequest("POST", "/solve", skip_host=True)
+            for name, value in (("Host", f"localhost:{server.server_address[1]}"), ("Content-Length", str(10**10))):
+                connection.putheader(name, value)
+            connection.endheaders()
+            with connection.getresponse() as response:
+                assert response.status == 413
+
+
+@pytest.mark.slow
+def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
+    with serving() as server:
+        status, text = asked(server, "POST", "/solve", body(vault(), pointer="/structure"))
+        assert status == 200, text
+        answer = json.loads(text)
+        solid = read(answer, "solid")
+        assert solid.IsClosed
+        assert solid.IsManifold(True)[0] if isinstance(solid.IsManifold(True), tuple) else solid.IsManifold(True)
+        assert read(answer, "mass") > 100
+        assert read(answer, "compliance") > 0
+        assert len(read(answer, "names")) == len(read(answer, "lines"))
+        more = sent("preset", "System.String", json.dumps("statics.material = 'S235'\nworkshop.thickness = 0.002"))
+        status, text = asked(server, "POST", "/parts", body(vault(), more))
+        assert status == 200, text
+        drawn = json.loads(text)
+        assert len(read(drawn, "cut")) >= len(read(drawn, "stock")) > 0
+        assert all(curve.IsClosed for curve in read(drawn, "holes"))
+        status, text = asked(server, "POST", "/preview", body())
+        assert status == 500
+        assert json.loads(text)["errors"][0].startswith("mesh: nothing is connected")
+        server.solver.seconds = 0.01
+        status, text = asked(server, "POST", "/structure", body(vault(), sent("snow", "System.Double", "3000")))
+        assert status == 500
+        assert "was ended" in json.loads(text)["errors"][0]
+        server.solver.seconds = 120
+        assert asked(server, "POST", "/preview", body(vault()))[0] == 200  # and it lives on
+
+
+def test_the_command_prints_addresses_and_ends_with_ctrl_c(capsys):
+    assert main(["hops", "--port", "70000"]) == 1
+    assert "port 70000 cannot be used" in capsys.readouterr().err
+    assert main(["hops", "--seconds", "0"]) == 1
+    program = [sys.executable, "-c", "from dsfab.app.cli import main; raise SystemExit(main(['hops', '--port', '0']))"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        first = process.stdout.readline()
+        assert first.startswith("http://localhost:")
+        process.send_signal(2)
+        assert process.wait(30) == 0
+        assert process.stderr.read() == ""
