@@ -115,6 +115,7 @@ HOME = {
     "pydantic": {"preset", "preset_workshop", "preset_surface", "preset_errors", "preset_file", "study", "surface"},
     "gmsh": {"study"},
     "skfem": {"study"},
+    "compas": {"surface", "members"},
     "cyclopts": {"app"},
     "rich": {"app"},
     "PIL": {"app", "render", "report"},
@@ -138,6 +139,7 @@ LAZY = {
     "matplotlib",
     "gmsh",
     "skfem",
+    "compas",
 }
 """Slow to import: never at the top of a module."""
 

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import compas
 import numpy as np
 import pytest
 import pyvista
@@ -165,3 +166,28 @@ def test_a_solid_is_a_shape_for_cad() -> None:
 def test_what_is_no_solid_is_none_for_manifold() -> None:
     with pytest.raises(SolidError, match="does not take the solid"):
         Solid(V, TRIANGLES, 0, 1).to_manifold()
+
+
+def test_compas_takes_and_gives_the_same_mesh_and_keeps_it_through_its_own_json(design: dsfab.Design) -> None:
+    for part in (design.surface, design.sheet, design.solid):
+        again = compas.json_loads(compas.json_dumps(part.to_compas()))
+        vertices, triangles = again.to_vertices_and_faces()
+        assert np.allclose(vertices, part.surface.V if part is design.sheet else part.V, atol=0)
+        assert len(triangles) == (part.surface.m if part is design.sheet else len(part.F))
+    assert Surface.of(design.surface.to_compas()).area == pytest.approx(design.surface.area, rel=1e-12)
+
+
+def test_members_are_a_graph_of_compas_whose_edges_are_bays(design: dsfab.Design) -> None:
+    members = design.members
+    graph = compas.json_loads(compas.json_dumps(members.to_compas()))
+    assert set(graph.nodes()) == {node.id for node in members.nodes}
+    node = members.nodes[0]
+    assert np.allclose(graph.node_coordinates(node.id), node.point, atol=0)
+    told = {name: members.bays(name) for name in members.by_id}
+    for edge in graph.edges():
+        name, length = graph.edge_attributes(edge, ["member", "length"])
+        assert np.abs(told[name] - length).min() == 0
+        ends = [graph.node_coordinates(end) for end in edge]
+        assert np.linalg.norm(np.subtract(*ends)) <= length * 1.05  # a chord is no longer than its arc
+    closest = sum(len(bays) for bays in told.values())
+    assert 0.9 * closest <= graph.number_of_edges() <= closest

@@ -1,15 +1,20 @@
 """`MemberGraph`: the members of a design by their names, and the nodes at which they meet."""
 
+import importlib.util
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
+from dsfab.errors import SurfaceError
 from dsfab.members.axis import MemberAxis
 from dsfab.members.bands import Kind
 from dsfab.slicing import Sheet
+
+if TYPE_CHECKING:
+    import compas.datastructures
 
 NodeKind = Literal["crossing", "branch", "end", "grazing"]
 
@@ -130,6 +135,13 @@ class MemberGraph:
         s = np.array([node.at[node.members.index(name)] for node in nodes])
         return np.diff(s, append=s[0] + axis.length) if axis.closed else np.diff(s)
 
+    def to_compas(self) -> "compas.datastructures.Graph":
+        """Nodes with x, y, z, metres, and an edge for each bay with its `member` and its `length` along the axis.
+
+        Raises SurfaceError where compas is not installed.
+        """
+        return _compas_graph(self)
+
     @cached_property
     def stub_share(self) -> float:
         """Share of the sheet's area in members that are under twice as long as they are wide."""
@@ -150,3 +162,27 @@ class MemberGraph:
 
     def _of_kind(self, kind: Kind) -> list[Member]:
         return [member for member in self.members if member.kind == kind]
+
+
+def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
+    """The nodes at which members meet, and their bays as edges; see `MemberGraph.to_compas`.
+
+    Where two bays join the same two nodes, the edge is of the shorter: a graph has one edge between two nodes.
+    """
+    if importlib.util.find_spec("compas") is None:
+        raise SurfaceError('compas is not installed; install it with: pip install "dsfab[compas]"')
+    from compas.datastructures import Graph
+
+    made = Graph(name="members")
+    for node in graph.nodes:
+        x, y, z = node.point.tolist()
+        facts = {"kind": node.kind, "members": list(node.members), "angle": node.angle}
+        made.add_node(node.id, x=x, y=y, z=z, attr_dict=facts)
+    for member in graph.members:
+        nodes = graph.along[member.id]
+        after = (*nodes[1:], nodes[0]) if nodes and member.axis and member.axis.closed else nodes[1:]
+        for bay, (one, other) in zip(graph.bays(member.id).tolist(), zip(nodes, after, strict=False), strict=False):
+            known = made.edge_attribute((one.id, other.id), "length") if made.has_edge((one.id, other.id)) else None
+            if one.id != other.id and (known is None or bay < known):
+                made.add_edge(one.id, other.id, attr_dict={"member": member.id, "length": bay})
+    return made

@@ -12,6 +12,7 @@ from dsfab.errors import PatternError
 from dsfab.surface import Surface, spanned_edges
 
 if TYPE_CHECKING:
+    import compas.datastructures
     import pyvista
     import trimesh
 
@@ -61,6 +62,10 @@ class Sheet:
         mesh = self.surface.to_pyvista()
         mesh.cell_data["family"], mesh.cell_data["parent"] = self.family, self.parent
         return mesh
+
+    def to_compas(self) -> "compas.datastructures.Mesh":
+        """Its cells, metres; raises SurfaceError where compas is not installed."""
+        return self.surface.to_compas()
 
     @property
     def material(self) -> Bools:

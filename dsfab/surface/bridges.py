@@ -1,5 +1,6 @@
 """Meshes of other libraries as surfaces, and ours as theirs; metres here, each library imported when asked for."""
 
+import importlib.util
 import warnings
 from collections.abc import Iterable
 from dataclasses import replace
@@ -17,6 +18,7 @@ from dsfab.surface.reader import orientable
 from dsfab.units import metres_per
 
 if TYPE_CHECKING:
+    import compas.datastructures
     import pyvista
     import trimesh
 
@@ -113,4 +115,14 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
 
     made: Any = pyvista.PolyData.from_regular_faces  # typed for Python's own numbers only
     mesh: pyvista.PolyData = made(np.asarray(V), np.asarray(F))
+    return mesh
+
+
+def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
+    """V (n, 3), metres, and F (m, 3) as they are; raises SurfaceError where compas is not installed."""
+    if importlib.util.find_spec("compas") is None:
+        raise SurfaceError('compas is not installed; install it with: pip install "dsfab[compas]"')
+    from compas.datastructures import Mesh
+
+    mesh: compas.datastructures.Mesh = Mesh.from_vertices_and_faces(V.tolist(), F.tolist())
     return mesh

@@ -14,6 +14,7 @@ from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
 
 if TYPE_CHECKING:
+    import compas.datastructures
     import pyvista
     import trimesh
 
@@ -98,6 +99,12 @@ class Surface:
         from dsfab.surface.bridges import as_pyvista
 
         return as_pyvista(self.V, self.F)
+
+    def to_compas(self) -> "compas.datastructures.Mesh":
+        """The same vertices, metres, and faces; raises SurfaceError where compas is not installed."""
+        from dsfab.surface.bridges import as_compas
+
+        return as_compas(self.V, self.F)
 
     @property
     def n(self) -> int:

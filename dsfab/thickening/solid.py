@@ -10,7 +10,7 @@ from dsfab import ways_out
 from dsfab.arrays import Bools, Floats, Ints, first, lock, locked
 from dsfab.errors import SolidError
 from dsfab.surface import Surface, signed_volume, total_area
-from dsfab.surface.bridges import as_pyvista, as_trimesh
+from dsfab.surface.bridges import as_compas, as_pyvista, as_trimesh
 from dsfab.surface.topology import edge_table, misoriented_edges, pieces
 from dsfab.thickening.check import check_contacts, check_edges
 from dsfab.thickening.intersect import intersecting_pairs
@@ -22,6 +22,7 @@ from dsfab.thickening.skin import Skin
 
 if TYPE_CHECKING:
     import build123d
+    import compas.datastructures
     import manifold3d
     import pyvista
     import trimesh
@@ -60,6 +61,10 @@ class Solid:
     def to_pyvista(self) -> "pyvista.PolyData":
         """The same vertices, metres, and faces."""
         return as_pyvista(self.V, self.F)
+
+    def to_compas(self) -> "compas.datastructures.Mesh":
+        """The same vertices, metres, and faces; raises SurfaceError where compas is not installed."""
+        return as_compas(self.V, self.F)
 
     def to_manifold(self) -> "manifold3d.Manifold":
         """For Boolean operations, metres; raises SolidError where manifold3d does not take it."""
