@@ -38,7 +38,7 @@ COMMANDS = [
     for line in block.splitlines()
     if line.startswith("dsfab ") and not line.startswith(WAITS)
 ]
-LONG = ("dsfab build my_roof", "dsfab bench", "dsfab verify", "dsfab compare")
+LONG = ("dsfab build my_roof", "dsfab bench", "dsfab verify", "dsfab compare", "dsfab workshop")
 """Commands that take long, each of which has shorter tests of its own; the first build is always run."""
 
 SETUP = [line for block in blocks("sh") for line in block.splitlines() if ".venv/bin/" in line]

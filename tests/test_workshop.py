@@ -215,6 +215,30 @@ def test_limits_of_a_sphere_are_those_of_its_radius():
     assert not any(line.startswith("NOT") for line in thin.lines)
 
 
+@pytest.fixture(scope="module")
+def gridshell():
+    return Design.of(load_preset("gridshell", {"surface.edge": 0.3})).until("slicing")
+
+
+def test_laths_of_the_gridshell_are_bent_to_half_their_thickness_over_the_radius_at_the_crown(gridshell):
+    """z'' across is 2 (rise - crown) / (width / 2)^2; LVL takes its strength over its stiffness."""
+    surface, statics = gridshell.preset.surface, gridshell.preset.statics
+    across = 2 * (surface.rise - surface.crown) / (surface.width / 2) ** 2
+    limit = statics.strength / statics.young
+    found = strip_limits(gridshell.members, gridshell.surface, 0.018, limit, 0.012)
+    assert found.bending == pytest.approx(0.009 * across, rel=0.05)
+    assert found.bending < limit
+    assert found.thickest == pytest.approx(2 * limit / across, rel=0.05)
+    assert any("of 0.24% allowed" in line for line in found.lines)
+
+
+@pytest.mark.slow
+def test_the_gridshell_as_it_is_shipped_can_be_bent_and_drilled_and_all_its_bolts_have_holes():
+    plan = workshop_plan(Design.of(load_preset("gridshell")).until("slicing"))
+    assert not any(note.startswith("NOT") or "not drilled" in note for note in plan.notes)
+    assert any("are bent to a strain of 0.16%" in note for note in plan.notes)
+
+
 # --- the command and its files
 
 
