@@ -120,6 +120,7 @@ HOME = {
     "PIL": {"app", "render", "report"},
     "matplotlib": {"report"},
     "reportlab": {"report"},
+    "xlsxwriter": {"workshop"},
 }
 """Libraries that may be imported in these parts only."""
 
@@ -138,6 +139,7 @@ LAZY = {
     "matplotlib",
     "gmsh",
     "skfem",
+    "xlsxwriter",
 }
 """Slow to import: never at the top of a module."""
 

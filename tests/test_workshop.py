@@ -1,11 +1,13 @@
 """The workshop: nests whose gaps shapely measures, plates, sheets, limits in numbers, the command and its files."""
 
 import csv
+import io
 import os
 import subprocess
 import sys
 
 import numpy as np
+import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,7 +20,16 @@ from dsfab.members import Node, member_graph
 from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset, overridden
 from dsfab.surface import Surface
-from dsfab.workshop import FlatPart, Layering, nested, sheet_parts, strip_limits, workshop_plan
+from dsfab.workshop import (
+    FlatPart,
+    Layering,
+    cut_list,
+    cut_list_workbook,
+    nested,
+    sheet_parts,
+    strip_limits,
+    workshop_plan,
+)
 from dsfab.workshop.letters import GLYPHS, strokes
 from dsfab.workshop.plan import same_parts
 from dsfab.workshop.plates import FlattenedMesh
@@ -261,6 +272,28 @@ def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_pa
     assert parts == sum(int(row["count"]) for row in rows)
 
 
+def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, vault):
+    """Read by openpyxl."""
+    book = openpyxl.load_workbook(io.BytesIO(cut_list_workbook(plan)))
+    assert book.sheetnames == ["parts", "nests", "nodes"]
+    rows = [list(row) for row in book["parts"].values]
+    listed = list(csv.reader(io.StringIO(cut_list(plan))))
+    assert [str(cell) for cell in rows[0]] == listed[0]
+    assert [row[0] for row in rows] == [row[0] for row in listed]
+    length, strain = rows[0].index("length_mm"), rows[0].index("strain")
+    assert [(row[length], row[strain]) for row in rows[1:]] == [
+        (float(row[length]), float(row[strain])) for row in listed[1:]
+    ]
+    nests = list(book["nests"].values)[1:]
+    assert sorted(row[4] for row in nests) == sorted(part.id for part in plan.parts)
+    first = plan.sheets[0].parts[0]
+    assert nests[0][4:7] == (first.part.id, *(1000 * first.placed.outline.min(axis=0)).round(1))
+    nodes = {row[0]: row for row in list(book["nodes"].values)[1:]}
+    node = vault.members.nodes[3]
+    assert nodes[node.id][2:4] == node.members
+    assert nodes[node.id][7:] == pytest.approx(1000 * node.point, abs=0.051)
+
+
 def test_a_drawing_has_the_same_bytes_in_another_process():
     """ezdxf keeps classes in a set, whose order is another one in each process."""
     code = (
@@ -297,7 +330,7 @@ def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp
     assert main(["workshop", "cantilever", "--set", "workshop.stock=[9,9]", *small]) == 0
     after = {path.name for path in out.iterdir()}
     assert before - after
-    assert after == {"nest.dxf", "nest.svg", "cutlist.csv", "S1-1.dxf", "S1-1.svg", "mine.txt"}
+    assert after == {"nest.dxf", "nest.svg", "cutlist.csv", "cutlist.xlsx", "S1-1.dxf", "S1-1.svg", "mine.txt"}
     layers, parts = drawn(out / "S1-1.dxf")
     assert layers == {"CUT", "SLOTS", "ENGRAVE"}
     assert parts == 1
