@@ -286,8 +286,8 @@ def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, 
     ]
     nests = list(book["nests"].values)[1:]
     assert sorted(row[4] for row in nests) == sorted(part.id for part in plan.parts)
-    first = plan.sheets[0].parts[0]
-    assert nests[0][4:7] == (first.part.id, *(1000 * first.placed.outline.min(axis=0)).round(1))
+    last = plan.sheets[-1].parts[-1]
+    assert nests[-1][4:7] == (last.part.id, *(1000 * last.placed.outline.min(axis=0)).round(1))
     nodes = {row[0]: row for row in list(book["nodes"].values)[1:]}
     node = vault.members.nodes[3]
     assert nodes[node.id][2:4] == node.members
