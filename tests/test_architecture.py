@@ -90,7 +90,7 @@ ALLOWED: dict[str, set[str]] = {
     | STAGES,
     "report": GROUND
     | {"surface", "preset", "preset_file", "results", "pipeline", "export"}
-    | {"delivery", "study", "render"}
+    | {"delivery", "study", "render", "members", "workshop"}
     | STAGES,
     "app": GROUND
     | {"materials", "surface", "preset", "preset_file", "preset_list", "proposal"}

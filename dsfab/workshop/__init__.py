@@ -15,9 +15,10 @@ from dsfab.workshop.limits import StripLimits, strip_limits
 from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
+from dsfab.workshop.plates import layer_numbers
 from dsfab.workshop.sheet import sheet_parts
-from dsfab.workshop.strips import StripParts, strip_parts
-from dsfab.workshop.tables import cut_list, cut_list_workbook
+from dsfab.workshop.strips import StripParts, is_strip, strip_parts
+from dsfab.workshop.tables import cut_list, cut_list_workbook, node_table
 
 __all__ = [
     "Development",
@@ -32,8 +33,11 @@ __all__ = [
     "WorkshopPlan",
     "cut_list",
     "cut_list_workbook",
+    "is_strip",
+    "layer_numbers",
     "member_course",
     "nested",
+    "node_table",
     "sheet_parts",
     "strip_limits",
     "strip_parts",

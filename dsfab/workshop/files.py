@@ -1,8 +1,9 @@
 """All that a workshop opens: `nest.dxf`, a DXF and an SVG for each part to cut, and the cut lists, in one folder."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from dsfab.export import check_flat_dxf, flat_dxf, flat_svg, whole_or_nothing, write_chunks
 from dsfab.workshop.drawings import file_stem, nest_drawing, part_drawing
@@ -12,9 +13,13 @@ from dsfab.workshop.tables import cut_list, cut_list_workbook
 NEST, CUTLIST, WORKBOOK = "nest", "cutlist.csv", "cutlist.xlsx"
 
 
-def write_workshop(plan: WorkshopPlan, folder: Path, name: str) -> Path:
+def write_workshop(
+    plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
+) -> Path:
     """Write the files of a plan into a folder, all of them or none. Those of an earlier plan that this one does not
     have are removed, as its cut list names them. The same plan gives the same bytes.
+
+    documents : whole files by their names, which go with it.
 
     Raises ExportError where the folder cannot be written.
     """
@@ -30,6 +35,8 @@ def write_workshop(plan: WorkshopPlan, folder: Path, name: str) -> Path:
             write_chunks(partial / f"{file_stem(part.id)}.svg", [flat_svg(drawing)])
         write_chunks(partial / CUTLIST, [cut_list(plan).encode()])
         write_chunks(partial / WORKBOOK, [cut_list_workbook(plan)])
+        for document, content in documents.items():
+            write_chunks(partial / document, [content])
     return folder
 
 
