@@ -1,6 +1,8 @@
 """`assembly.pdf`: the order in which members go up, and pages on which everything is named, inside of the page."""
 
 import io
+import json
+import re
 from itertools import combinations
 
 import numpy as np
@@ -8,11 +10,12 @@ import pytest
 
 from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
-from dsfab.report.assembly import assembly_pdf, assembly_steps
+from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, painted
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
 from dsfab.workshop import Layering, layer_numbers, workshop_plan
+from tests.browser import browser, opened
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -132,3 +135,60 @@ def test_scales_are_usual_ones_and_drawings_are_in_their_boxes():
     assert usual_scale(3.0) == (pytest.approx(2.0), "1:500")
     fitted = Fitted.into(np.array([-1.0, 2.0]), np.array([3.0, 4.0]), PaperBox(10, 20, 80, 100))
     assert fitted.of(np.array([[-1.0, 2.0], [3.0, 4.0]])) == pytest.approx(np.array([[10, 50], [90, 90]]))
+
+
+# --- the page
+
+
+@pytest.fixture(scope="module")
+def page(plan, vault):
+    return assembly_page(plan, vault)
+
+
+def test_the_page_lays_every_part_on_its_sheet_where_the_nest_has_it(page, plan, vault):
+    """Turned and shifted as the page says, the corners of a part are those of its place on the nest."""
+    facts = json.loads(re.search(r'id="facts">(.*?)</script>', page, re.DOTALL)[1])
+    assert {one["id"] for one in facts["members"]} == {part.member for part in plan.parts}
+    assert [one["id"] for one in facts["parts"]] == [part.id for part in plan.parts]
+    for sheet, given in zip(plan.sheets, facts["sheets"], strict=True):
+        for one, (number, turn, x, y) in zip(sheet.parts, given["parts"], strict=True):
+            assert facts["parts"][number]["id"] == one.part.id
+            loop = np.array(facts["parts"][number]["loops"][0]).reshape(-1, 2)
+            c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+            there = loop @ np.array([[c, s], [-s, c]]) + [x, y]
+            placed = 1000 * one.placed.outline
+            assert there.min(axis=0) == pytest.approx(placed.min(axis=0), abs=0.7)
+            assert there.max(axis=0) == pytest.approx(placed.max(axis=0), abs=0.7)
+            assert np.linalg.norm(there[0] - placed, axis=1).min() < 0.2
+    assert page == assembly_page(plan, vault)
+
+
+NEXT_FRAME = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))"
+FACE = """(() => { const all = drawn.filter((face) => facts.members[face.member].id === "NAME"), P = all[SOME].points,
+  box = canvas.getBoundingClientRect(); return [box.left + (P[0] + P[4]) / 2, box.top + (P[1] + P[5]) / 2]; })()"""
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
+def test_a_click_on_a_member_shows_its_parts_and_sheets_and_nothing_is_fetched(page, plan, tmp_path):
+    file = tmp_path / "index.html"
+    file.write_text(page, encoding="utf-8")
+    with opened(tmp_path / "browser", (1400, 900)) as tab:
+        tab.open(file.as_uri(), "typeof drawn !== 'undefined' && drawn.length > 0")
+        for name in ("B06", "A02"):
+            tab.click(*tab.run(FACE.replace("NAME", name).replace("SOME", "Math.floor(0.75 * all.length)")))
+            tab.run(NEXT_FRAME)
+            assert tab.run("document.querySelector('#detail h2').textContent") == name
+            parts = tab.run("[...document.querySelectorAll('[data-part]')].map((one) => one.dataset.part)")
+            mine = [part.id for part in plan.parts if part.member == name]
+            assert parts == mine
+            sheets = tab.run("[...document.querySelectorAll('[data-sheet]')].map((one) => +one.dataset.sheet)")
+            assert sheets == sorted({plan.sheet_of[part] for part in mine})
+            assert tab.run("document.querySelectorAll('[data-sheet] .mine').length") == len(mine)
+        tab.click(20, 400)  # beside it
+        assert tab.run("document.querySelectorAll('[data-part]').length") == 0
+        assert tab.run("document.querySelector('#detail').textContent").startswith(plan.notes[0])
+        dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+        tab.call("Emulation.setEmulatedMedia", features=dark)
+        assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(27, 27, 29)"
+        assert tab.errors == []
+        assert [url for url in tab.requests if not url.startswith(("file:", "data:"))] == []

@@ -9,6 +9,7 @@ drawings, tables      outlines, cut lists                              files    
 
 from dsfab.workshop.course import StripCourse, member_course
 from dsfab.workshop.development import Development
+from dsfab.workshop.drawings import file_stem
 from dsfab.workshop.files import write_workshop
 from dsfab.workshop.layering import Layering
 from dsfab.workshop.limits import StripLimits, strip_limits
@@ -33,6 +34,7 @@ __all__ = [
     "WorkshopPlan",
     "cut_list",
     "cut_list_workbook",
+    "file_stem",
     "is_strip",
     "layer_numbers",
     "member_course",
