@@ -90,7 +90,7 @@ ALLOWED: dict[str, set[str]] = {
     | STAGES,
     "report": GROUND
     | {"surface", "preset", "preset_file", "results", "pipeline", "export"}
-    | {"delivery", "study", "render"}
+    | {"delivery", "study", "render", "members", "workshop"}
     | STAGES,
     "app": GROUND
     | {"materials", "surface", "preset", "preset_file", "preset_list", "proposal"}
@@ -121,6 +121,7 @@ HOME = {
     "PIL": {"app", "render", "report"},
     "matplotlib": {"report"},
     "reportlab": {"report"},
+    "xlsxwriter": {"workshop"},
 }
 """Libraries that may be imported in these parts only."""
 
@@ -140,6 +141,7 @@ LAZY = {
     "gmsh",
     "skfem",
     "compas",
+    "xlsxwriter",
 }
 """Slow to import: never at the top of a module."""
 

@@ -81,6 +81,7 @@ def _stem(value) -> str | None:
         ("cantilever_light", 5988, 0.300, 102),
         ("sphere_graded", 4002, 0.500, 223),
         ("snow_vault", 2623, 0.450, 169),
+        ("gridshell", 9392, 0.277, 330),
     ],
     ids=_stem,
 )

@@ -30,6 +30,8 @@ AREAS = {
     "sphere": 4 * np.pi * 4,
     "torus": 4 * np.pi**2 * 3 * 1.2,
     "hypar": dblquad(lambda y, x: np.sqrt(1 + (6 / 64) ** 2 * (x**2 + y**2)), -4, 4, -4, 4)[0],
+    # z_x = 2 crown x / 6^2, z_y = 2 (rise - crown) y / 4^2
+    "elliptic_paraboloid": dblquad(lambda y, x: np.sqrt(1 + (1.6 * x / 36) ** 2 + (0.1 * y) ** 2), -6, 6, -4, 4)[0],
 }
 DIRECT = [name for name in SHAPES if name not in FIGURES]
 """Figures are tested in test_surface_figures."""
@@ -96,7 +98,10 @@ def test_defaults_are_oriented_manifolds_of_good_triangles(name):
     assert np.isin(np.arange(s.n), s.F).all()
 
 
-@pytest.mark.parametrize("name", ["plate", "barrel_vault", "hypar", "dome", "pavilion", "catenoid"])
+ROOFS = ["plate", "barrel_vault", "hypar", "elliptic_paraboloid", "dome", "pavilion", "catenoid"]
+
+
+@pytest.mark.parametrize("name", ROOFS)
 def test_roofs_face_up(name):
     assert (SHAPES[name]().normals[:, 2] > -1e-9).all()
 
@@ -112,7 +117,7 @@ def test_torus_encloses_its_volume_outward():
     assert SHAPES["torus"]().volume == pytest.approx(2 * np.pi**2 * 3 * 1.2**2, rel=1e-2)
 
 
-@pytest.mark.parametrize("name", ["plate", "hypar", "barrel_vault", "pavilion", "dome"])
+@pytest.mark.parametrize("name", ["plate", "hypar", "barrel_vault", "elliptic_paraboloid", "pavilion", "dome"])
 def test_meshes_mirror_onto_themselves(name):
     s = SHAPES[name]()
     mirror = [-1, -1, 1] if name == "hypar" else [1, -1, 1]
@@ -136,6 +141,9 @@ def test_sizes_are_the_asked_ones():
     angle = np.arctan2(V[:, 1], V[:, 0])
     arch = np.isclose(angle, np.pi / 3)
     assert V[arch, 2].min() == pytest.approx(2)
+    x, y, z = SHAPES["elliptic_paraboloid"](length=6.0, width=4.0, rise=3.0, crown=2.0, edge=0.5).V.T
+    assert_array_equal(z[np.abs(x * y) == 6], 0)
+    assert (z[np.abs(y) == 2].max(), z[np.abs(x) == 3].max(), z.max()) == pytest.approx((2, 1, 3), abs=0.02)
     V = SHAPES["catenoid"](waist=1.0, rim=4.0).V
     assert_allclose([V[:, 2].min(), V[:, 2].max()], [0, np.arccosh(4)], atol=1e-12)
     assert_allclose(np.hypot(*V[V[:, 2] == 0, :2].T), 1)
@@ -213,6 +221,8 @@ def test_staggered_rows_cover_the_unit_square():
         ("dome", {"oculus": 6.0}, "wider than the dome"),
         ("dome", {"oculus": -0.1}, "must be at least 0"),
         ("hypar", {"rise": 100.0}, "use a lower rise"),
+        ("elliptic_paraboloid", {"crown": 1.6}, "must be less than rise"),
+        ("elliptic_paraboloid", {"rise": 100.0}, "use a lower rise"),
         ("torus", {"minor": 3.0}, "leaves no hole"),
         ("catenoid", {"waist": 6.0}, "must be wider"),
         ("pavilion", {"rise": 9.0}, "at most half the span"),

@@ -1,11 +1,13 @@
 """The workshop: nests whose gaps shapely measures, plates, sheets, limits in numbers, the command and its files."""
 
 import csv
+import io
 import os
 import subprocess
 import sys
 
 import numpy as np
+import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,7 +20,16 @@ from dsfab.members import Node, member_graph
 from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset, overridden
 from dsfab.surface import Surface
-from dsfab.workshop import FlatPart, Layering, nested, sheet_parts, strip_limits, workshop_plan
+from dsfab.workshop import (
+    FlatPart,
+    Layering,
+    cut_list,
+    cut_list_workbook,
+    nested,
+    sheet_parts,
+    strip_limits,
+    workshop_plan,
+)
 from dsfab.workshop.letters import GLYPHS, strokes
 from dsfab.workshop.plan import same_parts
 from dsfab.workshop.plates import FlattenedMesh
@@ -215,6 +226,30 @@ def test_limits_of_a_sphere_are_those_of_its_radius():
     assert not any(line.startswith("NOT") for line in thin.lines)
 
 
+@pytest.fixture(scope="module")
+def gridshell():
+    return Design.of(load_preset("gridshell", {"surface.edge": 0.3})).until("slicing")
+
+
+def test_laths_of_the_gridshell_are_bent_to_half_their_thickness_over_the_radius_at_the_crown(gridshell):
+    """z'' across is 2 (rise - crown) / (width / 2)^2; LVL takes its strength over its stiffness."""
+    surface, statics = gridshell.preset.surface, gridshell.preset.statics
+    across = 2 * (surface.rise - surface.crown) / (surface.width / 2) ** 2
+    limit = statics.strength / statics.young
+    found = strip_limits(gridshell.members, gridshell.surface, 0.018, limit, 0.012)
+    assert found.bending == pytest.approx(0.009 * across, rel=0.05)
+    assert found.bending < limit
+    assert found.thickest == pytest.approx(2 * limit / across, rel=0.05)
+    assert any("of 0.24% allowed" in line for line in found.lines)
+
+
+@pytest.mark.slow
+def test_the_gridshell_as_it_is_shipped_can_be_bent_and_drilled_and_all_its_bolts_have_holes():
+    plan = workshop_plan(Design.of(load_preset("gridshell")).until("slicing"))
+    assert not any(note.startswith("NOT") or "not drilled" in note for note in plan.notes)
+    assert any("are bent to a strain of 0.16%" in note for note in plan.notes)
+
+
 # --- the command and its files
 
 
@@ -236,6 +271,28 @@ def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_pa
     layers, parts = drawn(tmp_path / "one" / "nest.dxf")
     assert set(layers) == {"STOCK", "CUT", "HOLES", "ENGRAVE"}
     assert parts == sum(int(row["count"]) for row in rows)
+
+
+def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, vault):
+    """Read by openpyxl."""
+    book = openpyxl.load_workbook(io.BytesIO(cut_list_workbook(plan)))
+    assert book.sheetnames == ["parts", "nests", "nodes"]
+    rows = [list(row) for row in book["parts"].values]
+    listed = list(csv.reader(io.StringIO(cut_list(plan))))
+    assert [str(cell) for cell in rows[0]] == listed[0]
+    assert [row[0] for row in rows] == [row[0] for row in listed]
+    length, strain = rows[0].index("length_mm"), rows[0].index("strain")
+    assert [(row[length], row[strain]) for row in rows[1:]] == [
+        (float(row[length]), float(row[strain])) for row in listed[1:]
+    ]
+    nests = list(book["nests"].values)[1:]
+    assert sorted(row[4] for row in nests) == sorted(part.id for part in plan.parts)
+    last = plan.sheets[-1].parts[-1]
+    assert nests[-1][4:7] == (last.part.id, *(1000 * last.placed.outline.min(axis=0)).round(1))
+    nodes = {row[0]: row for row in list(book["nodes"].values)[1:]}
+    node = vault.members.nodes[3]
+    assert nodes[node.id][2:4] == node.members
+    assert nodes[node.id][7:] == pytest.approx(1000 * node.point, abs=0.051)
 
 
 def test_a_drawing_has_the_same_bytes_in_another_process():
@@ -274,7 +331,8 @@ def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp
     assert main(["workshop", "cantilever", "--set", "workshop.stock=[9,9]", *small]) == 0
     after = {path.name for path in out.iterdir()}
     assert before - after
-    assert after == {"nest.dxf", "nest.svg", "cutlist.csv", "S1-1.dxf", "S1-1.svg", "mine.txt"}
+    drawings = {"nest.dxf", "nest.svg", "S1-1.dxf", "S1-1.svg"}
+    assert after == {*drawings, "cutlist.csv", "cutlist.xlsx", "assembly.pdf", "mine.txt"}
     layers, parts = drawn(out / "S1-1.dxf")
     assert layers == {"CUT", "SLOTS", "ENGRAVE"}
     assert parts == 1

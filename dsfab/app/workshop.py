@@ -34,6 +34,7 @@ def workshop(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
     from dsfab.pipeline import Design
+    from dsfab.report.assembly import assembly_page, assembly_pdf
     from dsfab.workshop import workshop_plan, write_workshop
 
     given, folder = source_of(preset, source)
@@ -42,18 +43,22 @@ def workshop(
         design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
         reporter("export", "developing and nesting")
         plan = workshop_plan(design)
+        documents = {"assembly.pdf": assembly_pdf(plan, design)}
+        if plan.graph is not None:
+            documents["index.html"] = assembly_page(plan, design).encode()
         reporter.done()
     finally:
         reporter.stop()
     if not quiet:
         for note in plan.notes:
             out(note)
-    where = write_workshop(plan, output or folder / "workshop", given.name)
+    where = write_workshop(plan, output or folder / "workshop", given.name, documents)
     if not quiet:
         kinds = len(plan.same)
         parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _counted(plan))
         out(f"{parts} of {length(plan.thickness)}, {kinds} different; {sheets}, {plan.used:.0%} used")
         out(f"  {where / 'nest.dxf'}  {where / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
+        out("  ".join(["", *(str(where / name) for name in ("cutlist.xlsx", *documents))]))
     return 0
 
 

@@ -1,1 +1,7 @@
 """Pictures: everything that draws, and nothing that knows a command."""
+
+from dsfab.render.naming_plate import Nameplate, PlacedName, placed_names
+from dsfab.render.palette import PAPER, Palette
+from dsfab.render.view import up_axis
+
+__all__ = ["PAPER", "Nameplate", "Palette", "PlacedName", "placed_names", "up_axis"]

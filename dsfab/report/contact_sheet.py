@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.render.palette import Palette
+from dsfab.render import Palette
 from dsfab.report.html import html_page, image, why
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dsfab.errors import DsfabError
-from dsfab.render.palette import Palette
+from dsfab.render import Palette
 from dsfab.report.contact_sheet import Tile
 from dsfab.study.variations import Values
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from html import escape
 
-from dsfab.render.palette import PAPER
+from dsfab.render import PAPER
 
 COLOURS: Mapping[str, tuple[int, int, int]] = {
     "paper": PAPER.paper,

@@ -15,7 +15,7 @@ from dsfab.errors import DsfabError
 from dsfab.export import replacing, write_chunks
 from dsfab.pipeline import draft
 from dsfab.preset_file import overridden
-from dsfab.render.palette import PAPER
+from dsfab.render import PAPER
 from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
 from dsfab.report.html import style
 from dsfab.study import ALTERNATIVE_WORDS, design_alternatives, losing_line

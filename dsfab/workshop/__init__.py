@@ -4,19 +4,22 @@ course, development   an axis laid open, and a layer over it rolled out    layer
 strips, splices       parts of lying strips                                plates, sheet   discs; flat designs
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 nesting               parts on sheets                                      plan       all of it: `workshop_plan`
-drawings, files       what a workshop opens
+drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """
 
 from dsfab.workshop.course import StripCourse, member_course
 from dsfab.workshop.development import Development
-from dsfab.workshop.files import cut_list, write_workshop
+from dsfab.workshop.drawings import file_stem
+from dsfab.workshop.files import write_workshop
 from dsfab.workshop.layering import Layering
 from dsfab.workshop.limits import StripLimits, strip_limits
 from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
+from dsfab.workshop.plates import layer_numbers
 from dsfab.workshop.sheet import sheet_parts
-from dsfab.workshop.strips import StripParts, strip_parts
+from dsfab.workshop.strips import StripParts, is_strip, strip_parts
+from dsfab.workshop.tables import cut_list, cut_list_workbook, node_table
 
 __all__ = [
     "Development",
@@ -30,8 +33,13 @@ __all__ = [
     "StripParts",
     "WorkshopPlan",
     "cut_list",
+    "cut_list_workbook",
+    "file_stem",
+    "is_strip",
+    "layer_numbers",
     "member_course",
     "nested",
+    "node_table",
     "sheet_parts",
     "strip_limits",
     "strip_parts",

@@ -25,6 +25,11 @@ def part_drawing(part: FlatPart) -> FlatDrawing:
     return FlatDrawing(part.id, (*part_lines(part), *axis), part_circles(part))
 
 
+def file_stem(part: str) -> str:
+    """The name of a part as that of a file."""
+    return part.replace(" ", "_").replace("/", "_")
+
+
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
     """Outline, openings and engraved lines of a part."""
     yield FlatLine("CUT", _closed(part.outline), closed=True)

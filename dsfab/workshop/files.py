@@ -1,25 +1,25 @@
-"""What a workshop opens: `nest.dxf`, a DXF and an SVG for each part to cut, and `cutlist.csv`, in one folder."""
+"""All that a workshop opens: `nest.dxf`, a DXF and an SVG for each part to cut, and the cut lists, in one folder."""
 
 import csv
-import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from dsfab.export import check_flat_dxf, flat_dxf, flat_svg, whole_or_nothing, write_chunks
-from dsfab.units import MM_PER_M
-from dsfab.workshop.drawings import nest_drawing, part_drawing
+from dsfab.workshop.drawings import file_stem, nest_drawing, part_drawing
 from dsfab.workshop.plan import WorkshopPlan
+from dsfab.workshop.tables import cut_list, cut_list_workbook
 
-NEST, CUTLIST = "nest", "cutlist.csv"
-HEAD = (
-    *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes", "layer_mm"),
-    *("strain", "sheets", "file"),
-)
+NEST, CUTLIST, WORKBOOK = "nest", "cutlist.csv", "cutlist.xlsx"
 
 
-def write_workshop(plan: WorkshopPlan, folder: Path, name: str) -> Path:
+def write_workshop(
+    plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
+) -> Path:
     """Write the files of a plan into a folder, all of them or none. Those of an earlier plan that this one does not
     have are removed, as its cut list names them. The same plan gives the same bytes.
+
+    documents : whole files by their names, which go with it.
 
     Raises ExportError where the folder cannot be written.
     """
@@ -34,31 +34,10 @@ def write_workshop(plan: WorkshopPlan, folder: Path, name: str) -> Path:
             write_chunks(partial / f"{file_stem(part.id)}.dxf", [flat_dxf(drawing)])
             write_chunks(partial / f"{file_stem(part.id)}.svg", [flat_svg(drawing)])
         write_chunks(partial / CUTLIST, [cut_list(plan).encode()])
+        write_chunks(partial / WORKBOOK, [cut_list_workbook(plan)])
+        for document, content in documents.items():
+            write_chunks(partial / document, [content])
     return folder
-
-
-def file_stem(part: str) -> str:
-    """The name of a part as that of a file."""
-    return part.replace(" ", "_").replace("/", "_")
-
-
-def cut_list(plan: WorkshopPlan) -> str:
-    """CSV, a row for each part that differs from all others: how often it is cut, and as which parts. Millimetres."""
-    where = {one.part.id: k for k, sheet in enumerate(plan.sheets, 1) for one in sheet.parts}
-    text = io.StringIO()
-    writer = csv.writer(text)
-    writer.writerow(HEAD)
-    for group in plan.same:
-        part, names = plan.parts[group[0]], [plan.parts[k].id for k in group]
-        a, b = (MM_PER_M * part.size).round(1).tolist()
-        sheets = sorted({where[one] for one in names})
-        writer.writerow(
-            (part.id, len(names), " ".join(x.replace(" ", "_") for x in names[1:]), part.member, a, b)
-            + (round(MM_PER_M * plan.thickness, 3), round(part.area, 4), len(part.holes))
-            + (round(MM_PER_M * part.layer, 3), f"{part.strain:.2e}", " ".join(map(str, sheets)))
-            + (f"{file_stem(part.id)}.dxf",)
-        )
-    return text.getvalue()
 
 
 def _outdated(target: Path, partial: Path) -> set[str]:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class WorkshopPlan:
     parts     : all of them.            sheets : each part on one of them.
     same      : numbers of parts that are one part to cut, as lists, in the order of the parts.
     notes     : sentences that come first: what is possible, and what is not.
+    graph     : the members that the parts are of, and their nodes; None of a flat sheet.
     """
 
     route: str
@@ -37,6 +39,12 @@ class WorkshopPlan:
     sheets: tuple[NestedSheet, ...]
     same: tuple[tuple[int, ...], ...]
     notes: tuple[str, ...]
+    graph: MemberGraph | None = None
+
+    @cached_property
+    def sheet_of(self) -> dict[str, int]:
+        """The number, from 1, of the sheet that a part is on, by the names of parts."""
+        return {one.part.id: k for k, sheet in enumerate(self.sheets, 1) for one in sheet.parts}
 
     @property
     def used(self) -> float:
@@ -62,7 +70,8 @@ def workshop_plan(design: Design) -> WorkshopPlan:
     route = "sheet" if flat else "strips"
     if ask.route == "auto":
         notes = [f"route {route}: the design is {'flat' if flat else 'curved, and its members can lie in it'}", *notes]
-    return WorkshopPlan(route, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes))
+    graph = None if flat else design.members
+    return WorkshopPlan(route, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes), graph)
 
 
 def _flat(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:

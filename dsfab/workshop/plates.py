@@ -23,6 +23,13 @@ def is_plate(member: Member) -> bool:
     return member.kind != "fill" and not is_strip(member)
 
 
+def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
+    """The layers that a member is in, counted from the top; none where it is not built."""
+    if member.kind == "fill":
+        return ()
+    return layering.numbers(member.family) if is_strip(member) else (layering.count + BELOW,)
+
+
 def plate_parts(graph: MemberGraph, normals: Floats, layering: Layering) -> list[FlatPart]:
     """The plates of a graph; normals (n, 3) at the vertices of its sheet."""
     height = layering.height(layering.count + BELOW)

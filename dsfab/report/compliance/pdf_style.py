@@ -44,12 +44,8 @@ class Styles:
     @classmethod
     def fit_for(cls, text: str) -> Self:
         """Helvetica, which every reader has, or where the text has other letters than Western ones DejaVu Sans."""
-        try:
-            text.encode("cp1252")
-            fonts = ("Helvetica", "Helvetica-Bold", "Courier")
-        except UnicodeEncodeError:
-            fonts = _dejavu()
-        return cls(_styles(*fonts), fonts[0])
+        names = fonts(text)
+        return cls(_styles(*names), names[0])
 
     def text(self, markup: str, kind: str, **named: Any) -> Any:
         """A paragraph."""
@@ -71,6 +67,16 @@ class Styles:
         from reportlab.platypus import Spacer
 
         return Spacer(1, millimetres * MM)
+
+
+def fonts(text: str) -> tuple[str, str, str]:
+    """Regular, bold and typed: Helvetica and Courier, which every reader has, or where a text has other letters than
+    Western ones DejaVu Sans."""
+    try:
+        text.encode("cp1252")
+    except UnicodeEncodeError:
+        return _dejavu()
+    return "Helvetica", "Helvetica-Bold", "Courier"
 
 
 def _dejavu() -> tuple[str, str, str]:

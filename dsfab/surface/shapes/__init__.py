@@ -12,7 +12,7 @@ from dsfab.surface.shapes.boys import boys_surface
 from dsfab.surface.shapes.closed import sphere, torus
 from dsfab.surface.shapes.figures import camel_head, climbing_hold, duck_ring, mouse, pirate, turkey
 from dsfab.surface.shapes.pavilions import pavilion
-from dsfab.surface.shapes.roofs import barrel_vault, hypar, plate
+from dsfab.surface.shapes.roofs import barrel_vault, elliptic_paraboloid, hypar, plate
 from dsfab.surface.shapes.structures import bridge, twisty_tower
 from dsfab.surface.shapes.turned import catenoid, cylinder, dome, tower
 
@@ -28,7 +28,10 @@ FIGURES: dict[str, Callable[..., Surface]] = {
 SHAPES: dict[str, Callable[..., Surface]] = {
     **{
         shape.__name__: shape
-        for shape in (plate, barrel_vault, hypar, dome, pavilion, catenoid, cylinder, tower, sphere, torus)
+        for shape in (
+            *(plate, barrel_vault, hypar, elliptic_paraboloid, dome, pavilion, catenoid, cylinder, tower),
+            *(sphere, torus),
+        )
     },
     **FIGURES,
 }
@@ -46,6 +49,7 @@ __all__ = [
     "cylinder",
     "dome",
     "duck_ring",
+    "elliptic_paraboloid",
     "hypar",
     "mouse",
     "pavilion",

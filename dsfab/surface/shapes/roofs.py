@@ -48,3 +48,31 @@ def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surfac
     uv, F = staggered(pieces_of(side, edge, least=2), pieces_of(side, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * side
     return Surface(np.stack([x, y, rise * (0.5 + 2 * x * y / side**2)], axis=1), F)
+
+
+@shape
+def elliptic_paraboloid(
+    length: Length = 12.0, width: Length = 8.0, rise: Length = 1.6, crown: Length = 0.8, edge: Length = 0.22
+) -> Surface:
+    """A parabola moved along another one, over a rectangle: length along x, width along y; its corners are at z = 0.
+
+    rise  : height of the middle.
+    crown : height of the middles of the two long sides; those of the short ones are at rise - crown.
+
+    z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2. Edges are measured at the middle.
+    """
+    if crown >= rise:
+        raise SurfaceError(
+            f"elliptic_paraboloid: crown = {crown:g} m, the height of the long sides, must be less than "
+            f"rise = {rise:g} m, that of the middle"
+        )
+    if rise > 4 * min(length, width):
+        raise SurfaceError(
+            f"elliptic_paraboloid: rise = {rise:g} m is more than four times its shorter side of "
+            f"{min(length, width):g} m; use a lower rise"
+        )
+    check_density(length * width * (1 + rise / min(length, width)), edge)
+    uv, F = staggered(pieces_of(length, edge, least=2), pieces_of(width, ROW * edge, multiple=2, least=2))
+    u, v = (2 * uv - 1).T
+    z = rise - crown * u**2 - (rise - crown) * v**2
+    return Surface(np.stack([u * length / 2, v * width / 2, np.where(np.abs(u * v) == 1, 0.0, z)], axis=1), F)

@@ -1,0 +1,111 @@
+"""Members as they are seen from far away: parallel projection, what is far away first [painter's algorithm]."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.members import Member, MemberGraph
+from dsfab.render import Palette
+from dsfab.workshop import Layering, is_strip, layer_numbers
+
+PIECES = 90
+"""A member is drawn in pieces as long as the structure over this."""
+SHADE = 0.3
+"""How much darker a face is that is seen edge-on."""
+LEAST_ELEVATION, AZIMUTH = 28.0, -58.0
+"""Degrees: from where a structure is seen that is not seen from above."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axonometry:
+    """A direction to look from: unit vectors (3,) to the right, upwards and to the eye."""
+
+    right: Floats
+    above: Floats
+    eye: Floats
+
+    @classmethod
+    def of(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
+        """From an azimuth about `up` and an elevation over the ground, degrees; 90 is a plan."""
+        x = np.array([1.0, 0.0, 0.0])
+        y = np.cross(up, x)
+        a, e = np.radians(azimuth), np.radians(elevation)
+        out = np.cos(a) * x + np.sin(a) * y
+        eye = np.cos(e) * out + np.sin(e) * up
+        above = -np.sin(e) * out + np.cos(e) * up
+        return cls(np.cross(above, eye), above, eye)
+
+    def flat(self, points: Floats) -> Floats:
+        """(..., 2) of points (..., 3), metres."""
+        return np.asarray(points @ np.stack([self.right, self.above], axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class MemberFaces:
+    """Quads (q, 4, 3) of a member, metres; of plates the last corner is twice there."""
+
+    id: str
+    colour: tuple[float, float, float]
+    quads: Floats
+
+    @property
+    def middle(self) -> Floats:
+        """(3,) metres; on the member."""
+        return np.asarray(self.quads[len(self.quads) // 2].mean(axis=0))
+
+
+def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
+    """All members that are built, in their colours, each in its uppermost layer; metres."""
+    V = graph.sheet.surface.V
+    piece = float(np.linalg.norm(np.ptp(V, axis=0))) / PIECES
+    found = []
+    for member in graph.members:
+        if member.kind != "fill":
+            red, green, blue = (x / 255 for x in _tint(member, palette))
+            height = layering.height(layer_numbers(layering, member)[0])
+            quads = _bands(member, piece, height) if is_strip(member) else _cells(graph, member)
+            found.append(MemberFaces(member.id, (red, green, blue), quads))
+    return found
+
+
+def _tint(member: Member, palette: Palette) -> tuple[int, int, int]:
+    families = {"major": 0, "minor": 1}
+    return palette.tints[families.get(member.family, 2) if member.kind in ("strip", "stub") else 2]
+
+
+def _cells(graph: MemberGraph, member: Member) -> Floats:
+    corners = graph.sheet.surface.V[graph.sheet.surface.F[member.cells]]
+    return np.concatenate([corners, corners[:, 2:]], axis=1)
+
+
+def _bands(member: Member, piece: float, height: float) -> Floats:
+    axis = member.axis
+    assert axis is not None
+    count = max(int(np.ceil(axis.length / piece)), 2)
+    s = np.linspace(0, axis.length, count + 1)
+    P, T, N = axis.at(s)
+    B = np.cross(N, T)
+    left, right = (np.interp(s, axis.s, side)[:, None] for side in member.sides.T)
+    one, two = P + height * N - right * B, P + height * N + left * B
+    return np.stack([one[:-1], one[1:], two[1:], two[:-1]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class FaceList:
+    """Faces in the order in which they are drawn: corners (q, 4, 2), metres, and colours (q, 3), 0 to 1."""
+
+    corners: Floats
+    colours: Floats
+
+
+def painted(faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]) -> FaceList:
+    """All faces of members, from the farthest to the nearest; members that `colours` names in these."""
+    quads = np.concatenate([one.quads for one in faces])
+    tints = np.concatenate([np.tile(colours.get(one.id, one.colour), (len(one.quads), 1)) for one in faces])
+    n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
+    facing = np.abs(n @ view.eye) / np.maximum(np.linalg.norm(n, axis=1), 1e-30)
+    tints = tints * (1 - SHADE + SHADE * facing)[:, None]
+    order = (quads.mean(axis=1) @ view.eye).argsort(kind="stable")
+    return FaceList(view.flat(quads[order]), tints[order])

@@ -1,0 +1,140 @@
+"""`assembly.pdf`: all that those who cut and build need on paper, A3, drawn in lines."""
+
+import io
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.arrays import Floats
+from dsfab.pipeline import Design
+from dsfab.render import PAPER, up_axis
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces
+from dsfab.report.assembly.families import family_pages
+from dsfab.report.assembly.flat_parts import cut_list_pages, nest_pages, node_pages
+from dsfab.report.assembly.overview import cover, named_view
+from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, MM, PAGE, QUIET, WIDE, Paper
+from dsfab.report.assembly.sequence import assembly_steps
+from dsfab.report.assembly.steps import step_pages
+from dsfab.report.compliance.pdf_style import fonts
+from dsfab.units import MM_PER_M
+from dsfab.wording import length
+from dsfab.workshop import Layering, WorkshopPlan
+
+Page = tuple[str, Callable[[Paper], None]]
+
+UNCHECKED = (
+    "the statics of bolts, of splices and of layers that slide on each other: the design was judged as one sheet",
+    "the statics while it is being put up; props and scaffolding",
+    "springback of bent layers, and what they creep",
+    "moisture, grain and knots; edge and end distances of bolts after the material's standard",
+    "bearings: what holds the structure at its supports",
+)
+"""What nobody looked at, for the last page."""
+
+
+def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
+    """The whole file. The same plan gives the same bytes."""
+    from reportlab.pdfgen.canvas import Canvas
+
+    name, file = design.preset.name, io.BytesIO()
+    canvas = Canvas(file, pagesize=(WIDE * MM, HIGH * MM), invariant=1, pageCompression=1)
+    canvas.setTitle(f"{name}: assembly")
+    canvas.setAuthor("dsfab")
+    regular, bold, _ = fonts(name)
+    paper = Paper(canvas, (regular, bold))
+    pages = book_pages(plan, design)
+    for number, (title, draw) in enumerate(pages, 1):
+        draw(paper)
+        _edges(paper, name, title, f"{number} / {len(pages)}")
+        canvas.showPage()
+    canvas.save()
+    return file.getvalue()
+
+
+def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
+    """All pages in order. A flat design has no members to put up: its pieces are butted."""
+    flat = [*cut_list_pages(plan), *nest_pages(plan)]
+    last = ("What was not checked", partial(_unchecked, plan=plan))
+    if plan.graph is None:
+        return [*flat, last]
+    ask = design.preset.workshop
+    layering = Layering(plan.thickness, ask.layers, ask.bolt)
+    load = design.load if design.has("statics") else None
+    up = up_axis(plan.graph.sheet.surface.V, design.surface, load)
+    built = {part.member for part in plan.parts}
+    faces = [one for one in member_faces(plan.graph, PAPER, layering) if one.id in built]
+    return [
+        ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        *_views(faces, up),
+        *family_pages(plan),
+        *flat,
+        *node_pages(plan),
+        *step_pages(assembly_steps(plan.graph, layering, up), faces, up),
+        last,
+    ]
+
+
+def _views(faces: list[MemberFaces], up: Floats) -> list[Page]:
+    views = (
+        ("Members, from above", Axonometry.of(up, -90.0, 90.0)),
+        ("Members, from the front", Axonometry.of(up)),
+        ("Members, from behind", Axonometry.of(up, 122.0)),
+    )
+    return [(title, partial(named_view, faces=faces, view=view)) for title, view in views]
+
+
+def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
+    graph, preset = plan.graph, design.preset
+    assert graph is not None
+    size = np.ptp(graph.sheet.surface.V, axis=0)
+    area = sum(part.area for part in plan.parts)
+    bolts = {hole.bolt for part in plan.parts for hole in part.holes}
+    stock = ", ".join(sorted({f"{a:g} x {b:g} m" for a, b in (sheet.size for sheet in plan.sheets)}))
+    longest = max(plan.parts, key=lambda part: part.size[0])
+    return [
+        ("Size over all", " x ".join(f"{x:.2f}" for x in size) + " m"),
+        (
+            "Members",
+            f"{len({part.member for part in plan.parts})}, together {sum(m.length for m in graph.members):,.0f} m",
+        ),
+        ("Parts", f"{len(plan.parts)}, {len(plan.same)} different"),
+        ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
+        ("Sheets", f"{len(plan.sheets)} of {stock}, {plan.used:.0%} used"),
+        ("Thickness of a layer", length(plan.thickness)),
+        ("Layers where two members cross", str(preset.workshop.layers)),
+        ("Nodes and splices with bolts", f"{len(bolts)}, bolts of {length(preset.workshop.bolt)}"),
+        ("Mass of all parts", f"{area * plan.thickness * preset.statics.density:,.0f} kg"),
+        (
+            "Material",
+            preset.statics.material or f"{preset.statics.density:g} kg/m³, {preset.statics.young / 1e9:g} GPa",
+        ),
+    ]
+
+
+def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
+    x, y = PAGE.x, PAGE.y + PAGE.high - 8
+    blocks = (("Not checked by dsfab:", UNCHECKED), ("Told of this plan:", plan.notes))
+    for head, notes in blocks:
+        paper.text((x, y), head, 11, bold=True)
+        y -= 7
+        for note in notes:
+            for k, line in enumerate(paper.wrapped(note, 240, 10)):
+                if k == 0:
+                    paper.text((x, y), "·", 10)
+                paper.text((x + 5, y), line, 10)
+                y -= 5
+            y -= 1.5
+        y -= 6
+
+
+def _edges(paper: Paper, name: str, title: str, number: str) -> None:
+    """What stands above and below every page."""
+    top, right = HIGH - 16, WIDE - MARGIN
+    paper.text((MARGIN, top), name, 15, bold=True)
+    paper.text((MARGIN + paper.width(name, 15, bold=True) + 6, top), title, 15, QUIET)
+    paper.lines([np.array([[MARGIN, top - 4], [right, top - 4]])], INK, 0.8)
+    paper.lines([np.array([[MARGIN, 10.5], [right, 10.5]])], HAIR, 0.5)
+    paper.text((MARGIN, 6.5), f"dsfab {__version__} · seen from where normals point to · A3", 7.5, QUIET)
+    paper.text((right, 6.5), number, 7.5, QUIET, "right")

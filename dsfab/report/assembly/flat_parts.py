@@ -1,0 +1,157 @@
+"""Pages of what is cut: every part with its outline, the sheets, and the nodes as a table."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, Fitted, Paper, PaperBox, usual_scale
+from dsfab.units import MM_PER_M
+from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, node_table
+
+ACROSS, DOWN = 4, 13
+"""Parts on a page."""
+ROWS, COLUMNS = 62, 3
+"""Nodes on a page."""
+LEGIBLE = 40.0
+"""Millimetres for a metre of a sheet, if one can be had: names of parts are readable there."""
+Page = tuple[str, Callable[[Paper], None]]
+
+
+def cut_list_pages(plan: WorkshopPlan) -> list[Page]:
+    """Parts that differ: outlines as large as they fit, sizes, how often they are cut and from which sheets."""
+    pages = []
+    per_page = ACROSS * DOWN
+    for k in range(0, len(plan.same), per_page):
+        some = plan.same[k : k + per_page]
+        first, last = plan.parts[some[0][0]].id, plan.parts[some[-1][0]].id
+        pages.append((f"Cut list, {_part_count(plan)}: {first} to {last}", _cut_list_page(plan, some)))
+    return pages
+
+
+def _part_count(plan: WorkshopPlan) -> str:
+    return f"{len(plan.parts)} parts of {MM_PER_M * plan.thickness:g} mm, {len(plan.same)} different"
+
+
+def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Callable[[Paper], None]:
+    def draw(paper: Paper) -> None:
+        for cell, group in zip(PAGE.cells(ACROSS, DOWN, 3.0), groups, strict=False):
+            part = plan.parts[group[0]]
+            a, b = (MM_PER_M * part.size).tolist()
+            sheets = ", ".join(map(str, sorted({plan.sheet_of[plan.parts[k].id] for k in group})))
+            top = cell.y + cell.high - 3.4
+            paper.text((cell.x, top), f"{len(group)} x {part.id}", 8, bold=True)
+            paper.text((cell.x + cell.wide, top), f"{a:,.0f} x {b:,.0f}", 7.5, side="right")
+            words = f"{len(part.holes)} holes · sheet {sheets}"
+            paper.text((cell.x, cell.y + 0.6), _short(words, 64), 6, QUIET)
+            room = PaperBox(cell.x, cell.y + 3.4, cell.wide, cell.high - 8.4)
+            half = part.size / 2
+            middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
+            _outline(paper, part, Fitted.into(middle - half, middle + half, room))
+            paper.lines([np.array([[cell.x, cell.y - 1.2], [cell.x + cell.wide, cell.y - 1.2]])], HAIR, 0.3)
+
+    return draw
+
+
+def _short(words: str, most: int) -> str:
+    return words if len(words) <= most else words[: most - 3] + "..."
+
+
+def _outline(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
+    paper.lines([fitted.of(part.outline), *(fitted.of(slot) for slot in part.slots)], INK, 0.4, closed=True)
+    if part.holes:
+        places = fitted.of(np.array([hole.at for hole in part.holes]))
+        paper.circles(places, max(part.holes[0].diameter * fitted.scale, 0.3), INK)
+
+
+def nest_pages(plan: WorkshopPlan) -> list[Page]:
+    """All sheets at one usual scale, as many as fit on a page, each part with its name."""
+    wide = max(sheet.size[0] for sheet in plan.sheets)
+    high = max(sheet.size[1] for sheet in plan.sheets)
+    across, down = max(
+        ((a, d) for a in (1, 2, 3) for d in (1, 2, 3, 4)),
+        key=lambda n: (_room(n[0], n[1], wide, high) > LEGIBLE, min(n[0] * n[1], 6), _room(n[0], n[1], wide, high)),
+    )
+    scale, said = usual_scale(_room(across, down, wide, high))
+    pages = []
+    for k in range(0, len(plan.sheets), across * down):
+        some = plan.sheets[k : k + across * down]
+        cells = PAGE.cells(across, down, 5.0)
+        pages.append(
+            (f"Sheets {k + 1} to {k + len(some)} of {len(plan.sheets)}, {said}", _nests(some, k, cells, scale))
+        )
+    return pages
+
+
+def _room(across: int, down: int, wide: float, high: float) -> float:
+    """Millimetres per metre at which so many sheets fit on a page."""
+    return min((PAGE.wide / across - 6) / wide, (PAGE.high / down - 12) / high)
+
+
+def _nests(sheets: Sequence[NestedSheet], first: int, cells: list[PaperBox], scale: float) -> Callable[[Paper], None]:
+    def draw(paper: Paper) -> None:
+        for k, (sheet, cell) in enumerate(zip(sheets, cells, strict=False), first + 1):
+            size = np.array(sheet.size)
+            fitted = Fitted(scale, np.array([cell.x, cell.y + cell.high - 6 - scale * size[1]]))
+            frame = fitted.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size)
+            a, b = (MM_PER_M * size).tolist()
+            words = f"Sheet {k}   {a:,.0f} x {b:,.0f} mm   {sheet.used:.0%} used"
+            paper.text(frame[3] + [0, 2], words, 8, bold=True)
+            for one in sheet.parts:
+                _outline(paper, one.placed, fitted)
+            paper.lines([frame], QUIET, 0.6, closed=True)
+            for one in sheet.parts:
+                _part_name(paper, one.placed, fitted)
+        paper.scale_bar((PAGE.x, PAGE.y - 4), scale)
+
+    return draw
+
+
+def _part_name(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
+    """On the middle line of a part, or of its box; white beneath it."""
+    middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
+    x, y = fitted.of(part.axis[len(part.axis) // 2] if len(part.axis) else middle).tolist()
+    long, high = paper.width(part.id, 5.5) / 2 + 0.3, 1.0
+    upright = part.size[1] > part.size[0]
+    half = np.array([high, long] if upright else [long, high])
+    paper.filled(np.array([x, y]) + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), (1, 1, 1))
+    if upright:
+        paper.upright((x, y - long + 0.3), part.id, 5.5)
+    else:
+        paper.text((x, y - 0.7), part.id, 5.5, side="middle")
+
+
+def node_pages(plan: WorkshopPlan) -> list[Page]:
+    """All nodes with a bolt: their members, the angle between these, and where they are."""
+    rows = node_table(plan).rows
+    pages = []
+    per_page = ROWS * COLUMNS
+    for k in range(0, len(rows), per_page):
+        some = rows[k : k + per_page]
+        pages.append((f"Nodes {some[0][0]} to {some[-1][0]}", _node_page(some)))
+    return pages
+
+
+def _node_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper], None]:
+    heads = ("node", "members", "angle", "x", "y", "z")
+    places = (0.0, 16.0, 72.0, 90.0, 107.0, 122.0)
+
+    def draw(paper: Paper) -> None:
+        step = PAGE.high / (ROWS + 1)
+        for k in range(0, len(rows), ROWS):
+            x, top = PAGE.x + k // ROWS * PAGE.wide / COLUMNS, PAGE.y + PAGE.high - step
+            for place, head in zip(places, heads, strict=True):
+                paper.text((x + place, top), head, 6.5, QUIET, "left" if place < 50 else "right")
+            paper.lines([np.array([[x, top - 1], [x + 122, top - 1]])], INK, 0.5)
+            for row, (name, kind, one, two, _, _, angle, *at) in enumerate(rows[k : k + ROWS], 1):
+                y = top - row * step
+                words = f"{one} on {two}" if kind == "crossing" else f"{one}, {two} ({kind})"
+                paper.text((x, y), str(name), 6.5, bold=True)
+                paper.text((x + places[1], y), words, 6.5)
+                shown = "" if angle != angle else f"{angle:.1f}°"
+                for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in at)), strict=True):
+                    paper.text((x + place, y), value, 6.5, side="right")
+        paper.text(
+            (PAGE.x, PAGE.y - 4), "Millimetres, on the middle surface; angles between the members there.", 7, QUIET
+        )
+
+    return draw

@@ -1,0 +1,91 @@
+"""The first pages: the structure with its key figures, and axonometric views in which every member is named."""
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.render import Nameplate, placed_names
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, painted
+from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, Fitted, Paper, PaperBox
+
+LETTER = 2.5
+"""Millimetres; height of the names of members, less where there are very many."""
+MANY = 120
+"""So many members are very many."""
+FINE = 8.0
+"""Cells of the grid on which names find their places, per millimetre."""
+PLACES = 15
+"""Places along a member at which its name may stand."""
+
+
+def cover(paper: Paper, faces: list[MemberFaces], up: Floats, figures: list[tuple[str, str]], notes: list[str]) -> None:
+    """The whole structure, its figures beside it, and below them what is possible and what is not."""
+    wide = 128.0
+    drawing = PaperBox(PAGE.x, PAGE.y, PAGE.wide - wide - 10, PAGE.high)
+    structure(paper, faces, Axonometry.of(up), drawing, {})
+    x, y = PAGE.x + PAGE.wide - wide, PAGE.y + PAGE.high - 6
+    for name, value in figures:
+        paper.text((x, y), name, 8.5, QUIET)
+        paper.text((x + wide, y), value, 8.5, side="right", bold=True)
+        paper.lines([np.array([[x, y - 2], [x + wide, y - 2]])], HAIR, 0.4)
+        y -= 6.4
+    y -= 6
+    for note in notes:
+        bad = note.startswith("NOT ")
+        for k, line in enumerate(paper.wrapped(note, wide - 5, 8)):
+            if k == 0:
+                paper.text((x, y), "!" if bad else "·", 8, RED if bad else INK, bold=True)
+            paper.text((x + 5, y), line, 8, RED if bad else INK)
+            y -= 3.8
+        y -= 1.6
+
+
+def structure(
+    paper: Paper,
+    faces: list[MemberFaces],
+    view: Axonometry,
+    box: PaperBox,
+    colours: dict[str, tuple[float, float, float]],
+    extent: Floats | None = None,
+) -> Fitted:
+    """Members in a box of the page; those named in `colours` in these.
+
+    extent : (k, 2) what the drawing is to have room for; that of the members where nothing is said.
+    """
+    drawn = painted(faces, view, colours)
+    extent = drawn.corners.reshape(-1, 2) if extent is None else extent
+    fitted = Fitted.into(extent.min(axis=0), extent.max(axis=0), box)
+    paper.faces(drawn, fitted)
+    return fitted
+
+
+def named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) -> None:
+    """All members of a structure with their names, on one page."""
+    box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
+    fitted = structure(paper, faces, view, box, {})
+    letter = LETTER * min(1.0, float(np.sqrt(MANY / len(faces))))
+    plates = [_nameplate(one, fitted.of(view.flat(_places(one)))) for one in faces]
+    size = (int(FINE * (PAGE.wide + 2 * PAGE.x)), int(FINE * (PAGE.high + PAGE.y + 10)))
+    names = placed_names(plates, size, FINE * letter)
+    points = 1.38 * letter * 72 / 25.4
+    for name in names:
+        if not np.array_equal(name.middle, name.anchor):
+            paper.lines([np.stack([name.anchor, name.middle]) / FINE], INK, 0.3)
+    for name in names:
+        x, y = (name.middle / FINE).tolist()
+        half = paper.width(name.plate.text, points) / 2 + 0.4
+        low, high = y - 0.62 * letter, y + 0.62 * letter
+        paper.filled(np.array([[x - half, low], [x + half, low], [x + half, high], [x - half, high]]), (1, 1, 1))
+        paper.text((x, y - 0.48 * letter), name.plate.text, points, side="middle")
+    if abs(view.above[2]) < 1e-9:
+        paper.scale_bar((PAGE.x, PAGE.y), fitted.scale)
+
+
+def _places(one: MemberFaces) -> Floats:
+    """(k, 3) places on a member, from its middle outwards."""
+    middles = one.quads.mean(axis=1)
+    away = np.abs(np.arange(len(middles)) - len(middles) / 2).argsort(kind="stable")
+    return np.asarray(middles[away[:: max(len(away) // PLACES, 1)]])
+
+
+def _nameplate(one: MemberFaces, places: Floats) -> Nameplate:
+    return Nameplate(one.id, (0, 0, 0), FINE * places, np.ones(len(places), dtype=bool))

@@ -1,0 +1,103 @@
+"""`index.html`: the structure to turn, where a click on a member shows its flat parts and the sheets that have them."""
+
+import json
+from html import escape
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.pipeline import Design
+from dsfab.render import PAPER, up_axis
+from dsfab.report.assembly.axonometry import member_faces
+from dsfab.report.html import style
+from dsfab.surface import simplified_line
+from dsfab.units import MM_PER_M
+from dsfab.workshop import FlatPart, Layering, WorkshopPlan, file_stem
+
+TOLERANCE = 3e-4
+"""Metres that an outline on the page may be off the part's."""
+
+
+def assembly_page(plan: WorkshopPlan, design: Design) -> str:
+    """One file that fetches nothing; the same plan gives the same page. Only of a plan with members."""
+    assert plan.graph is not None
+    preset, graph = design.preset, plan.graph
+    layering = Layering(plan.thickness, preset.workshop.layers, preset.workshop.bolt)
+    load = design.load if design.has("statics") else None
+    built = {part.member for part in plan.parts}
+    faces = [one for one in member_faces(graph, PAPER, layering) if one.id in built]
+    facts = {
+        "name": preset.name,
+        "line": f"{len(faces)} members, {len(plan.parts)} parts, {len(plan.sheets)} sheets",
+        "notes": list(plan.notes),
+        "up": up_axis(graph.sheet.surface.V, design.surface, load).tolist(),
+        "members": [
+            {
+                "id": one.id,
+                "colour": [round(255 * x) for x in one.colour],
+                "words": _words(plan, one.id),
+                "faces": one.quads.round(3).ravel().tolist(),
+            }
+            for one in faces
+        ],
+        "parts": [_part(plan, number) for number in range(len(plan.parts))],
+        "sheets": _sheets(plan),
+    }
+    template = files("dsfab.report.assembly").joinpath("page.html").read_text(encoding="utf-8")
+    text = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
+    head = template.replace("{{title}}", escape(f"{preset.name}: workshop")).replace("{{style}}", style())
+    return head.replace("{{facts}}", text)
+
+
+def _words(plan: WorkshopPlan, name: str) -> str:
+    """Of a member: how long and wide it is, and what it meets."""
+    assert plan.graph is not None
+    member, nodes = plan.graph.by_id[name], plan.graph.along[name]
+    size = f"{MM_PER_M * member.length:,.0f} x {MM_PER_M * member.mean_width:.0f} mm, " if member.axis else ""
+    others = dict.fromkeys(other for node in nodes for other in node.members if other != name)
+    return f"{size}{len(nodes)} nodes with {', '.join(others)}" if others else f"{size}no nodes"
+
+
+def _part(plan: WorkshopPlan, number: int) -> dict[str, Any]:
+    part = plan.parts[number]
+    same = next(group[0] for group in plan.same if number in group)
+    return {
+        "id": part.id,
+        "member": part.member,
+        "size": (MM_PER_M * part.size).round(1).tolist(),
+        "sheet": plan.sheet_of[part.id],
+        "file": f"{file_stem(plan.parts[same].id)}.dxf",
+        "loops": [_loop(part, loop) for loop in (part.outline, *part.slots)],
+        "holes": [
+            round(x, 1)
+            for hole in part.holes
+            for x in (*(MM_PER_M * (hole.at - _middle(part))).tolist(), MM_PER_M * hole.diameter)
+        ],
+    }
+
+
+def _middle(part: FlatPart) -> Floats:
+    return np.asarray((part.outline.min(axis=0) + part.outline.max(axis=0)) / 2)
+
+
+def _loop(part: FlatPart, loop: Floats) -> list[float]:
+    """x y of a closed line about the middle of the part's box, millimetres."""
+    closed = np.pad(np.concatenate([loop, loop[:1]]) - _middle(part), ((0, 0), (0, 1)))
+    flat: list[float] = (MM_PER_M * simplified_line(closed, TOLERANCE)[:-1, :2]).round(1).ravel().tolist()
+    return flat
+
+
+def _sheets(plan: WorkshopPlan) -> list[dict[str, Any]]:
+    """Each with its parts: number, turn in degrees, and where the middle of its box comes to lie, millimetres."""
+    number = {part.id: k for k, part in enumerate(plan.parts)}
+    found = []
+    for sheet in plan.sheets:
+        parts = []
+        for one in sheet.parts:
+            c, s = np.cos(one.turn), np.sin(one.turn)
+            x, y = (MM_PER_M * (_middle(one.part) @ np.array([[c, s], [-s, c]]) + one.shift)).round(2).tolist()
+            parts.append([number[one.part.id], round(float(np.degrees(one.turn)), 3), x, y])
+        found.append({"size": [MM_PER_M * x for x in sheet.size], "used": f"{sheet.used:.0%}", "parts": parts})
+    return found

@@ -1,0 +1,113 @@
+"""Parts, sheets and nodes of a plan as rows, in millimetres and square metres: for `cutlist.csv` and `cutlist.xlsx`."""
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from dsfab.units import MM_PER_M
+from dsfab.workshop.drawings import file_stem
+from dsfab.workshop.plan import WorkshopPlan
+
+Cell = str | int | float
+NEVER = datetime(1980, 1, 1)
+"""The date in every workbook: the same plan gives the same bytes."""
+WIDEST = 40
+"""Letters that a column of a workbook is wide, at most."""
+
+
+@dataclass(frozen=True)
+class PlanTable:
+    """Rows under a head, by a name."""
+
+    name: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+def part_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each part that differs from all others: how often it is cut, and as which parts."""
+    head = (
+        *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes"),
+        *("layer_mm", "strain", "sheets", "file"),
+    )
+    rows = []
+    for group in plan.same:
+        part, names = plan.parts[group[0]], [plan.parts[k].id for k in group]
+        a, b = (MM_PER_M * part.size).round(1).tolist()
+        sheets = sorted({plan.sheet_of[one] for one in names})
+        rows.append(
+            (part.id, len(names), " ".join(x.replace(" ", "_") for x in names[1:]), part.member, a, b)
+            + (round(MM_PER_M * plan.thickness, 3), round(part.area, 4), len(part.holes))
+            + (round(MM_PER_M * part.layer, 3), f"{part.strain:.2e}", " ".join(map(str, sheets)))
+            + (f"{file_stem(part.id)}.dxf",)
+        )
+    return PlanTable("parts", head, tuple(rows))
+
+
+def nest_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each part on its sheet: where the lower left corner of its box is, and how far it is turned."""
+    head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
+    rows = []
+    for k, sheet in enumerate(plan.sheets, 1):
+        for one in sheet.parts:
+            x, y = (MM_PER_M * one.placed.outline.min(axis=0)).round(1).tolist()
+            a, b = (round(MM_PER_M * size, 1) for size in sheet.size)
+            rows.append((k, a, b, round(sheet.used, 3), one.part.id, x, y, round(float(np.degrees(one.turn)), 1)))
+    return PlanTable("nests", head, tuple(rows))
+
+
+def node_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each node that has a bolt: its members and where they meet; empty for a flat sheet."""
+    head = ("node", "kind", "member_a", "member_b", "along_a_mm", "along_b_mm", "angle_deg", "x_mm", "y_mm", "z_mm")
+    nodes = [node for node in plan.graph.nodes if node.kind != "grazing"] if plan.graph else []
+    rows = []
+    for node in nodes:
+        along = [round(MM_PER_M * s, 1) for s in node.at]
+        place = (MM_PER_M * node.point).round(1).tolist()
+        rows.append((node.id, node.kind, *node.members, *along, round(node.angle, 2), *place))
+    return PlanTable("nodes", head, tuple(rows))
+
+
+def cut_list(plan: WorkshopPlan) -> str:
+    """The parts as CSV."""
+    table, text = part_table(plan), io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(table.head)
+    writer.writerows(table.rows)
+    return text.getvalue()
+
+
+def cut_list_workbook(plan: WorkshopPlan) -> bytes:
+    """Parts, nests and nodes as an Excel workbook, a sheet for each that has rows."""
+    import xlsxwriter
+
+    file = io.BytesIO()
+    with xlsxwriter.Workbook(file, {"in_memory": True}) as book:
+        book.set_properties({"created": NEVER})
+        strong = book.add_format({"bold": True, "bottom": 1})
+        for table in (part_table(plan), nest_table(plan), node_table(plan)):
+            if not table.rows:
+                continue
+            sheet = book.add_worksheet(table.name)
+            sheet.write_row(0, 0, table.head, strong)
+            for k, row in enumerate(table.rows, 1):
+                sheet.write_row(k, 0, [_number(cell) for cell in row])
+            sheet.freeze_panes(1, 1)
+            sheet.autofilter(0, 0, len(table.rows), len(table.head) - 1)
+            for k, width in enumerate(_widths(table)):
+                sheet.set_column(k, k, width)
+    return file.getvalue()
+
+
+def _number(cell: Cell) -> Cell:
+    """Numbers that are written in words of their own are numbers in a workbook; names of parts are none."""
+    return float(cell) if isinstance(cell, str) and "e-" in cell and cell[0].isdigit() else cell
+
+
+def _widths(table: PlanTable) -> Sequence[int]:
+    columns = zip(table.head, *table.rows, strict=True)
+    return [min(max(len(str(cell)) for cell in column) + 3, WIDEST) for column in columns]

@@ -1,0 +1,194 @@
+"""`assembly.pdf`: the order in which members go up, and pages on which everything is named, inside of the page."""
+
+import io
+import json
+import re
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from dsfab.pipeline import Design
+from dsfab.preset_file import load_preset
+from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, painted
+from dsfab.report.assembly.book import book_pages
+from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
+from dsfab.workshop import Layering, layer_numbers, workshop_plan
+from tests.browser import browser, opened
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def vault():
+    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3})).until("slicing")
+
+
+@pytest.fixture(scope="module")
+def plan(vault):
+    return workshop_plan(vault)
+
+
+class Recorder(Paper):
+    """Paper that remembers its words: text, lower left corner and size, millimetres."""
+
+    def __init__(self):
+        from reportlab.pdfgen.canvas import Canvas
+
+        super().__init__(Canvas(io.BytesIO(), pagesize=(1200, 850)), ("Helvetica", "Helvetica-Bold"))
+        self.words = []
+
+    def text(self, at, words, size=7.0, colour=(0, 0, 0), side="left", bold=False):
+        wide, high = self.width(words, size, bold), 0.35 * size * 0.72
+        x = float(at[0]) - {"left": 0, "middle": wide / 2, "right": wide}[side]
+        self.words.append((words, x, float(at[1]), wide, high))
+
+    def upright(self, at, words, size, colour=(0, 0, 0)):
+        self.words.append((words, at[0], at[1], 0.25 * size, self.width(words, size)))
+
+
+@pytest.fixture(scope="module")
+def pages(plan, vault):
+    """The words of each page by its title."""
+    found = {}
+    for title, draw in book_pages(plan, vault):
+        paper = Recorder()
+        draw(paper)
+        found[title] = paper.words
+    return found
+
+
+@pytest.mark.parametrize("up", [UP, np.array([-0.6, 0.0, 0.8]), np.array([0.0, -1.0, 0.0])])
+def test_every_member_goes_up_once_for_each_of_its_layers_lower_layers_first_and_from_the_ground(vault, up):
+    graph, layering = vault.members, Layering(0.04, 4, 0.012)
+    steps = assembly_steps(graph, layering, up)
+    wanted = sorted((n, m.id) for m in graph.members for n in layer_numbers(layering, m))
+    assert sorted((step.layer, name) for step in steps for name in step.members) == wanted
+    layers = [step.layer for step in steps]
+    assert layers == sorted(layers, reverse=True)
+    surface = graph.sheet.surface
+    for layer in set(layers):
+        names = [name for step in steps if step.layer == layer for name in step.members]
+        low = [(surface.V[surface.F[graph.by_id[name].cells]] @ up).min() for name in names]
+        assert (np.diff(low) > -0.02 * np.ptp(surface.V @ up) - 1e-9).all()
+    assert len(steps) <= 12 + 6
+
+
+def test_everything_is_named_where_it_is_looked_for(pages, plan, vault):
+    built = {part.member for part in plan.parts}
+    views = [title for title in pages if title.startswith("Members, ")]
+    assert len(views) == 3
+    for title in views:
+        assert {words[0] for words in pages[title]} >= built
+
+    def on(start):
+        return {words[0] for title, page in pages.items() if title.startswith(start) for words in page}
+
+    assert on("Family") | on("Edges") | on("Around") >= built
+    assert on("Cut list") >= {f"{len(group)} x {plan.parts[group[0]].id}" for group in plan.same}
+    assert on("Sheet") >= {part.id for part in plan.parts}
+    assert on("Nodes") >= {node.id for node in vault.members.nodes if node.kind != "grazing"}
+    assert on("What was not") >= {"Not checked by dsfab:"}
+
+
+def test_words_are_inside_of_the_page_and_names_of_members_are_not_on_each_other(pages):
+    for title, words in pages.items():
+        for text, x, y, wide, high in words:
+            assert x > 0, (title, text)
+            assert x + wide < WIDE, (title, text)
+            assert 0 < y < y + high < HIGH, (title, text)
+    for title in pages:
+        if title.startswith("Members, "):
+            for (a, x, y, w, h), (b, u, v, p, q) in combinations(pages[title], 2):
+                assert x + w <= u or u + p <= x or y + h <= v or v + q <= y, (title, a, b)
+
+
+def test_the_file_is_a_pdf_with_all_pages_and_the_same_bytes_twice(plan, vault, pages):
+    one = assembly_pdf(plan, vault)
+    assert one.startswith(b"%PDF")
+    assert one.count(b"/Type /Page\n") == len(book_pages(plan, vault))
+    assert one == assembly_pdf(plan, vault)
+
+
+def test_a_plan_looks_down_and_an_axonometry_keeps_what_is_upright_upright():
+    plan = Axonometry.of(UP, -90.0, 90.0)
+    assert plan.flat(np.eye(3)) == pytest.approx(np.array([[1, 0], [0, 1], [0, 0]]))
+    tilted = Axonometry.of(UP)
+    assert tilted.flat(UP)[0] == pytest.approx(0)
+    assert tilted.flat(UP)[1] > 0
+    assert np.stack([tilted.right, tilted.above, tilted.eye]) @ np.stack(
+        [tilted.right, tilted.above, tilted.eye]
+    ).T == pytest.approx(np.eye(3))
+
+
+def test_what_is_near_is_drawn_last():
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    low, high = (MemberFaces(name, (1, 0, 0), (square + [0, 0, z])[None]) for name, z in (("low", 0), ("high", 1)))
+    drawn = painted([high, low], Axonometry.of(UP, -90, 90), {"high": (0, 0, 1)})
+    assert drawn.colours.tolist() == [[1, 0, 0], [0, 0, 1]]
+
+
+def test_scales_are_usual_ones_and_drawings_are_in_their_boxes():
+    assert usual_scale(60.0) == (pytest.approx(50.0), "1:20")
+    assert usual_scale(50.0) == (pytest.approx(50.0), "1:20")
+    assert usual_scale(3.0) == (pytest.approx(2.0), "1:500")
+    fitted = Fitted.into(np.array([-1.0, 2.0]), np.array([3.0, 4.0]), PaperBox(10, 20, 80, 100))
+    assert fitted.of(np.array([[-1.0, 2.0], [3.0, 4.0]])) == pytest.approx(np.array([[10, 50], [90, 90]]))
+
+
+# --- the page
+
+
+@pytest.fixture(scope="module")
+def page(plan, vault):
+    return assembly_page(plan, vault)
+
+
+def test_the_page_lays_every_part_on_its_sheet_where_the_nest_has_it(page, plan, vault):
+    """Turned and shifted as the page says, the corners of a part are those of its place on the nest."""
+    facts = json.loads(re.search(r'id="facts">(.*?)</script>', page, re.DOTALL)[1])
+    assert {one["id"] for one in facts["members"]} == {part.member for part in plan.parts}
+    assert [one["id"] for one in facts["parts"]] == [part.id for part in plan.parts]
+    for sheet, given in zip(plan.sheets, facts["sheets"], strict=True):
+        for one, (number, turn, x, y) in zip(sheet.parts, given["parts"], strict=True):
+            assert facts["parts"][number]["id"] == one.part.id
+            loop = np.array(facts["parts"][number]["loops"][0]).reshape(-1, 2)
+            c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+            there = loop @ np.array([[c, s], [-s, c]]) + [x, y]
+            placed = 1000 * one.placed.outline
+            assert there.min(axis=0) == pytest.approx(placed.min(axis=0), abs=0.7)
+            assert there.max(axis=0) == pytest.approx(placed.max(axis=0), abs=0.7)
+            assert np.linalg.norm(there[0] - placed, axis=1).min() < 0.2
+    assert page == assembly_page(plan, vault)
+
+
+NEXT_FRAME = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))"
+FACE = """(() => { const all = drawn.filter((face) => facts.members[face.member].id === "NAME"), P = all[SOME].points,
+  box = canvas.getBoundingClientRect(); return [box.left + (P[0] + P[4]) / 2, box.top + (P[1] + P[5]) / 2]; })()"""
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
+def test_a_click_on_a_member_shows_its_parts_and_sheets_and_nothing_is_fetched(page, plan, tmp_path):
+    file = tmp_path / "index.html"
+    file.write_text(page, encoding="utf-8")
+    with opened(tmp_path / "browser", (1400, 900)) as tab:
+        tab.open(file.as_uri(), "typeof drawn !== 'undefined' && drawn.length > 0")
+        for name in ("B06", "A02"):
+            tab.click(*tab.run(FACE.replace("NAME", name).replace("SOME", "Math.floor(0.75 * all.length)")))
+            tab.run(NEXT_FRAME)
+            assert tab.run("document.querySelector('#detail h2').textContent") == name
+            parts = tab.run("[...document.querySelectorAll('[data-part]')].map((one) => one.dataset.part)")
+            mine = [part.id for part in plan.parts if part.member == name]
+            assert parts == mine
+            sheets = tab.run("[...document.querySelectorAll('[data-sheet]')].map((one) => +one.dataset.sheet)")
+            assert sheets == sorted({plan.sheet_of[part] for part in mine})
+            assert tab.run("document.querySelectorAll('[data-sheet] .mine').length") == len(mine)
+        tab.click(20, 400)  # beside it
+        assert tab.run("document.querySelectorAll('[data-part]').length") == 0
+        assert tab.run("document.querySelector('#detail').textContent").startswith(plan.notes[0])
+        dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+        tab.call("Emulation.setEmulatedMedia", features=dark)
+        assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(27, 27, 29)"
+        assert tab.errors == []
+        assert [url for url in tab.requests if not url.startswith(("file:", "data:"))] == []
