@@ -10,12 +10,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import ezdxf
-import matplotlib.pyplot as plt
 import numpy as np
-from ezdxf.addons.drawing import Frontend, RenderContext
-from ezdxf.addons.drawing.config import BackgroundPolicy, ColorPolicy, Configuration
-from ezdxf.addons.drawing.matplotlib import MatplotlibBackend
 from PIL import Image
 
 import dsfab
@@ -123,22 +118,16 @@ def report() -> None:
 
 
 def workshop() -> None:
-    """The first sheets of a vault's nest, as a CAD program shows the drawing."""
-    with tempfile.TemporaryDirectory() as folder:
-        main(["workshop", "barrel_vault", "--set", "statics.material=GL24h", "-o", folder])
-        sheet = ezdxf.readfile(next(Path(folder).rglob("nest.dxf"))).modelspace()
-        figure = plt.figure(figsize=(14, 12), dpi=100, facecolor="white")
-        axes = figure.add_axes((0, 0, 1, 1))
-        look = Configuration(
-            color_policy=ColorPolicy.BLACK, background_policy=BackgroundPolicy.WHITE, lineweight_scaling=0.4
-        )
-        Frontend(RenderContext(sheet.doc), MatplotlibBackend(axes), config=look).draw_layout(sheet, finalize=False)
-        axes.set_aspect("equal")
-        axes.autoscale()
-        axes.axis("off")
-        figure.savefig(Path(folder) / "nest.png")
-        plt.close(figure)
-        write(Image.open(Path(folder) / "nest.png").convert("RGB"), "workshop")
+    """The page of a gridshell's workshop, with a member chosen."""
+    width, height = 1440, 900
+    with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "browser", (width, height)) as tab:
+        main(["workshop", "gridshell", "-o", folder])
+        tab.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        tab.open((Path(folder) / "index.html").as_uri(), "document.querySelectorAll('button').length > 10")
+        tab.run("[...document.querySelectorAll('button')].find(one => one.innerText === 'B10').click()")
+        time.sleep(1.0)
+        tab.picture(Path(folder) / "page.png")
+        write(Image.open(Path(folder) / "page.png").convert("RGB"), "workshop")
 
 
 OPTIONS = {
