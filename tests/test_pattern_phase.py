@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order
+from threadpoolctl import threadpool_info
 
 from dsfab.diffusion.symmetry import _point_map, face_tree
 from dsfab.errors import PatternError
@@ -157,6 +158,20 @@ def test_powers_end_where_products_tell_nothing_new():
     assert found == pytest.approx(D**20 * x / np.linalg.norm(D**20 * x), abs=1e-12)
     one = krylov_power(lambda y: 2 * y, x, np.ones(4), 20, 12)
     assert one == pytest.approx(x / np.sqrt(2), abs=1e-15)
+
+
+def test_products_of_vectors_are_made_on_one_thread():
+    """Threads that wait for each other cost more than such products; whoever comes after has them back."""
+    seen = []
+
+    def threads() -> set[int]:
+        return {one["num_threads"] for one in threadpool_info() if one["internal_api"] == "openblas"}
+
+    before = threads()
+    krylov_power(lambda y: seen.append(threads()) or np.arange(1.0, 5.0) * y, np.ones(4), np.ones(4), 5, 3)
+    assert len(seen) == 3
+    assert all(one <= {1} for one in seen)
+    assert threads() == before
 
 
 @zoo

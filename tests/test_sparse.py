@@ -15,6 +15,7 @@ from dsfab.sparse import (
     ConvergenceError,
     FactorMemoryError,
     NotPositiveDefinite,
+    OnePattern,
     factorise,
     memory,
     multigrid,
@@ -24,7 +25,7 @@ from dsfab.sparse import (
 )
 from dsfab.sparse.dissection import dissection_keys, point_graph
 from dsfab.sparse.multifrontal import Fronts, Multifrontal
-from dsfab.sparse.pardiso import _release
+from dsfab.sparse.pardiso import Pardiso, _release
 from dsfab.sparse.superlu import SuperLU
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.factor import factored
@@ -110,6 +111,22 @@ def test_another_pattern_is_refused(solver):
     solve = factorise(K, points, node, solver)
     with pytest.raises(ValueError, match="pattern"):
         solve.refactor(csr_array(diags_array(np.ones(K.shape[0]))))
+
+
+@pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
+def test_two_unknowns_a_point_that_are_solved_with_often(solver, monkeypatch):
+    """Blocks or none: the same answers, for new values as well; PARDISO is told that there are none."""
+    require(solver)
+    monkeypatch.setattr(sparse, "solver_name", lambda: solver)
+    asked = []
+    monkeypatch.setattr(sparse, "Pardiso", lambda K, blocks: asked.append(blocks) or Pardiso(K, blocks))
+    K, points, node = system(ZOO["dome"]())
+    two = (node < len(ZOO["dome"]().V)) & (np.arange(len(node)) % 3 < 2)
+    K, node = csr_array(K[two][:, two]), node[two]
+    pattern, b = OnePattern(points, node, many_solves=True), np.random.default_rng(3).standard_normal(len(node))
+    for values in (K, csr_array(diags_array(np.linspace(1, 2, len(node))) + K)):
+        assert_allclose(pattern.factor(values)(b), factorise(values, points, node, solver)(b), rtol=1e-9, atol=1e-9)
+    assert asked[:1] == ([False] if solver == "PARDISO" else [])
 
 
 @pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])

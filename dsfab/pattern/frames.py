@@ -110,7 +110,7 @@ class TwistedFactors:
         place = coo_array((np.arange(1, len(rows) + 1), (rows, columns)), shape=(2 * n, 2 * n)).tocsr()
         self._place, self._indices, self._indptr = place.data - 1, place.indices, place.indptr
         self._ends, self._n = ends, n
-        self._pattern = OnePattern(V, np.repeat(np.arange(n), 2))
+        self._pattern = OnePattern(V, np.repeat(np.arange(n), 2), many_solves=True)
 
     def matrix(self, twisted: Floats, diagonal: Floats) -> csr_array:
         """(2 n, 2 n) K + diagonal (2 n,), both parts of each number one after the other; see `Frames.twisted`.

@@ -13,6 +13,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats
 from dsfab.pattern.frames import Frames, dots
 from dsfab.pattern.images import Projection
+from dsfab.sparse import one_blas_thread
 
 SHIFT = 1e-3
 """Of the inverse iteration, over the squared spacing: makes the matrix definite and changes no eigenvector."""
@@ -100,6 +101,7 @@ class Flow:
         return np.where(lock & (np.abs(phase) < EXACT), 0.0, phase)
 
 
+@one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
     """B^power x, of length 1 in the mass (N,), from the Krylov space of so many products with a linear B.
 
