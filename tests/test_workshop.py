@@ -231,6 +231,7 @@ def gridshell():
     return Design.of(load_preset("gridshell", {"surface.edge": 0.3})).until("slicing")
 
 
+@pytest.mark.slow
 def test_laths_of_the_gridshell_are_bent_to_half_their_thickness_over_the_radius_at_the_crown(gridshell):
     """z'' across is 2 (rise - crown) / (width / 2)^2; LVL takes its strength over its stiffness."""
     surface, statics = gridshell.preset.surface, gridshell.preset.statics
