@@ -4,10 +4,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats, lock
 from dsfab.statics.layers import SheetStress, principal_values
-from dsfab.statics.recovery import averaged
+from dsfab.statics.recovery import SMOOTH, averaged
 from dsfab.surface import Surface, hat_gradients
 
 UPRIGHT = 0.99
@@ -67,17 +69,18 @@ def section_forces(surface: Surface, thickness: float, stress: SheetStress) -> S
     n is the mean of each face, t times the stress of the middle surface: what its elements balance. m is the mean of
     moments averaged around each vertex, and q their slope: a curved sheet of flat faces bends each of them by its own
     load, which averaging takes out. q is one order less accurate than m: through the ribs of a slab, 3 or 4 faces wide,
-    4 to 14 % of the shear were missing in sum, twist at their edges counted in; n balances on any mesh.
+    4 to 19 % of the shear were missing in sum, twist at their edges counted in; n balances on any mesh.
     """
     own = stress.frame
     moments = thickness**2 / 6 * averaged(surface, own, stress.bending, sided=True)
     slope = np.einsum("mck,mak->mca", hat_gradients(surface), own)
     dx, dy = np.einsum("mca,mci->ami", slope, moments)
-    q = np.stack([dx[:, 0] + dy[:, 2], dx[:, 2] + dy[:, 1]], axis=1)
+    slopes = np.stack([dx[:, 0] + dy[:, 2], dx[:, 2] + dy[:, 1]], axis=1)
+    across = _near_means(surface, np.einsum("ma,max->mx", slopes, own))
     frame = local_frames(surface)
     turn = frame @ own.transpose(0, 2, 1)
     n = _turned(thickness * stress.membrane.mean(axis=1), turn)
-    return SectionForces(frame, n, _turned(moments.mean(axis=1), turn), np.einsum("mab,mb->ma", turn, q))
+    return SectionForces(frame, n, _turned(moments.mean(axis=1), turn), np.einsum("mx,max->ma", across, frame))
 
 
 def local_frames(surface: Surface) -> Floats:
@@ -87,6 +90,24 @@ def local_frames(surface: Surface) -> Floats:
     x = axis - np.einsum("mi,mi->m", axis, normal)[:, None] * normal
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     return np.stack([x, np.cross(normal, x)], axis=1)
+
+
+def _near_means(surface: Surface, vectors: Floats) -> Floats:
+    """(m, 3) vectors tangent to faces, sided as bending is, replaced by the mean over the faces nearby, by area.
+
+    Slopes on needles of faces, which a cut leaves, are large and mean nothing: on a vault 174 instead of 3 kN/m. A mean
+    around each vertex does not help where all faces around it are needles.
+    """
+    areas, normals = surface.areas, surface.normals
+    reach = float(np.sqrt(areas @ areas / areas.sum()))
+    tree = cKDTree(surface.centroids)
+    near = tree.sparse_distance_matrix(tree, reach, output_type="coo_matrix")
+    here, there = near.coords
+    side = np.einsum("kx,kx->k", normals[here], normals[there])
+    weight = np.where(np.abs(side) > SMOOTH, np.sign(side), 0.0) * areas[there]
+    means = csr_array((weight, (here, there)), shape=(surface.m, surface.m))
+    found = (means @ vectors) / (abs(means) @ np.ones(surface.m))[:, None]
+    return np.asarray(found - np.einsum("mx,mx->m", found, normals)[:, None] * normals)
 
 
 def _turned(plane: Floats, turn: Floats) -> Floats:
