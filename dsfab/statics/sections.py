@@ -106,7 +106,7 @@ def _near_means(surface: Surface, vectors: Floats) -> Floats:
     side = np.einsum("kx,kx->k", normals[here], normals[there])
     weight = np.where(np.abs(side) > SMOOTH, np.sign(side), 0.0) * areas[there]
     means = csr_array((weight, (here, there)), shape=(surface.m, surface.m))
-    found = (means @ vectors) / (abs(means) @ np.ones(surface.m))[:, None]
+    found = (means @ vectors) / np.asarray(abs(means) @ np.ones(surface.m))[:, None]
     return np.asarray(found - np.einsum("mx,mx->m", found, normals)[:, None] * normals)
 
 
