@@ -261,12 +261,12 @@ def test_what_goes_into_which_format(design):
     for suffix, form in FORMATS.items():
         thing, how = deliverable(design, suffix)
         expected = {"mesh": design.solid, "both": design.solid, "fields": design.surface}
-        expected |= dict.fromkeys(("lines", "members"), design.sheet.surface)
+        expected |= dict.fromkeys(("lines", "members", "forces"), design.sheet.surface)
         assert thing is expected[form.takes], suffix
         details = how.get("details", Details())
         assert bool(details.lines) == (form.takes in ("lines", "both"))
         assert bool(details.values) == (form.takes == "fields")
-        assert bool(details.records) == (form.takes == "members")
+        assert bool(details.records) == (form.takes in ("members", "forces"))
         if details.lines:
             assert isinstance(details.lines[0], StructureLine)
             assert details.tolerance == design.preset.statics.thickness / 40

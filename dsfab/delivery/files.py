@@ -10,6 +10,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.delivery.fields import design_fields
+from dsfab.delivery.forces import force_records
 from dsfab.delivery.lines import design_lines
 from dsfab.delivery.member_records import graph_records
 from dsfab.errors import ExportError
@@ -66,8 +67,8 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
-    The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines and of
-    members; the uncut surface for fields, which are known there.
+    The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines, of
+    members and of section forces; the uncut surface for fields, which are known there.
     """
     ask, takes = design.preset.export, FORMATS[suffix].takes
     if takes == "fields":
@@ -75,6 +76,8 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         return design.surface, {"details": Details(values=values)}
     if takes == "members":
         return design.sheet.surface, {"details": Details(records=graph_records(design.members))}
+    if takes == "forces":
+        return design.sheet.surface, {"details": Details(records=force_records(design))}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         details = Details(measures=_measures(design))

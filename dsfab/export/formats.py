@@ -13,6 +13,7 @@ from dsfab.errors import ExportError
 from dsfab.export import (
     brep,
     dxf,
+    forces,
     gltf,
     ifc,
     ladder,
@@ -40,7 +41,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
 
-Takes = Literal["mesh", "lines", "both", "fields", "members"]
+Takes = Literal["mesh", "lines", "both", "fields", "members", "forces"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Format:
     refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
     """What to raise when all ways were refused."""
     takes: Takes = "mesh"
-    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; or its members."""
+    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; its members; or its forces."""
     curves: bool = False
     """Whether it draws lines as smooth curves, and so wants them exact."""
     ready: Callable[[], None] = lambda: None
@@ -124,6 +125,8 @@ FORMATS: dict[str, Format] = {
         members_json.prepare, members_table.encode_nodes, members_table.check_nodes, sheets=True, takes="members"
     ),
     ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
+    ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
+    ".forces.csv": Format(forces.prepare, forces.encode, forces.check, sheets=True, takes="forces"),
 }
 """The suffixes that `write` knows."""
 

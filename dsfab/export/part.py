@@ -34,9 +34,10 @@ class Details:
     tolerance : metres that what a file holds may be off the true lines: that `lines` are, or that curves through exact
                 `lines` may be.
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
-    facts     : short lines for a title block.
+    facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
-    records   : notes, members and nodes, see `dsfab.delivery.member_records`; in millimetres.
+    records   : notes, members and nodes, see `dsfab.delivery.member_records`, in millimetres; or section forces, see
+                `dsfab.delivery.forces`, in SI units.
     """
 
     lines: tuple[StructureLine, ...] = ()

@@ -1,7 +1,7 @@
 """VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields. Metres and SI units, as each name says.
 
-The file's field data repeats the unit of length, since the format has no place for one. Arrays are base64 with a
-64-bit count of bytes before them, little-endian.
+The file's field data repeats the unit of length, since the format has no place for one, and has what a person should
+know of the fields as `note 1`, `note 2`, ... Arrays are base64 with a 64-bit count of bytes before them, little-endian.
 """
 
 import base64
@@ -43,10 +43,11 @@ def encode(part: Part) -> Iterator[bytes]:
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
     on_faces = {name: array for name, array in values.items() if name not in on_vertices}
+    notes = "".join(_words(f"note {k}", fact) for k, fact in enumerate(part.details.facts, 1))
     yield (
         '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
         f'header_type="UInt64">\n<!-- dsfab {__version__} -->\n<UnstructuredGrid>\n<FieldData>\n{_words("unit", UNIT)}'
-        f'</FieldData>\n<Piece NumberOfPoints="{len(part.V)}" NumberOfCells="{len(part.F)}">\n'
+        f'{notes}</FieldData>\n<Piece NumberOfPoints="{len(part.V)}" NumberOfCells="{len(part.F)}">\n'
     ).encode()
     for tag, group in (("PointData", on_vertices), ("CellData", on_faces)):
         yield f"<{tag}>\n".encode()

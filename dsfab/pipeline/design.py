@@ -1,6 +1,6 @@
 """`Design`: a preset and everything that is made of it, stage by stage, each when it is first asked for."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,7 @@ from dsfab.preset_surface import missing_preset
 from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
 from dsfab.slicing.pattern_quality import PatternQuality
+from dsfab.statics import SectionForces, section_forces, sheet_stress, solve_for
 from dsfab.surface import FileRecord, LoadCase, Surface
 from dsfab.thickening import Solid
 from dsfab.wording import length, mass
@@ -239,8 +240,25 @@ class Design:
     def cut_loads(self) -> dict[str, LoadCase]:
         """By name, the loads that the pattern follows, on the cut sheet; raises StaticsError where nothing carries
         them."""
-        loads = self.statics.loads(self.preset.followed)
-        return sheet_loads(self.surface, self.slicing.cells.kept(), self.sheet, loads)
+        return self._loads_on_sheet(self.preset.followed)
+
+    def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
+        return sheet_loads(self.surface, self.slicing.cells.kept(), self.sheet, self.statics.loads(names))
+
+    @property
+    def section_forces(self) -> dict[str, SectionForces]:
+        """By case and combination, n, m and q per face of the cut sheet, see `dsfab.statics.SectionForces`; raises
+        StaticsError where nothing carries its loads."""
+        return self.once("slicing", "section forces", self._section_forces)
+
+    def _section_forces(self) -> dict[str, SectionForces]:
+        """By the elements for displacements, on the mesh as it is cut."""
+        model = self.preset.statics.sheet().on(self.sheet.surface)
+        loads = self._loads_on_sheet(self.statics.cases)
+        return {
+            name: section_forces(model.surface, model.thickness, sheet_stress(model, answer.elements, answer))
+            for name, answer in solve_for(model, loads, "stress").items()
+        }
 
     @property
     def mass(self) -> float:

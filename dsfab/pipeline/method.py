@@ -1,4 +1,4 @@
-"""`[pattern] method = "auto"`: modes or evenly spaced stripes, halved or not, by one of three width rules.
+"""`[pattern] method = "auto"`: modes or evenly spaced stripes, halved or not, by one of four width rules.
 
 Which is the stiffest depends on the surface: evenly spaced stripes on most shells, modes on some plates. So each is cut
 and solved, as for modes that are `auto`, and its dead ends and slits are counted on what was cut.
@@ -13,7 +13,7 @@ from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.measures import Drafted, measured_pattern
-from dsfab.pipeline.stressing import stressed_step
+from dsfab.pipeline.stressing import stressed_choice, stressed_step
 from dsfab.pipeline.trial import Trial
 from dsfab.preset import Preset, Width
 from dsfab.results import Attempt, Choice, EvenStripes, Note, StressedSurface
@@ -57,6 +57,8 @@ def method_step(preset: Preset, given: StressedSurface, log: Log) -> tuple[Way, 
         with log.row("method"):
             found += _ways(preset, given, log, method, halve)
     with log.row("method"):
+        found += _evened_ways(preset, found, given, log)
+    with log.row("method"):
         ranked = _ranked(found, given)
     best = ranked[0]
     if best.attempt.refused:
@@ -65,6 +67,32 @@ def method_step(preset: Preset, given: StressedSurface, log: Log) -> tuple[Way, 
     listed = "; ".join(_described(one.attempt) for one in found)
     log.note("pattern", f"method auto took {best.attempt.name}: of compliances over that of the uncut sheet, {listed}")
     return best, tuple(one.attempt for one in ranked)
+
+
+def _evened_ways(preset: Preset, found: list[Way], given: StressedSurface, log: Log) -> Iterator[Way]:
+    """The best of the evenly spaced stripes and the best of the modes, with widths by the rule `stressed`: where the
+    preset asks for a width that others may be exchanged for.
+
+    In flat sheets it is worth most: there the other rules left 1.3 to 3.9 times the compliance of what topology
+    optimisation finds, and this one 1.2 to 1.7 times.
+    """
+    if not _exchangeable(preset.pattern.width):
+        return
+    for method in ("stripes", "modes"):
+        ways = [way for way in found if way.preset.pattern.method == method and not way.attempt.refused]
+        if not ways:
+            continue
+        best = min(ways, key=lambda way: way.attempt.rank)
+        words = best.attempt.name.partition(",")[0]
+        if log.progress:
+            log.progress("pattern", f"trying {words}, stressed: cutting and solving")
+        asked = best.preset.with_pattern(width=preset.pattern.width.model_copy(update={"rule": "stressed"}))
+        scratch, choice = replace(log, notes=[]), best.choice
+        if choice:
+            choice = stressed_choice(asked, given, scratch, choice)
+            asked = asked.settled(choice.mode, choice.phase)
+        variant = Way(asked, Attempt(f"{words}, stressed"), choice, best.even)
+        yield _tried(variant, given, scratch)
 
 
 def _ranked(found: list[Way], given: StressedSurface) -> list[Way]:
@@ -137,9 +165,14 @@ def _tried(way: Way, given: StressedSurface, scratch: Log) -> Way:
     return replace(way, attempt=attempt, grading=grading, sheet=sheet, notes=tuple(scratch.notes))
 
 
+def _exchangeable(asked: Width) -> bool:
+    """Whether other rules may take the place of the one that is asked for."""
+    return asked.rule in RULES and bool(asked.solid_fraction)
+
+
 def _widths(asked: Width) -> dict[str, Width]:
     """Rules to try, by name."""
-    if asked.rule not in RULES or not asked.solid_fraction:
+    if not _exchangeable(asked):
         return {asked.rule: asked}
     gentle = GENTLE * asked.q
     constant, graded = (asked.model_copy(update={"rule": rule}) for rule in RULES)

@@ -20,6 +20,7 @@ from dsfab.statics.model import SheetMaterial, SheetModel
 from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
 from dsfab.statics.needles import flatness, needles_told
 from dsfab.statics.out_of_plane import ModeSupports, mode_supports
+from dsfab.statics.sections import CONVENTION, SectionForces, section_forces
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
@@ -28,6 +29,7 @@ from dsfab.statics.uses import REPORTED, USES, Aid, Quantity, Use, elements_of, 
 from dsfab.surface.loads import LoadCase
 
 __all__ = [
+    "CONVENTION",
     "LAYERS",
     "PAPER",
     "REPORTED",
@@ -53,6 +55,7 @@ __all__ = [
     "Principal",
     "Quantity",
     "Resultant",
+    "SectionForces",
     "SheetMaterial",
     "SheetModel",
     "SheetStress",
@@ -80,6 +83,7 @@ __all__ = [
     "needles_told",
     "plane_von_mises",
     "resultant",
+    "section_forces",
     "sheet_answers",
     "sheet_stiffness",
     "sheet_stress",

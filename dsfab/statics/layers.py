@@ -91,12 +91,7 @@ class SheetStress:
 
     def principal(self, layer: Layer) -> Principal:
         """Principal values and directions of the mean stress of each face [Mohr 1882]."""
-        xx, yy, xy = self._mean(layer).T
-        centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
-        turn = np.arctan2(xy, (xx - yy) / 2) / 2
-        c, s = np.cos(turn), np.sin(turn)
-        axes = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
-        return Principal(np.stack([centre + radius, centre - radius], axis=1), axes @ self.frame)
+        return principal_values(self._mean(layer), self.frame)
 
     @cached_property
     def von_mises(self) -> Floats:
@@ -132,6 +127,16 @@ class SheetStress:
         if not (strength > 0 and np.isfinite(strength)):
             raise StaticsError(f"strength = {strength} Pa must be positive (steel 235e6, plywood about 30e6)")
         return np.asarray(self.largest / strength)
+
+
+def principal_values(plane: Floats, frame: Floats) -> Principal:
+    """Of symmetric tensors (m, 3) as (xx, yy, xy) in frames (m, 2, 3) [Mohr 1882]; the unit is theirs."""
+    xx, yy, xy = plane.T
+    centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+    turn = np.arctan2(xy, (xx - yy) / 2) / 2
+    c, s = np.cos(turn), np.sin(turn)
+    axes = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1)
+    return Principal(np.stack([centre + radius, centre - radius], axis=1), axes @ frame)
 
 
 def plane_von_mises(stress: Floats) -> Floats:

@@ -10,6 +10,7 @@ from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.formats.ply import ply_chunks
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
+from dsfab.surface.hats import hat_gradients
 from dsfab.surface.lines import chains, simplified_line
 from dsfab.surface.load_parts import LoadParts
 from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
@@ -102,6 +103,7 @@ __all__ = [
     "en1990_combinations",
     "finite_faces",
     "geodesic_distances",
+    "hat_gradients",
     "load_cases",
     "load_names",
     "load_parts",
