@@ -195,7 +195,7 @@ def test_a_twisted_solid_turns_counter_clockwise_as_it_rises():
     z = np.linspace(0, 1, 7)
     for turn in (-0.4, 0.0, 1.3):
         helix = np.stack([np.cos(turn * z), np.sin(turn * z), z], axis=1)
-        away = _twisted(lambda P: np.hypot(P[:, 0] - 1, P[:, 1]), turn)
+        away = _twisted(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
         np.testing.assert_allclose(away(helix), 0, atol=1e-12)
 
 
