@@ -61,7 +61,7 @@ SUBJECTS = (
     Subject("statics.stress", "von_mises", "test_statics_stress.py"),
     Subject("diffusion.tensors", "principal_stresses", "test_diffusion.py"),
     Subject("diffusion.tensors", "_isotropic", "test_diffusion.py"),
-    Subject("diffusion.tensors", "combined_stress", "test_diffusion.py"),
+    Subject("diffusion.tensors", "combined_stress", "test_statics_cases.py", "combined"),
     Subject("diffusion.operators", "diffusion_operator", "test_diffusion.py"),
     Subject("pattern.wave", "wave", "test_pattern.py"),
     Subject("pattern.stripes", "Stripes.levels", "test_pattern.py"),
