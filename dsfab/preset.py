@@ -161,6 +161,14 @@ Phase = Annotated[
 ]
 
 
+def _is_some(value: Any) -> bool:
+    """Whether a value that nobody has checked is another number than 0: a text may be one, too ("0")."""
+    try:
+        return float(value) != 0
+    except (TypeError, ValueError, OverflowError):
+        return bool(value)
+
+
 class Family(Section):
     """[pattern.major] or [pattern.minor]: one family of stripes."""
 
@@ -181,9 +189,10 @@ class Family(Section):
     @classmethod
     def _one_of_both(cls, values: Any) -> Any:
         if isinstance(values, dict):
-            if values.get("spacing") and "frequency" not in values:
+            spacing = _is_some(values.get("spacing"))
+            if spacing and "frequency" not in values:
                 return {**values, "frequency": 0.0}
-            if bool(values.get("spacing")) == bool(values.get("frequency", True)):
+            if spacing == _is_some(values.get("frequency", True)):
                 raise ValueError("give either frequency or spacing, and leave the other out or set it to 0")
         return values
 

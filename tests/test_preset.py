@@ -297,3 +297,11 @@ def test_a_material_named_or_spelled_out_is_the_same_design():
     assert named.statics != load_preset("dome").statics  # that has no strength
     assert named.statics != "S235"
     assert sections(named) == sections(spelled), "what a folder keeps of one is not made again for the other"
+
+
+def test_a_frequency_of_zero_may_be_a_text():
+    """Found by the fuzzer: "0" was taken for a frequency, so that the preset was accepted, and refused once written."""
+    with pytest.raises(PresetError, match="give either frequency or spacing"):
+        load_preset("dome", {"pattern.major.frequency": "0", "pattern.major.spacing": 0.0})
+    asked = load_preset("dome", {"pattern.major.frequency": "0", "pattern.major.spacing": "0.5"})
+    assert (asked.pattern.major.frequency, asked.pattern.major.spacing) == (0.0, 0.5)

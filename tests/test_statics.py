@@ -241,3 +241,11 @@ def test_equilibrium_is_frozen():
     answer = Equilibrium(np.zeros((4, 3)), np.zeros((4, 3)), 0.0, 0.0)
     with pytest.raises(ValueError, match="read-only"):
         answer.u[0] = 1
+
+
+def test_a_material_is_isotropic_to_the_last_bit():
+    """No shear from stretching, nor the reverse; a plate has E h^3 / (12 (1 - nu^2)) = 10.92 x 8 / 10.92."""
+    for law in ("plane_stress", "stvk"):
+        C = Material(2.1e11, 0.3).membrane(law)
+        assert not C[[0, 1, 2, 2], [2, 2, 0, 1]].any()
+    assert Material(10.92, 0.3).bending_stiffness(2.0) == pytest.approx(8, rel=1e-14)

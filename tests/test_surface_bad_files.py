@@ -159,6 +159,26 @@ def test_halves_with_exact_twins_are_joined_and_others_are_left_apart(tmp_path):
     assert outcome(written(BadFile("soup.obj", obj(*soup), len(F)), tmp_path)).surface.n == len(V)
 
 
+def test_a_line_goes_on_after_a_backslash_where_that_is_clear(tmp_path):
+    """Found by the fuzzer: a number in two parts was two numbers, and a comment that ends with a path ate a vertex."""
+    good = obj()
+    for text in (good.replace(b" ", b" \\\n"), good.replace(b" ", b"\\\n "), b"# C:\\roofs\\\n" + good):
+        found = outcome(written(BadFile("continued.obj", text, len(F)), tmp_path))
+        assert same_surface(found.surface, GOOD)
+        assert not found.record.remarks
+    told = outcome(written(BadFile("divided.obj", b"# one\n" + good.replace(b"-0.5", b"-0.\\\n5"), None), tmp_path))
+    assert "line 3 ends with a backslash that has no space" in told
+
+
+def test_a_soup_is_joined_also_where_a_face_or_a_vertex_is_dropped(tmp_path):
+    """Found by the fuzzer: what was read, written and read again was joined then."""
+    soup = obj(V[F].reshape(-1, 3), np.arange(3 * len(F)).reshape(-1, 3))
+    for more in (b"f 99999\n", b"f 1 2\n", b"v nan nan nan\n"):
+        found = outcome(written(BadFile("soup.obj", soup + more, len(F)), tmp_path))
+        assert (found.surface.n, found.surface.m) == (len(V), len(F)), more
+        assert len(found.record.remarks) >= 2 - (more[:1] == b"v")
+
+
 @given(st.integers(13, 400), st.integers(0, 10**6), st.booleans())
 @settings(max_examples=40, deadline=None, derandomize=True)
 def test_large_polygons_keep_every_corner_their_area_and_their_edges(k, seed, straight):

@@ -13,6 +13,7 @@ from dsfab.surface.shapes.boys import _Disc
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns
 from dsfab.surface.shapes.remeshing import remeshed
 from dsfab.surface.shapes.solids import LevelSet, ball, blended, box, ellipsoid, limb, mirrored, skin, smaller, without
+from dsfab.surface.shapes.structures import _twisted
 from dsfab.surface.topology import edge_table, euler_characteristic, manifold_faults, pieces
 from tests.test_surface_shapes import angles
 
@@ -187,3 +188,22 @@ def test_an_edge_too_long_for_the_camels_mouth_is_refused(edge, why):
     """Its lips are 0.03 m apart: at twice the edge they were joined, split and joined until memory ended."""
     with pytest.raises(SurfaceError, match=why):
         SHAPES["camel_head"](edge=edge)
+
+
+def test_a_twisted_solid_turns_counter_clockwise_as_it_rises():
+    """A line at (1, 0) becomes the helix (cos, sin) of `turn` z: the other way round, no invariant told."""
+    z = np.linspace(0, 1, 7)
+    for turn in (-0.4, 0.0, 1.3):
+        helix = np.stack([np.cos(turn * z), np.sin(turn * z), z], axis=1)
+        away = _twisted(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
+        np.testing.assert_allclose(away(helix), 0, atol=1e-12)
+
+
+def test_the_twisty_tower_stands_turned_by_its_height():
+    """The long side of its plan, near the foot and near the top, lies at twist times the height."""
+    V = SHAPES["twisty_tower"](height=10.0, twist=60.0, edge=0.45).V
+    for low, high in ((0.3, 1.2), (8.8, 9.7)):
+        P = V[(V[:, 2] > low) & (V[:, 2] < high)]
+        x, y = (P[:, :2] - P[:, :2].mean(axis=0)).T
+        axis = np.degrees(np.arctan2(2 * (x @ y), x @ x - y @ y) / 2)
+        assert axis == pytest.approx(6 * (low + high) / 2, abs=4)

@@ -240,3 +240,11 @@ def test_sizes_that_no_surface_has_are_refused_before_anything_overflows(scale):
         Surface(scale * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]]), [[0, 1, 2]])
     with pytest.raises(SurfaceError, match="check the unit and the coordinates"):
         Surface(3e38 + np.array([[0, 0, 0], [1e30, 0, 0], [0, 1e30, 0.0]]), [[0, 1, 2]])
+
+
+def test_a_small_tetrahedron_far_out_keeps_its_digits():
+    """Legs of 1, 2, 3 mm, 10 km away: 1 cubic and 1 + 1.5 + 3 + 3.5 square millimetres, but for its rounded corners."""
+    V = 1e4 + 1e-3 * np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], dtype=float)
+    F = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    assert signed_volume(V, F) == pytest.approx(1e-9, rel=1e-8)
+    assert total_area(V, F) == pytest.approx(9e-6, rel=1e-8)

@@ -261,3 +261,21 @@ def test_lengths_that_no_shape_has_are_refused_in_a_sentence(name, value):
             except SurfaceError as error:
                 refused += name in str(error)
     assert refused
+
+
+def test_a_tower_turns_counter_clockwise_as_it_rises():
+    """The corners of its plan, at 45 degrees on the ground, are turned by twist at the top and by half of it midway."""
+    V = SHAPES["tower"](width=4.0, height=8.0, taper=1.0, twist=30.0, edge=0.1).V
+    for share in (0, 0.5, 1):
+        x, y, _ = V[np.isclose(V[:, 2], 8 * share)].T
+        corner = np.argmax(np.hypot(x, y))
+        assert np.degrees(np.arctan2(y[corner], x[corner])) % 90 == pytest.approx(45 + 30 * share, abs=1.5)
+    x, y, _ = V[V[:, 2] == 8].T
+    assert np.hypot(x, y).max() == pytest.approx(2 * 2**0.25, rel=1e-3)  # taper 1: |x|^4 + |y|^4 = 2^4
+
+
+def test_a_tower_that_twists_too_much_for_its_height_is_refused():
+    """It may move sideways by one and a half times its height: 10 m high and 4.5 m from the axis, 191 degrees."""
+    SHAPES["tower"](width=9.0, height=10.0, twist=-190.0, edge=1.0)
+    with pytest.raises(SurfaceError, match="192 degrees is too much"):
+        SHAPES["tower"](width=9.0, height=10.0, twist=192.0, edge=1.0)

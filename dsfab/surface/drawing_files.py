@@ -1,31 +1,29 @@
 """Closed curves out of DXF and 3DM files, as polygons: what an architect draws to say where something is."""
 
-import importlib.util
-from collections.abc import Callable, Iterator
+import logging
+import warnings
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
 from dsfab.errors import SurfaceError, did_you_mean
+from dsfab.surface.formats.curves import LARGEST, Drawing, DrawingBudget
+from dsfab.surface.formats.dxf import read_dxf
+from dsfab.surface.formats.limits import MalformedFileError
+from dsfab.surface.formats.rhino import read_rhino
 from dsfab.units import METRES_PER, metres_per
+
+log = logging.getLogger(__name__)
 
 CLOSE = 1e-6
 """Ends of curves that are nearer than this share of the drawing's size are at one place."""
-FLAT = 2e-4
-"""How far the sides of a polygon may be off the curve, as a share of the curve's size."""
-FINEST = 1024
-"""Points at most between two knots of a curve."""
-DXF_UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
-"""$INSUNITS of a DXF file."""
-RHINO_UNITS = {
-    "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km",
-    "Inches": "in", "Feet": "ft",
-}  # fmt: skip
 LAYERS_TOLD = 12
 """Layers of a file that are listed where the one that was asked for is not among them."""
+_READERS = {".dxf": read_dxf, ".3dm": read_rhino}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
@@ -34,11 +32,11 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
     unit : of the file's numbers; left out, what the file says.
 
-    Raises SurfaceError for a file or a layer that is not there, one without closed curves, curves that are open, and a
-    file that does not say its unit.
+    Raises SurfaceError for a file or a layer that is not there, one without closed curves, curves that are open, a
+    file that does not say its unit, and one that is larger than a drawing of outlines (`DrawingBudget`).
     """
     path = Path(path)
-    if path.suffix.lower() not in (".dxf", ".3dm"):
+    if path.suffix.lower() not in _READERS:
         raise SurfaceError(f"{path} is no drawing that dsfab reads; give a .dxf or a .3dm file")
     try:
         about = path.stat()
@@ -48,144 +46,73 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 @lru_cache(maxsize=16)
-def _read_once(path: Path, layer: str | None, unit: str | None, _changed: int, _size: int) -> tuple[Floats, ...]:
+def _read_once(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
     """The curves of a file as it is now: pickers ask for them again and again."""
-    kind = path.suffix.lower()
-    runs, layers, own = _rhino_runs(path) if kind == ".3dm" else _dxf_runs(path)
-    if layer is not None and layer not in layers:
-        told = ", ".join(layers[:LAYERS_TOLD]) + (", ..." if len(layers) > LAYERS_TOLD else "")
-        raise SurfaceError(f"{path} has no layer {layer!r}{did_you_mean(layer, layers)}; its layers are: {told}")
-    if unit is None and own is None:
+    budget = DrawingBudget()
+    drawing = _drawing(path, size, budget)
+    if layer is not None and layer not in drawing.layers:
+        told = ", ".join(drawing.layers[:LAYERS_TOLD]) + (", ..." if len(drawing.layers) > LAYERS_TOLD else "")
+        raise SurfaceError(
+            f"{path} has no layer {layer!r}{did_you_mean(layer, drawing.layers)}; its layers are: {told}"
+        )
+    if unit is None and drawing.unit is None:
         raise SurfaceError(f'{path} does not say its unit; give unit = "mm", or one of {", ".join(METRES_PER)}')
     where = f"{path}" + (f", layer {layer!r}," if layer is not None else "")
-    found = [run for name, run in runs if layer in (None, name) and len(run) > 1]
+    found = [run for name, run in drawing.runs if layer in (None, name) and len(run) > 1]
     if not found:
         raise SurfaceError(
             f"{where} has no curve; draw a closed one, as polyline, circle, ellipse, spline, lines or arcs"
         )
-    metres = metres_per(unit or own or "m")
-    return tuple(metres * loop for loop in _loops(found, where))
+    if not all((np.abs(run) < LARGEST).all() for run in found):
+        raise SurfaceError(f"{where} has a curve with a point that is none, or beyond all drawings; draw it again")
+    metres = metres_per(unit or drawing.unit or "m")
+    return tuple(metres * loop for loop in _loops(found, where, budget))
 
 
-def _dxf_runs(path: Path) -> tuple[list[tuple[str, Floats]], list[str], str | None]:
-    """Layer and points (k, 3) of each curve of a DXF file, its layers, and its unit."""
-    import ezdxf
-    from ezdxf import recover
-
+def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
+    """What a file of `size` bytes draws; raises SurfaceError for one that cannot be read, and beyond the budget."""
+    kind = path.suffix.lower()
     try:
-        document, _ = recover.readfile(path)
-    except (OSError, ezdxf.DXFError, ValueError) as error:
-        what = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise SurfaceError(f"{path} cannot be read as DXF ({what}); export it again") from None
-    runs = list(_entities(document.modelspace()))
-    layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _ in runs})
-    return runs, layers, DXF_UNITS.get(int(document.header.get("$INSUNITS", 0)))
+        budget.require("bytes", size)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # of foreign parsers
+            return _READERS[kind](path, budget)
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    except MalformedFileError as error:
+        raise SurfaceError(f"{path} cannot be read as {kind[1:].upper()} ({error}); export it again") from None
+    except MemoryError:
+        raise SurfaceError(f"{path} needs more memory than there is; draw less into it") from None
+    except OSError as error:
+        raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system says no more'})") from None
+    except Exception:  # of a foreign parser: its words are no help to a person
+        log.debug("reading %s", path, exc_info=True)
+        raise SurfaceError(f"{path} cannot be read as {kind[1:].upper()} (it is damaged); export it again") from None
 
 
-def _entities(entities: Any) -> Iterator[tuple[str, Floats]]:
-    """Layer and points of what is drawn, blocks opened."""
-    from ezdxf import path as paths
-
-    for entity in entities:
-        if entity.dxftype() == "INSERT":
-            yield from _entities(entity.virtual_entities())
-        elif entity.dxftype() == "SPLINE":
-            yield entity.dxf.layer, _spline_points(entity)
-        else:
-            try:
-                drawn = paths.make_path(entity)
-            except TypeError:  # text, points, dimensions
-                continue
-            for part in drawn.sub_paths():
-                yield entity.dxf.layer, _path_points(part, _says_closed(entity))
-
-
-def _path_points(part: Any, closed: bool) -> Floats:
-    """(k, 3) points of lines and arcs one after the other."""
-    size = float(np.linalg.norm(np.ptp(np.array([[*point] for point in part.control_vertices()]), axis=0)))
-    if not size:
-        return np.empty((0, 3))
-    points = np.array([[*point] for point in part.flattening(FLAT * size, segments=4)])
-    return np.concatenate([points, points[:1]]) if closed else points
-
-
-def _spline_points(spline: Any) -> Floats:
-    """(k, 3) points of a spline between its first and its last knot that count: paths of ezdxf go beyond these where
-    knots are not repeated at the ends, as of closed splines."""
-    tool = spline.construction_tool()
-    knots = np.array(tool.knots())
-    spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
-    return _flattened(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
-
-
-def _flattened(spans: Floats, at: Callable[[Floats], Floats]) -> Floats:
-    """(k, 3) points `at` the ends of spans (s,) of a curve and at as many between as it takes to be within `FLAT`."""
-    count = 4
-    while True:
-        t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)
-        points = at(t)
-        off = np.linalg.norm(points[1::2] - (points[:-1:2] + points[2::2]) / 2, axis=1).max()
-        if off <= FLAT * np.linalg.norm(np.ptp(points, axis=0)) or count >= FINEST:
-            return np.asarray(points[::2])
-        count *= 2
-
-
-def _says_closed(entity: Any) -> bool:
-    return bool(getattr(entity, "closed", False) or getattr(entity, "is_closed", False))
-
-
-def _rhino_runs(path: Path) -> tuple[list[tuple[str, Floats]], list[str], str | None]:
-    """Layer and points (k, 3) of each curve of a 3DM file, its layers, and its unit."""
-    if importlib.util.find_spec("rhino3dm") is None:
-        raise SurfaceError(f'{path}: .3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"')
-    import rhino3dm
-
-    model = rhino3dm.File3dm.Read(str(path))
-    if model is None:
-        raise SurfaceError(f"{path} cannot be read as 3DM; save it again")
-    names = {layer.Index: layer.Name for layer in model.Layers}
-    runs = [
-        (names.get(thing.Attributes.LayerIndex, ""), _rhino_points(thing.Geometry))
-        for thing in model.Objects
-        if isinstance(thing.Geometry, rhino3dm.Curve)
-    ]
-    return runs, sorted(names.values()), RHINO_UNITS.get(model.Settings.ModelUnitSystem.name)
-
-
-def _rhino_points(curve: Any) -> Floats:
-    """(k, 3) points of a curve, as many as it takes to be within `FLAT` of it; the corners of a polyline."""
-    line = curve.TryGetPolyline()
-    if curve.IsPolyline() and line is not None:
-        return np.array([[p.X, p.Y, p.Z] for p in line])
-    spans = np.linspace(curve.Domain.T0, curve.Domain.T1, 4 * max(curve.SpanCount, 1) + 1)
-    return _flattened(spans, lambda t: np.array([[p.X, p.Y, p.Z] for p in map(curve.PointAt, t)]))
-
-
-def _loops(runs: list[Floats], where: str) -> Iterator[Floats]:
-    """Runs joined where their ends meet: the closed curves, without their last point, which is the first.
+def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
+    """Runs joined where their ends meet, the first of the file first: the closed curves, without their last point,
+    which is the first.
 
     Raises SurfaceError for what stays open.
     """
-    points = np.concatenate(runs)
-    close = CLOSE * float(np.linalg.norm(np.ptp(points, axis=0)))
-    left = list(runs)
-    while left:
-        run = left.pop(0)
-        while np.linalg.norm(run[0] - run[-1]) > close or len(run) < 3:
-            onward = [_continued(run, other, close) for other in left]
-            k = next((k for k, longer in enumerate(onward) if longer is not None), None)
-            if k is None:
-                raise SurfaceError(_open(run, where))
-            run, _ = onward[k], left.pop(k)  # type: ignore[assignment]
-        yield run[:-1]
-
-
-def _continued(run: Floats, other: Floats, close: float) -> Floats | None:
-    """A run with another one behind it, turned round if that fits; None where they do not meet."""
-    for way in (other, other[::-1]):
-        if np.linalg.norm(run[-1] - way[0]) <= close:
-            return np.concatenate([run, way[1:]])
-    return None
+    corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
+    close = CLOSE * float(np.linalg.norm(np.ptp(corners, axis=0)))
+    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k is where run k begins, 2 k + 1 its end
+    free = np.ones(len(runs), dtype=bool)
+    for first in range(len(runs)):
+        if not free[first]:
+            continue
+        free[first], chain = False, [runs[first]]
+        while np.linalg.norm(chain[0][0] - chain[-1][-1]) > close or (len(chain) == 1 and len(chain[0]) < 3):
+            budget.require("entities", 0)
+            near = (end for end in sorted(ends.query_ball_point(chain[-1][-1], close)) if free[end // 2])
+            if (end := next(near, None)) is None:
+                raise SurfaceError(_open(np.concatenate(chain), where))
+            free[end // 2] = False
+            chain.append(runs[end // 2][::-1] if end % 2 else runs[end // 2])
+        whole = np.concatenate([chain[0], *(run[1:] for run in chain[1:])])
+        yield whole[:-1]
 
 
 def _open(run: Floats, where: str) -> str:

@@ -106,16 +106,17 @@ def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
 
 def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
     budget.require_triangles(int(np.maximum(file.mesh.sizes - 2, 0).sum()))
-    whole, repaired = joined(file)
-    cut = triangles(whole.mesh)
-    few = int((whole.mesh.sizes < 3).sum())
+    faces = np.flatnonzero(file.mesh.sizes >= 3)
+    few = len(file.mesh.sizes) - len(faces)
     dropped = (f"{counted(few, 'face')} with fewer than three corners",) if few else ()
+    whole, repaired = joined(replace(file, mesh=file.mesh.part(faces)) if few else file)
+    cut = triangles(whole.mesh)
     crossing = len(cut.fanned)
     if crossing:
-        at = ", ".join(str(k) for k in cut.fanned[:3].tolist())
+        at = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
         repaired = (*repaired, f"{counted(crossing, 'face')} that cross themselves cut as fans (first, from 0: {at})")
     record = _record(suffix, file, len(file.mesh.V), len(file.mesh.sizes))
-    return RawMesh(whole.mesh.V, cut.F, len(whole.mesh.sizes), record=record.also(repaired, dropped))
+    return RawMesh(whole.mesh.V, cut.F, len(file.mesh.sizes), record=record.also(repaired, dropped))
 
 
 def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: int) -> FileRecord:

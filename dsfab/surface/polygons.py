@@ -20,6 +20,11 @@ class Polygons:
     corners: Ints
     sizes: Ints
 
+    def part(self, faces: Ints) -> "Polygons":
+        """The same vertices with some of the faces (f,), in their order."""
+        owner = np.repeat(np.arange(len(self.sizes)), self.sizes)
+        return Polygons(self.V, self.corners[np.isin(owner, faces)], self.sizes[faces])
+
 
 def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
     """From lists, as the readers meet them."""

@@ -3,6 +3,7 @@
 Read here and not with trimesh, which splits every quad from its first corner and doubles vertices along texture seams.
 """
 
+import re
 from array import array
 from collections import Counter
 
@@ -22,6 +23,10 @@ _QUIET = frozenset(
 """What says nothing about the shape of polygons, or is part of free-form curves and surfaces."""
 _NUMBERS = {3, 4, 6, 7}
 """How many numbers a vertex has: its place, a weight, a colour."""
+_COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)
+"""A comment that ends with a backslash."""
+_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")
+"""A backslash at the end of a line with words right before it and right behind it."""
 OFTEN = 1 << 14
 """Lines between two looks at how many vertices and faces there are."""
 
@@ -33,7 +38,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     """
     file = text_file(data)
     if "\\\n" in file.text:
-        file = TextFile(file.text.replace("\\\n", " "), file.doubts, file.ended)
+        file = TextFile(_continued(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     others: Counter[str] = Counter()
     odd, last = "", ""
@@ -60,6 +65,18 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     doubts = file.cut_off("a vertex" if last == "v" else "a face") if last in ("v", "f") else ()
     return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd))
+
+
+def _continued(text: str) -> str:
+    """Lines that end with a backslash joined with the next one; a comment is not continued: it may end with a path.
+
+    Raises MalformedFileError where no space is between them: some programs join the parts of a number, some do not.
+    """
+    text = _COMMENT.sub(r"\1 ", text)
+    if cut := _DIVIDED.search(text):
+        number = text.count("\n", 0, cut.end() - 1) + 1
+        raise MalformedFileError(f"line {number} ends with a backslash that has no space before it or after it")
+    return text.replace("\\\n", " ")
 
 
 def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:

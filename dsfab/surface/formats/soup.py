@@ -18,7 +18,11 @@ def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
     """
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
-    if not len(corners) or not _some_places_twice(V) or corners.min() < 0 or corners.max() >= len(V):
+    if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
+        return file, ()
+    used = np.zeros(len(V), dtype=bool)
+    used[corners] = True
+    if not _some_places_twice(V[used]):
         return file, ()
     soup = len(mesh.sizes) > 1 and len(np.unique(corners)) == len(corners)
     if not soup and not _free(mesh, corners).any():

@@ -1,0 +1,72 @@
+"""Any bytes as a file: an error of ours, or what the file says. The seeds each time, the fuzzer in the slow part."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz import corpus, oracles
+from tests.fuzz.__main__ import run
+
+SECONDS = 18
+"""For each target in the slow part: `python -m tests.fuzz` takes as long as one likes."""
+SEEDS = sorted(corpus.SEEDS.glob("*/*"))
+STUCK = 30.0
+"""CPU seconds after which a reader hangs."""
+
+
+@pytest.mark.parametrize("file", SEEDS, ids=lambda file: f"{file.parent.name}-{file.name}")
+def test_what_once_broke_a_reader_does_so_no_more(file, tmp_path):
+    start = time.process_time()
+    oracles.judge(file.parent.name, file.read_bytes(), tmp_path)
+    assert time.process_time() - start < STUCK
+
+
+@pytest.mark.parametrize("target", oracles.TARGETS)
+def test_the_fuzzer_begins_with_good_files(target, tmp_path):
+    """Some first file of each target is read, so that its mutations are near to what is read."""
+    read = []
+    for data in list(corpus.beginnings(target))[:3]:
+        oracles.judge(target, data, tmp_path)
+        read += tmp_path.glob("again.*")
+    if target == "3dm":
+        pytest.importorskip("rhino3dm")
+    assert read
+
+
+def test_an_oracle_notices_another_surface(tmp_path, monkeypatch):
+    """A reader that moves what it reads by a little is found out, by trimesh and by its own second reading."""
+    from dataclasses import replace
+
+    from dsfab.surface import surface_in_file
+
+    def moved(path, *words, **more):
+        found = surface_in_file(path, *words, **more)
+        return replace(found, surface=type(found.surface)(found.surface.V * 1.001, found.surface.F))
+
+    good = next(corpus.beginnings("stl"))
+    oracles.judge("stl", good, tmp_path)
+    monkeypatch.setattr(oracles, "surface_in_file", moved)
+    with pytest.raises(AssertionError):
+        oracles.judge("stl", good, tmp_path)
+
+
+def test_chance_finds_what_is_planted(tmp_path, monkeypatch):
+    """The stand-in for atheris keeps the file that breaks a reader, and ends with 1."""
+    from tests.fuzz import target
+
+    def judge(name: str, data: bytes, folder: Path) -> None:
+        assert b"ff" not in data
+
+    monkeypatch.setattr(oracles, "judge", judge)
+    assert target.fuzz_by_chance("obj", 20, tmp_path) == 1
+    (kept,) = tmp_path.glob("crash-*")
+    assert b"ff" in kept.read_bytes()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", oracles.TARGETS)
+def test_fuzzed_for_a_while(target, tmp_path):
+    found = run(target, SECONDS, tmp_path)
+    assert not found.broken, found.broken
+    assert found.tried > 50
