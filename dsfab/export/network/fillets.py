@@ -121,7 +121,7 @@ class _Fillets:
         for k, both, some in zip(moved, ends, between, strict=True):
             points = np.concatenate([both[:1], np.arange(start, start + len(some)), both[1:]])
             self.chains[k], start = replace(self.chains[k], points=points), start + len(some)
-        return Net(csr_array(vstack(rows, format="csr")), self.chains, self.loops, frozenset(self.loose))
+        return Net(csr_array(vstack(rows, format="csr")), self.chains, self.loops, frozenset(self.loose), self.net.cell)
 
     def _between(self, points: Ints, ends: list[int]) -> Floats:
         """(k, 3) millimetres along a chain whose ends are elsewhere now."""

@@ -41,12 +41,14 @@ class Chain:
 @dataclass(frozen=True, eq=False)
 class Net:
     """weights : (p, n) barycentric, of all points on the uncut surface.    chains : by number.
-    loops : by region, with the region on the left.    loose : regions that lie in no stripe."""
+    loops : by region, with the region on the left.    loose : regions that lie in no stripe.    cell : (m,) the region
+    of each cell of the sheet."""
 
     weights: csr_array
     chains: dict[int, Chain]
     loops: dict[int, list[Loop]]
     loose: frozenset[int]
+    cell: Ints
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
         """First and last node of a step of a loop."""
@@ -145,7 +147,7 @@ class _Walk:
                         number[int(self.twin[some[-1]])] = k, False
                 loop.append(number[key])
             loops.setdefault(int(self.left[cycle[0]]), []).append(loop)
-        return Net(self.weights, chains, loops, loose)
+        return Net(self.weights, chains, loops, loose, self.region)
 
     def _cycles(self) -> Iterator[Ints]:
         """The closed borders of regions as half-edges, in order."""
