@@ -12,4 +12,13 @@ from dsfab.members.axis import MemberAxis
 from dsfab.members.graph import Member, MemberGraph, Node
 from dsfab.members.regions import StripedCells, striped_cells
 
-__all__ = ["Member", "MemberAxis", "MemberGraph", "Node", "StripedCells", "member_graph", "spherical_normals", "striped_cells"]
+__all__ = [
+    "Member",
+    "MemberAxis",
+    "MemberGraph",
+    "Node",
+    "StripedCells",
+    "member_graph",
+    "spherical_normals",
+    "striped_cells",
+]

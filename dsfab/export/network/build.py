@@ -184,9 +184,7 @@ def _require(*tests: tuple[bool, str]) -> None:
             raise ExportError(complaint)
 
 
-def _asked_as_a_solid(
-    part: Part, plan: SmoothPlan, draft: _Draft, found: list[OcctFinding]
-) -> tuple[float, float]:
+def _asked_as_a_solid(part: Part, plan: SmoothPlan, draft: _Draft, found: list[OcctFinding]) -> tuple[float, float]:
     """The largest distances from the mesh and back; raises ExportError where the solids are not those of the part."""
     t, gap, faces = plan.limits.thickness, max((one.gap for one in found), default=0.0), sum(one.faces for one in found)
     _require(

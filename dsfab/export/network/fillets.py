@@ -1,10 +1,10 @@
 """Round corners of openings, taken into the members beside them.
 
-      B |                B |           A fillet lies in no stripe, and has no angle where its arc meets the members'
-        |                  |           edges. Each member gets half of its arc; the corner of the crossing behind it
-    ----c-t--- A   ->  ----m           moves to the middle m of the arc, and with it the sides of the crossing.
-      X | )                 '--- A
-        t
+  B |                B |           A fillet lies in no stripe, and has no angle where its arc meets the members'
+    |                  |           edges. Each member gets half of its arc; the corner of the crossing behind it
+----c-t--- A   ->  ----m           moves to the middle m of the arc, and with it the sides of the crossing.
+  X | )                 '--- A
+    t
 """
 
 from dataclasses import replace
@@ -109,11 +109,18 @@ class _Fillets:
 
     def result(self) -> Net:
         """The new net: sides of crossings moved with their corners."""
-        one, two, t = (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
+        one, two, t = (
+            (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
+        )
         weights = self.net.weights
         rows = [weights, weights[one].multiply(1 - t[:, None]) + weights[two].multiply(t[:, None])]
-        moved = [k for k, chain in self.chains.items() if {int(chain.points[0]), int(chain.points[-1])} & set(self.place)]
-        ends = [[self.place.get(int(self.chains[k].points[i]), int(self.chains[k].points[i])) for i in (0, -1)] for k in moved]
+        moved = [
+            k for k, chain in self.chains.items() if {int(chain.points[0]), int(chain.points[-1])} & set(self.place)
+        ]
+        ends = [
+            [self.place.get(int(self.chains[k].points[i]), int(self.chains[k].points[i])) for i in (0, -1)]
+            for k in moved
+        ]
         between = [self._between(self.chains[k].points, both) for k, both in zip(moved, ends, strict=True)]
         if moved:
             rows.append(self.lifting.weights_at(np.concatenate(between)))

@@ -1,8 +1,8 @@
 """The regions of a sheet, and the chains of mesh edges between them.
 
-    o----------o------o          A node (o) is where chains meet, where what is on either side changes, and where an
-    |  region  |      |          outline turns sharply. Both regions at a chain run through the same chain, one of
-    o----------o------o          them backwards; a chain of the outline has its material on the left.
+o----------o------o          A node (o) is where chains meet, where what is on either side changes, and where an
+|  region  |      |          outline turns sharply. Both regions at a chain run through the same chain, one of
+o----------o------o          them backwards; a chain of the outline has its material on the left.
 """
 
 from collections.abc import Iterator

@@ -1,10 +1,10 @@
 """Untrimmed patches between the curves around a region: Coons surfaces, a Bezier patch for each pair of spans.
 
-           top                  Between cubics the bilinearly blended surface [Coons 1967] is a polynomial of degree
-        o---o-----o             (3, 3) over each cell: its poles are the same blend of the curves' poles, and its
-   left |   |     | right       borders are the curves exactly. Cells of one region meet in isolines that they share.
-        o---o-----o
-          bottom
+        top                  Between cubics the bilinearly blended surface [Coons 1967] is a polynomial of degree
+     o---o-----o             (3, 3) over each cell: its poles are the same blend of the curves' poles, and its
+left |   |     | right       borders are the curves exactly. Cells of one region meet in isolines that they share.
+     o---o-----o
+       bottom
 """
 
 import numpy as np
@@ -40,8 +40,8 @@ def _shares(one: Floats, other: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """The smallest ratio of the normal of patches (..., 4, 4, 3), along the mean normal, to the largest of it; under 0
-    where one is folded."""
+    """The smallest share of the mean normal (not of unit length) that the normals of patches (..., 4, 4, 3) have along
+    it; under 0 where one is folded."""
     P = P.reshape(-1, 4, 4, 3)
     y = 1 - PLACES
     B = np.stack([y**3, 3 * PLACES * y**2, 3 * PLACES**2 * y, PLACES**3], axis=1)
@@ -51,4 +51,4 @@ def least_jacobian(P: Floats) -> float:
     N = np.cross(du, dv)
     mean = N.mean(axis=(1, 2))
     along = np.einsum("kxyi,ki->kxy", N, mean)
-    return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
+    return float((along.min(axis=(1, 2)) / np.einsum("ki,ki->k", mean, mean)).min())

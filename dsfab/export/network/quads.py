@@ -51,9 +51,7 @@ class QuadNet:
     curves: dict[int, ChainCurve]
 
 
-def quad_net(
-    net: Net, chains: Mapping[int, SampledChain], curves: Mapping[int, ChainCurve], reach: float
-) -> QuadNet:
+def quad_net(net: Net, chains: Mapping[int, SampledChain], curves: Mapping[int, ChainCurve], reach: float) -> QuadNet:
     """The quads of a net whose chains have curves; directions are read within `reach`, millimetres."""
     quads, others = list[Quad](), list[int]()
     for region, loops in net.loops.items():

@@ -23,7 +23,10 @@ class NetText:
         ]
         self.poles = [[list(self._points(edge.poles[:, s : s + 3])) for s in (0, 3)] for edge in model.edges]
         self.edges = [
-            [self._curve(poles, self.vertices[edge.start][s], self.vertices[edge.end][s]) for s, poles in enumerate(two)]
+            [
+                self._curve(poles, self.vertices[edge.start][s], self.vertices[edge.end][s])
+                for s, poles in enumerate(two)
+            ]
             for edge, two in zip(model.edges, self.poles, strict=True)
         ]
 
