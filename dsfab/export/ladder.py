@@ -2,6 +2,7 @@
 
 planar -> planar, tighter -> smooth, where it is soon made -> faceted -> simplified -> smooth, however long it takes
                                                                                           -> simplified further
+by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
 That is `auto`; `quick` is the same without the smooth one that takes however long. The next way is tried when one is
 refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.

@@ -1,8 +1,9 @@
-"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of four ways.
+"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of five ways.
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`).
 smooth  : a curved sheet likewise: spline skins trimmed by the pattern's edges, and ruled walls (`dsfab.export.smooth`).
+members : a curved sheet of four-sided patches that nothing trims, on shared curves (`dsfab.export.network`).
 faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
 tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 

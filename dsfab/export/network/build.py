@@ -1,4 +1,4 @@
-"""The file of a part by members, and what OCCT says of it: read again, measured against the mesh, cut by half-spaces."""
+"""The file of a part by members, and what OCCT says of it: read again, compared with the mesh, cut by half-spaces."""
 
 import json
 import subprocess
@@ -29,7 +29,7 @@ from dsfab.export.part import Part
 from dsfab.export.plate_text import Entities
 from dsfab.export.program import ProgramError, last_line
 from dsfab.export.smooth.acceptance import GAP
-from dsfab.export.smooth.edges import FLAT, OF_CHORD
+from dsfab.export.smooth.edges import FLAT
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.occt_check import OcctFinding, findings, occt
 from dsfab.export.smooth.plan import SmoothPlan

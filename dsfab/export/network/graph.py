@@ -31,7 +31,7 @@ Loop = list[tuple[int, bool]]
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """points : (k,) rows of the net's weights, its nodes first and last.    left, right : regions, right may be VOID."""
+    """points : (k,) rows of the net's weights, nodes first and last.    left, right : regions, right may be VOID."""
 
     points: Ints
     left: int

@@ -112,7 +112,7 @@ class _Assembly:
         """The edges of all cells: along [i][j] below cell (i, j), and up [i][j] on its left."""
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
-        for (i, j), side in (((-1, 0), bottom), ((-1, kv), top)):
+        for j, side in ((0, bottom), (kv, top)):
             vertex[:, j] = self._stations(side)
         vertex[0, :], vertex[ku, :] = self._stations(left), self._stations(right)
         for i in range(1, ku):

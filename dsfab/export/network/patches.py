@@ -16,8 +16,8 @@ PLACES = np.linspace(0, 1, 5)
 
 
 def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
-    """(ku, kv, 4, 4, d) poles of the patches between spans: bottom and top (ku, 4, d) from left to right, left and right
-    (kv, 4, d) upwards."""
+    """(ku, kv, 4, 4, d) poles of the patches between spans: bottom and top (ku, 4, d) from left to right, left and
+    right (kv, 4, d) upwards."""
     b, t = bottom[:, None, :, None, :], top[:, None, :, None, :]
     lt, rt = left[None, :, None, :, :], right[None, :, None, :, :]
     u = _shares(bottom, top)[:, None, :, None, None]

@@ -4,8 +4,8 @@
 
 prints one line of JSON: `solids`; `valid`; `faces`; `volume` by the adaptive rule and `plain` by the rule that most
 programs take, cubic millimetres; `box` as OCCT bounds the solids, six numbers, millimetres; `sound`, how many of CUTS
-half-space cuts (8 unless told) leave two valid halves whose volumes add up to `ADDS` of the whole; `worst`, by what share
-the halves of the valid ones miss it most; `closed`, whether a section has closed outlines alone; `seconds` of CPU.
+half-space cuts (8 unless told) leave two valid halves whose volumes add up to `ADDS` of the whole; `worst`, by what
+share the halves of the valid ones miss it most; `closed`, whether a section has no open ends; `seconds` of CPU.
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
 
