@@ -1,5 +1,6 @@
 """STEP by members: curves, patches, lifting and nets by closed forms; the solids by OCCT (slow)."""
 
+import json
 from dataclasses import replace
 from functools import partial
 
@@ -12,6 +13,7 @@ from scipy.sparse import csr_array, eye_array
 from dsfab.delivery.files import curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.ladder import prepare
+from dsfab.export.network import use_check
 from dsfab.export.network.build import member_draft
 from dsfab.export.network.curves import ChainCurve, bernstein
 from dsfab.export.network.fillets import without_fillets
@@ -22,7 +24,9 @@ from dsfab.export.part import part_of
 from dsfab.export.program import run_program
 from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
+from dsfab.slicing import Sheet
 from dsfab.surface import SHAPES, Surface
+from dsfab.surface.neighbours import on_boundary
 from dsfab.thickening import offsets, thicken
 
 T = 0.04
@@ -35,7 +39,7 @@ def cylinder_strip(columns: int = 40, rows: int = 12) -> Surface:
     V = np.stack([x, RADIUS * np.cos(angle), RADIUS * np.sin(angle)], axis=2).reshape(-1, 3)
     i = np.arange(columns * (rows + 1)).reshape(columns, rows + 1)[:, :-1].ravel()
     a, b, c, d = i, i + 1, i + rows + 2, i + rows + 1
-    return Surface(V, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]))
+    return Surface(V, np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)]))
 
 
 def flat_strip() -> Surface:
@@ -61,19 +65,15 @@ def grid(surface: Surface) -> StripedSheet:
 
 
 def draft_of(surface: Surface, sheet: StripedSheet):
-    used = np.flatnonzero(np.diff(sheet.weights.tocsc().indptr))
     kept = Surface(surface.V[sheet.weights.indices], sheet.F)
     D = offsets(surface, T).D
     solid = thicken(kept, D[sheet.weights.indices])
-    assert len(used) == kept.n
     curved = replace(_curved(surface, kept, sheet), striped=lambda: sheet)
     part = replace(prepare(part_of(solid, "strip", 10**6)), curved=lambda: curved)
     return part, solid, curved
 
 
 def _curved(surface: Surface, kept: Surface, sheet: StripedSheet):
-    from dsfab.slicing import Sheet
-
     parent = np.zeros(kept.m, dtype=np.int64)
     return curved_sheet(surface, Sheet(kept, parent, parent, sheet.weights), T)
 
@@ -140,7 +140,7 @@ def test_lifted_points_lie_on_cylinder_and_sphere():
     ):
         lifting = lifting_of(surface)
         rows = np.repeat(np.arange(surface.m), 3)
-        inner = ~surface.edges.boundary[surface.edges.of].any(axis=1)
+        inner = ~on_boundary(surface.edges, surface.n)[surface.F].any(axis=1)  # normals there are one-sided
         W = csr_array((np.full(3 * surface.m, 1 / 3), (rows, surface.F.ravel())), shape=(surface.m, surface.n))[inner]
         Q = lifting.points(W) / 1000
         chord = np.abs(np.linalg.norm(W @ surface.V * centre, axis=1) - RADIUS).max()
@@ -151,18 +151,19 @@ def test_lifted_points_lie_on_cylinder_and_sphere():
 def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
     flat = flat_strip()
     net = net_of(striped(flat), flat.V, T)
-    assert [len(loops) for loops in net.loops.values()] == [1] and len(net.chains) == 4
+    assert [len(loops) for loops in net.loops.values()] == [1]
+    assert len(net.chains) == 4
     given = cylinder_strip()
     net = without_fillets(net_of(grid(given), given.V, T), lifting_of(given))
     assert len(net.loops) == 8  # four crossings, four stretches between them
     steps = [step for loops in net.loops.values() for loop in loops for step in loop]
     for k, chain in net.chains.items():
-        assert ((k, True) in steps) and ((k, False) in steps) == (chain.right != VOID)
+        assert (k, True) in steps
+        assert ((k, False) in steps) == (chain.right != VOID)
     assert len(steps) == len(set(steps))
 
 
-def test_a_strip_is_one_patch_on_each_skin_with_the_exact_volume(tmp_path):
-    """Volume of a thick quarter of a cylinder: r t length pi / 2."""
+def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
     surface = cylinder_strip()
     part, _, _ = draft_of(surface, striped(surface))
     draft = member_draft(part, SmoothPlan(part))
@@ -174,15 +175,12 @@ def test_a_strip_is_one_patch_on_each_skin_with_the_exact_volume(tmp_path):
 
 @pytest.mark.slow
 def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
-    from dsfab.export.network import use_check
-
     surface = cylinder_strip()
     part, solid, curved = draft_of(surface, grid(surface))
     said, path = list[str](), tmp_path / "grid.step"
     write(solid, path, step=StepOptions("members", curved=partial(lambda: curved)), note=said.append)
-    assert said[0].startswith("STEP is by members") and "8 of 8" in said[0]
-    import json
-
+    assert said[0].startswith("STEP is by members")
+    assert "8 of 8" in said[0]
     found = json.loads(run_program(use_check.__file__, str(path), "2", seconds=300))
     assert (found["solids"], found["valid"], found["sound"], found["closed"]) == (1, True, 2, True)
     assert found["volume"] == pytest.approx(part.volume, rel=2e-3)
@@ -196,4 +194,5 @@ def test_without_stripes_the_file_is_smooth_and_says_why(tmp_path):
     said = list[str]()
     ask = StepOptions("members", curved=lambda: replace(curved, striped=None))
     write(solid, tmp_path / "a.step", step=ask, note=said.append)
-    assert said[0].startswith("STEP is smooth") and "needs the stripes" in said[0]
+    assert said[0].startswith("STEP is smooth")
+    assert "needs the stripes" in said[0]

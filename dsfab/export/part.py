@@ -59,7 +59,8 @@ class StepOptions:
     route     : planar, for flat solids: lines and splines through the outline; smooth, for curved sheets: spline skins
                 and ruled walls; members: the same of four-sided patches that no edge trims, which CAD programs cut and
                 measure as they should, in a larger file, never taken by auto; faceted: planar faces only; auto takes
-                the first that the solid allows and that stands the check. tessellated: its triangles, for viewers; auto never takes it.
+                the first that the solid allows and that stands the check. tessellated: its triangles, for viewers;
+                auto never takes it.
     faces     : largest number of planar faces, counted after coplanar triangles were joined.
     tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted solid
                 may be simplified by, which it is not if 0 unless nothing else is accepted.
