@@ -18,7 +18,7 @@ from dsfab.export.budget import within
 from dsfab.export.network import use_check
 from dsfab.export.network.curves import fitted_chains, sampled_chains
 from dsfab.export.network.fillets import without_fillets
-from dsfab.export.network.graph import Net, net_of
+from dsfab.export.network.graph import ChainNet, net_of
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.model import NetModel, net_model
 from dsfab.export.network.quads import REACH, quad_net
@@ -37,8 +37,7 @@ from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import header
 from dsfab.limits import CHANGED_VOLUME
-from dsfab.sparse.threads import one_blas_thread
-from dsfab.surface.topology import edge_table, pieces
+from dsfab.surface import edge_table, pieces
 from dsfab.units import MM_PER_M
 
 KIND = "curved solid of four-sided patches by members"
@@ -50,7 +49,7 @@ NARROW = 1 / 4000
 DEFLECTION = 1 / 4
 """Of the triangles by which the solid is compared with the mesh, as a share of the distance that is allowed."""
 
-SECONDS, SECONDS_PER_FACE = 120.0, 0.1
+SECONDS, SECONDS_PER_FACE = 120.0, 0.3
 """Time for each of both programs on the clock, many times what was measured."""
 
 CUTS = len(use_check.PLANES)
@@ -96,7 +95,7 @@ def member_file(part: Part) -> MemberFile:
 
 
 @dataclass(frozen=True, eq=False)
-class _Draft:
+class MemberDraft:
     """What nobody has checked: the text, its solids, faces, trimmed ones, widest gap, and all vertices (k, 3)."""
 
     text: str
@@ -106,7 +105,7 @@ class _Draft:
     gap: float
 
 
-def member_draft(part: Part, plan: SmoothPlan) -> _Draft:
+def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
     """The file of a part before it is checked; raises ExportError where it cannot be made."""
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
@@ -122,7 +121,7 @@ def member_draft(part: Part, plan: SmoothPlan) -> _Draft:
         count += 1
     end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), new.free, part.name)
     text = "".join([header(part.name, KIND, count), *new.text, *end])
-    return _Draft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
+    return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
 
 
 def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
@@ -151,7 +150,7 @@ def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[Net
     ]
 
 
-def _inside(net: Net, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
+def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
     """(k, 6) points of the skins over the middles of a region's cells."""
     F: Ints = sheet.F[net.cell == region]
     a, b, c = (sheet.weights[F[:, i]] for i in range(3))
@@ -160,8 +159,7 @@ def _inside(net: Net, sheet: StripedSheet, lifting: Lifting, region: int) -> Flo
 
 def _accepted(part: Part) -> MemberFile:
     plan = SmoothPlan(part)
-    with one_blas_thread():
-        draft = member_draft(part, plan)
+    draft = member_draft(part, plan)
     within(part, draft.faces, len(draft.text))
     seconds = SECONDS + SECONDS_PER_FACE * draft.faces
     with occt() as program:
@@ -184,7 +182,9 @@ def _require(*tests: tuple[bool, str]) -> None:
             raise ExportError(complaint)
 
 
-def _asked_as_a_solid(part: Part, plan: SmoothPlan, draft: _Draft, found: list[OcctFinding]) -> tuple[float, float]:
+def _asked_as_a_solid(
+    part: Part, plan: SmoothPlan, draft: MemberDraft, found: list[OcctFinding]
+) -> tuple[float, float]:
     """The largest distances from the mesh and back; raises ExportError where the solids are not those of the part."""
     t, gap, faces = plan.limits.thickness, max((one.gap for one in found), default=0.0), sum(one.faces for one in found)
     _require(

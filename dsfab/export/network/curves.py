@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats
-from dsfab.export.network.graph import VOID, Net
+from dsfab.export.network.graph import VOID, ChainNet
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.smooth.edges import spread
 from dsfab.export.smooth.fits import splines_through
@@ -95,7 +95,7 @@ def fitted_chains(chains: Mapping[int, SampledChain], tolerances: Mapping[int, f
     return {k: ChainCurve.of(*fit) for k, fit in zip(chains, fits, strict=True)}
 
 
-def sampled_chains(net: Net, lifting: Lifting) -> dict[int, SampledChain]:
+def sampled_chains(net: ChainNet, lifting: Lifting) -> dict[int, SampledChain]:
     """The chains of a net on the smooth skins, by number."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.network.graph import VOID, Chain, Loop, Net
+from dsfab.export.network.graph import VOID, Chain, ChainNet, Loop
 from dsfab.export.network.lifting import Lifting
 
 DETOUR = 2.2
@@ -21,7 +21,7 @@ DETOUR = 2.2
 right angle, 1.65 of one of 60 degrees, 3 of a square."""
 
 
-def without_fillets(net: Net, lifting: Lifting) -> Net:
+def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
     """The net with every fillet taken into its neighbours; loose regions of another kind stay as they are."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
@@ -30,7 +30,7 @@ def without_fillets(net: Net, lifting: Lifting) -> Net:
 
 
 class _Fillets:
-    def __init__(self, net: Net, lifting: Lifting) -> None:
+    def __init__(self, net: ChainNet, lifting: Lifting) -> None:
         self.net, self.lifting = net, lifting
         P: Floats = np.asarray(net.weights @ lifting.skins.points)
         self.P = np.concatenate([P, np.zeros((len(net.loose), 3))])
@@ -107,7 +107,7 @@ class _Fillets:
         self.count += 1
         return np.insert(points, i + 1, self.count - 1), i + 1
 
-    def result(self) -> Net:
+    def result(self) -> ChainNet:
         """The new net: sides of crossings moved with their corners."""
         one, two, t = (
             (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
@@ -128,7 +128,9 @@ class _Fillets:
         for k, both, some in zip(moved, ends, between, strict=True):
             points = np.concatenate([both[:1], np.arange(start, start + len(some)), both[1:]])
             self.chains[k], start = replace(self.chains[k], points=points), start + len(some)
-        return Net(csr_array(vstack(rows, format="csr")), self.chains, self.loops, frozenset(self.loose), self.net.cell)
+        return ChainNet(
+            csr_array(vstack(rows, format="csr")), self.chains, self.loops, frozenset(self.loose), self.net.cell
+        )
 
     def _between(self, points: Ints, ends: list[int]) -> Floats:
         """(k, 3) millimetres along a chain whose ends are elsewhere now."""

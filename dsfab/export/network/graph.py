@@ -13,8 +13,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.smooth.source import StripedSheet
-from dsfab.surface import connected
-from dsfab.surface.topology import EdgeTable, edge_table, half_edges, next_half_edge
+from dsfab.surface import EdgeTable, connected, edge_table, half_edges, next_half_edge
 
 TURN = np.cos(np.deg2rad(40.0))
 """Cosine of the turn of an outline from which on it has a corner."""
@@ -39,7 +38,7 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class Net:
+class ChainNet:
     """weights : (p, n) barycentric, of all points on the uncut surface.    chains : by number.
     loops : by region, with the region on the left.    loose : regions that lie in no stripe.    cell : (m,) the region
     of each cell of the sheet."""
@@ -56,7 +55,7 @@ class Net:
         return (int(points[0]), int(points[-1])) if ahead else (int(points[-1]), int(points[0]))
 
 
-def net_of(sheet: StripedSheet, V: Floats, thickness: float) -> Net:
+def net_of(sheet: StripedSheet, V: Floats, thickness: float) -> ChainNet:
     """The net of a sheet on an uncut surface with vertices V (n, 3); both lengths in one unit."""
     P = np.asarray(sheet.weights @ V)
     edges = edge_table(sheet.F)
@@ -125,7 +124,7 @@ class _Walk:
         node[self.end[h[sharp]]] = True
         return node
 
-    def net(self, loose: frozenset[int]) -> Net:
+    def net(self, loose: frozenset[int]) -> ChainNet:
         """Its chains, and the loops of every region."""
         cycles = list(self._cycles())
         for cycle in cycles:
@@ -147,7 +146,7 @@ class _Walk:
                         number[int(self.twin[some[-1]])] = k, False
                 loop.append(number[key])
             loops.setdefault(int(self.left[cycle[0]]), []).append(loop)
-        return Net(self.weights, chains, loops, loose, self.region)
+        return ChainNet(self.weights, chains, loops, loose, self.region)
 
     def _cycles(self) -> Iterator[Ints]:
         """The closed borders of regions as half-edges, in order."""

@@ -6,13 +6,14 @@ adds to a point reproduces every quadratic, spheres and cylinders to the third o
 
 from dataclasses import dataclass
 
+import igl
 import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
 from dsfab.export.smooth.dense import Dense, dense
 from dsfab.export.smooth.source import Curved
-from dsfab.surface import Surface, nearest
+from dsfab.surface import Surface
 from dsfab.units import MM_PER_M
 
 
@@ -43,13 +44,13 @@ class Lifting:
     def weights_at(self, points: Floats) -> csr_array:
         """(k, n) barycentric weights of the places of the mesh nearest to points (k, 3), millimetres."""
         V, F = self.skins.points, self.skins.surface.F
-        at = nearest(points, V, F)
-        corners = F[at.simplex]
+        _, simplex, place = igl.point_mesh_squared_distance(np.ascontiguousarray(points), V, F)
+        corners = F[np.asarray(simplex)]
         a, b, c = (V[corners[:, i]] for i in range(3))
         across = np.cross(b - a, c - a)
         area = np.einsum("ki,ki->k", across, across)
-        one = np.einsum("ki,ki->k", np.cross(c - b, at.place - b), across) / area
-        two = np.einsum("ki,ki->k", np.cross(a - c, at.place - c), across) / area
+        one = np.einsum("ki,ki->k", np.cross(c - b, place - b), across) / area
+        two = np.einsum("ki,ki->k", np.cross(a - c, place - c), across) / area
         share = np.clip(np.stack([one, two, 1 - one - two], axis=1), 0, 1)
         share /= share.sum(axis=1, keepdims=True)
         rows = np.arange(0, 3 * len(points) + 1, 3)

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.export.network.curves import ChainCurve
-from dsfab.export.network.graph import VOID, Loop, Net
+from dsfab.export.network.graph import VOID, ChainNet, Loop
 from dsfab.export.network.patches import coons, least_jacobian
 from dsfab.export.network.quads import Quad, QuadNet
 
@@ -54,13 +54,13 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + self.walls
 
 
-def net_model(net: Net, quads: QuadNet, nodes: Mapping[int, Floats]) -> NetModel:
+def net_model(net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats]) -> NetModel:
     """The model of a net; nodes : (6,) by their numbers."""
     return _Assembly(net, quads, nodes).model
 
 
 class _Assembly:
-    def __init__(self, net: Net, quads: QuadNet, nodes: Mapping[int, Floats]) -> None:
+    def __init__(self, net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats]) -> None:
         self.net, self.curves, self.model = net, quads.curves, NetModel()
         self.vertex = {node: self._vertex(point) for node, point in nodes.items()}
         self.chain = {k: self._edges(k, curve) for k, curve in quads.curves.items()}

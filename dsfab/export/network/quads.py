@@ -12,7 +12,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.export.network.curves import ChainCurve, SampledChain
-from dsfab.export.network.graph import Loop, Net
+from dsfab.export.network.graph import ChainNet, Loop
 
 STRAIGHT = 30.0
 """Degrees off 180 within which a node is on a side, not at a corner."""
@@ -51,7 +51,9 @@ class QuadNet:
     curves: dict[int, ChainCurve]
 
 
-def quad_net(net: Net, chains: Mapping[int, SampledChain], curves: Mapping[int, ChainCurve], reach: float) -> QuadNet:
+def quad_net(
+    net: ChainNet, chains: Mapping[int, SampledChain], curves: Mapping[int, ChainCurve], reach: float
+) -> QuadNet:
     """The quads of a net whose chains have curves; directions are read within `reach`, millimetres."""
     quads, others = list[Quad](), list[int]()
     for region, loops in net.loops.items():

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.export.network.graph import VOID, Net
+from dsfab.export.network.graph import VOID, ChainNet
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.smooth.edges import spread
 from dsfab.export.smooth.fits import splines_through
@@ -20,7 +20,7 @@ POINTS = 9
 """Of a straightened chain."""
 
 
-def straightened(net: Net, lifting: Lifting, thickness: float) -> Net:
+def straightened(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """The net with its inner chains on the simplest curves near them; thickness in millimetres."""
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
