@@ -55,7 +55,7 @@ class ChainCurve:
         breaks = np.unique(spline.knots)
         x = (0.05 + 0.3 * np.arange(4))[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         at = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
-        spans = np.linalg.inv(bernstein(0.05 + 0.3 * np.arange(4))) @ at
+        spans = np.linalg.solve(bernstein(np.array([0.05, 0.35, 0.65, 0.95])), at)
         spans[0, 0], spans[-1, -1] = spline.poles[0], spline.poles[-1]
         spans[1:, 0] = spans[:-1, 3]
         return cls(breaks, spans, off)
@@ -64,7 +64,7 @@ class ChainCurve:
         """(k, 6) points at parameters x (k,)."""
         span = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.spans) - 1)
         share = (x - self.breaks[span]) / np.diff(self.breaks)[span]
-        return np.einsum("ka,kai->ki", bernstein(share), self.spans[span])
+        return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
 
     def with_break(self, x: float) -> "ChainCurve":
         """The same curve with one more break [de Casteljau]."""

@@ -24,7 +24,7 @@ def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
     v = _shares(left, right)[None, :, None, :, None]
     a, c, e, f = bottom[0, 0], bottom[-1, -1], top[0, 0], top[-1, -1]
     corners = (1 - u) * (1 - v) * a + u * (1 - v) * c + (1 - u) * v * e + u * v * f
-    P = (1 - v) * b + v * t + (1 - u) * lt + u * rt - corners
+    P: Floats = np.asarray((1 - v) * b + v * t + (1 - u) * lt + u * rt - corners)
     P[:, 0, :, 0], P[:, -1, :, -1] = bottom, top
     P[0, :, 0], P[-1, :, -1] = left, right
     return P

@@ -138,7 +138,7 @@ def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -
         for vertex in _parts(edge, TopAbs_ShapeEnum.TopAbs_VERTEX):
             at = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
             ends.append([at.X(), at.Y(), at.Z()])
-    return bool(ends) and all(len(near) > 1 for near in cKDTree(ends).query_ball_point(ends, MEET))
+    return bool(ends) and not cKDTree(ends).query(ends, k=2)[0][:, 1].max() > MEET
 
 
 if __name__ == "__main__":
