@@ -43,7 +43,7 @@ from dsfab.units import MM_PER_M
 KIND = "curved solid of four-sided patches by members"
 """What the file says about itself."""
 
-NARROW = 1 / 4000
+NARROW = 1 / 20_000
 """Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
 
 DEFLECTION = 1 / 4

@@ -55,7 +55,7 @@ class ChainCurve:
         breaks = np.unique(spline.knots)
         x = (0.05 + 0.3 * np.arange(4))[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         at = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
-        spans = np.linalg.solve(bernstein(np.array([0.05, 0.35, 0.65, 0.95])), at)
+        spans = np.asarray(np.linalg.solve(bernstein(np.array([0.05, 0.35, 0.65, 0.95])), at), dtype=np.float64)
         spans[0, 0], spans[-1, -1] = spline.poles[0], spline.poles[-1]
         spans[1:, 0] = spans[:-1, 3]
         return cls(breaks, spans, off)

@@ -122,13 +122,20 @@ def _sizes(shape: Any, bounds: list[float], plane: tuple[float, ...]) -> list[fl
     return found
 
 
+def _farthest_alone(points: Any) -> float:
+    """The largest distance of one of some points (k, 3) from the nearest other one."""
+    from scipy.spatial import cKDTree
+
+    away: Any = cKDTree(points).query(points, k=2)[0]
+    return float(away[:, 1].max())
+
+
 def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -> bool:
     """Whether at every end of a section's edges another one begins."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopoDS import TopoDS
-    from scipy.spatial import cKDTree
 
     section = BRepAlgoAPI_Section(shape, _plane(bounds, plane)[0])
     if not section.IsDone():
@@ -138,7 +145,7 @@ def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -
         for vertex in _parts(edge, TopAbs_ShapeEnum.TopAbs_VERTEX):
             at = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
             ends.append([at.X(), at.Y(), at.Z()])
-    return bool(ends) and not cKDTree(ends).query(ends, k=2)[0][:, 1].max() > MEET
+    return bool(ends) and _farthest_alone(ends) <= MEET
 
 
 if __name__ == "__main__":
