@@ -43,8 +43,11 @@ from dsfab.units import MM_PER_M
 KIND = "curved solid of four-sided patches by members"
 """What the file says about itself."""
 
-NARROW = 1 / 20_000
+NARROW = 1 / 4000
 """Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
+
+MANY = 12
+"""Chains around a region beyond which its trimmed face needs points inside, too: smaller ones follow their edges."""
 
 DEFLECTION = 1 / 4
 """Of the triangles by which the solid is compared with the mesh, as a share of the distance that is allowed."""
@@ -152,7 +155,7 @@ def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[Net
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
     """(k, 6) points of the skins over the middles of a region's cells."""
-    F: Ints = sheet.F[net.cell == region]
+    F: Ints = sheet.F[(net.cell == region) & (sum(map(len, net.loops[region])) > MANY)]
     a, b, c = (sheet.weights[F[:, i]] for i in range(3))
     return lifting.points(csr_array((a + b + c) * (1 / 3)))
 

@@ -40,8 +40,8 @@ def _shares(one: Floats, other: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """The smallest share of the mean normal (not of unit length) that the normals of patches (..., 4, 4, 3) have along
-    it; under 0 where one is folded."""
+    """The smallest ratio of the normals of patches (..., 4, 4, 3), not of unit length, along the mean one to the largest
+    of these; under 0 where one is folded."""
     P = P.reshape(-1, 4, 4, 3)
     y = 1 - PLACES
     B = np.stack([y**3, 3 * PLACES * y**2, 3 * PLACES**2 * y, PLACES**3], axis=1)
@@ -51,4 +51,4 @@ def least_jacobian(P: Floats) -> float:
     N = np.cross(du, dv)
     mean = N.mean(axis=(1, 2))
     along = np.einsum("kxyi,ki->kxy", N, mean)
-    return float((along.min(axis=(1, 2)) / np.einsum("ki,ki->k", mean, mean)).min())
+    return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
