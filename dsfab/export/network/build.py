@@ -47,7 +47,7 @@ NARROW = 1 / 4000
 """Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
 
 MANY = 12
-"""Chains around a region beyond which its trimmed face needs points inside, too: smaller ones follow their edges."""
+"""Chains around a region beyond which its trimmed face needs points inside too; smaller ones follow their edges."""
 
 DEFLECTION = 1 / 4
 """Of the triangles by which the solid is compared with the mesh, as a share of the distance that is allowed."""

@@ -40,7 +40,7 @@ def _shares(one: Floats, other: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """The smallest ratio of the normals of patches (..., 4, 4, 3), not of unit length, along the mean one to the largest
+    """The smallest ratio of normals of patches (..., 4, 4, 3), not of unit length, along the mean one to the largest
     of these; under 0 where one is folded."""
     P = P.reshape(-1, 4, 4, 3)
     y = 1 - PLACES
