@@ -46,9 +46,6 @@ KIND = "curved solid of four-sided patches by members"
 NARROW = 1 / 4000
 """Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
 
-MANY = 12
-"""Chains around a region beyond which its trimmed face needs points inside too; smaller ones follow their edges."""
-
 DEFLECTION = 1 / 4
 """Of the triangles by which the solid is compared with the mesh, as a share of the distance that is allowed."""
 
@@ -155,7 +152,7 @@ def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[Net
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
     """(k, 6) points of the skins over the middles of a region's cells."""
-    F: Ints = sheet.F[(net.cell == region) & (sum(map(len, net.loops[region])) > MANY)]
+    F: Ints = sheet.F[net.cell == region]
     a, b, c = (sheet.weights[F[:, i]] for i in range(3))
     return lifting.points(csr_array((a + b + c) * (1 / 3)))
 
