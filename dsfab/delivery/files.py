@@ -17,10 +17,12 @@ from dsfab.errors import ExportError
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, format_of, suffix_of
-from dsfab.export.smooth.source import Curved, DividedSheet
+from dsfab.export.smooth.source import Curved, DividedSheet, StripedSheet
 from dsfab.limits import OUTLINE
+from dsfab.members import striped_cells
 from dsfab.pipeline.design import Design
 from dsfab.preset import Export
+from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.corners import outline_corners, outline_labels
 from dsfab.surface import Surface, pieces
@@ -120,7 +122,14 @@ def curved_design(design: Design) -> Curved:
         raise ExportError("the solid has extra parts beside the sheet")
     if design.solid.repairs.rung == "united":
         raise ExportError("the sheet crosses itself, and its parts are fused there")
-    return curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, ask.side)
+    sheet = curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, ask.side)
+    return replace(sheet, striped=lambda: striped_sheet(design.surface, design.sheet, design.pattern))
+
+
+def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
+    """A kept sheet that was cut from `surface` along a pattern, by its stripes."""
+    cells = striped_cells(surface, sheet, pattern)
+    return StripedSheet(cells.sheet.surface.F, cells.sheet.weights, cells.label, cells.loose)
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dsfab.errors import ExportError
 from dsfab.export import ladder, step
+from dsfab.export.network.build import member_file
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_measure, differs
 from dsfab.export.shells import solids_of
@@ -44,8 +45,12 @@ def check(part: Part, path: Path) -> ReadBack:
         raise differs(part, "solids", solids, found["solids"])
     if not (found["valid"] and found["tessellates"]):
         raise ExportError(f"build123d finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
-    if part.step != "smooth":
+    if part.step not in ("smooth", "members"):
         return ReadBack(found["faces"], "faces", check_measure(part, found["volume"]))
+    if part.step == "members":
+        if not abs(found["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
+            raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
+        return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)
     smooth = smooth_file(
         part
     )  # its pieces were measured one by one; the mesh is smaller, since it cuts its curves short

@@ -25,6 +25,7 @@ class Cost:
 
 COSTS = {
     "planar": Cost(3e-3, 1e-3, 30e3),
+    "members": Cost(3e-2, 1e-3, 30e3),
     "smooth": Cost(2e-2, 4e-3, 30e3),
     "faceted": Cost(1e-3, 5e-4, 9e3),
     "simplified": Cost(1e-3, 5e-4, 9e3),
@@ -55,7 +56,7 @@ class BudgetError(ExportError):
         """What is too much, as the end of `it would have ...`."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
-            return f"{about}{self.faces:,} {'planar ' if self.way != 'smooth' else ''}faces"
+            return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
         return f"{self.size / 1e6:.3g} MB"
 
     @property
@@ -85,7 +86,7 @@ def within(part: Part, faces: int, size: float = 0.0) -> None:
 
 
 def way_of(part: Part) -> str:
-    """planar, smooth, faceted, simplified (faceted after it) or tessellated."""
+    """planar, members, smooth, faceted, simplified (faceted after it) or tessellated."""
     return "simplified" if part.step == "faceted" and part.simpler else part.step
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from dsfab.errors import ExportError
 from dsfab.export import ladder, tessellated
 from dsfab.export.budget import COSTS, START, BudgetError, way_of, within
+from dsfab.export.network.build import member_draft
 from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
 from dsfab.export.plate import outlines_of, plate
@@ -18,6 +19,7 @@ from dsfab.export.plate_text import plate_entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import usual_tolerance
 from dsfab.export.smooth.build import first_draft
+from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.step_text import faceted_bytes
 
 
@@ -25,7 +27,7 @@ from dsfab.export.step_text import faceted_bytes
 class Estimate:
     """One way to write the file.
 
-    way           : planar, smooth, faceted, simplified (faceted after it), tessellated ...
+    way           : planar, members, smooth, faceted, simplified (faceted after it), tessellated ...
     faces         : of the file; triangles for tessellated. 0 where the way cannot be taken.
     size, memory  : bytes.
     write_seconds : until it is written and read back.
@@ -59,7 +61,7 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
             taken = one.way
             break
     for way in WAYS:
-        if way not in found and (way != "smooth" or part.curved is not None):
+        if way not in found and (way not in ("smooth", "members") or part.curved is not None):
             found[way] = _other(part, way)
     return tuple(replace(found[way], chosen=way == taken) for way in WAYS if way in found)
 
@@ -109,6 +111,11 @@ def _planar(part: Part) -> tuple[int, float, str]:
     return shape.faces, size, f"its outline within {shape.deviation:.2g} mm of the mesh"
 
 
+def _by_members(part: Part) -> tuple[int, float, str]:
+    draft = member_draft(part, SmoothPlan(part))
+    return draft.faces, len(draft.text), ""
+
+
 def _smooth(part: Part) -> tuple[int, float, str]:
     if default := ladder.default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
@@ -129,10 +136,11 @@ def _tessellated(part: Part) -> tuple[int, float, str]:
 
 SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "planar": _planar,
+    "members": _by_members,
     "smooth": _smooth,
     "faceted": _faceted,
     "tessellated": _tessellated,
 }
 """For each `Part.step`: faces, bytes and a note; ExportError where the way cannot be taken."""
 
-WAYS = ("planar", "smooth", "faceted", "simplified", "tessellated")
+WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

@@ -2,6 +2,7 @@
 
 planar -> planar, tighter -> smooth, where it is soon made -> faceted -> simplified -> smooth, however long it takes
                                                                                           -> simplified further
+by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
 That is `auto`; `quick` is the same without the smooth one that takes however long. The next way is tried when one is
 refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
@@ -15,6 +16,7 @@ import numpy as np
 from dsfab.errors import ExportError
 from dsfab.export import tessellated
 from dsfab.export.budget import BudgetError, none_within
+from dsfab.export.network.build import member_file
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.simplify import simplified_part, usual_tolerance
@@ -23,7 +25,7 @@ from dsfab.export.step_text import DIGITS, FACETED_DIGITS
 from dsfab.limits import OUTLINE
 from dsfab.surface.topology import edge_table, half_edges
 
-ROUTES = ("auto", "quick", "planar", "smooth", "faceted", "tessellated")
+ROUTES = ("auto", "quick", "planar", "members", "smooth", "faceted", "tessellated")
 
 TIGHTER = 1 / 4
 """A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
@@ -60,6 +62,10 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
     A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
     """
     flat, chosen = 0.0, part.step in ("auto", "quick")
+    if part.step == "members":
+        yield part
+        yield replace(part, step="smooth")
+        yield replace(part, step="faceted")
     if chosen or part.step == "planar":
         flat = default_tolerance(part)
         planar = replace(part, step="planar", tolerance=part.tolerance or flat)
@@ -138,13 +144,21 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
         return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
     if part.step == "tessellated":
         return f"STEP is tessellated: {tessellated.WARNING}"
+    if part.step == "members":
+        return f"STEP is by members, {member_file(part).told}"
     if part.step == "smooth":
         over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
         slow = f"; made however long it took, since {over}" if over and not part.hurry else ""
+        slow = slow or _not_by_members(refused)
         return f"STEP is smooth, {smooth_file(part).told}{slow}"
     why = "; ".join(reasons(refused))
     note = f", {part.note}" if part.note else ""
     return f"STEP is faceted{note}" + (f": {why}" if why else "")
+
+
+def _not_by_members(refused: Sequence[ExportError]) -> str:
+    """Why the way before was refused."""
+    return f"; not by members, since {refused[-1]}" if refused else ""
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:

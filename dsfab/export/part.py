@@ -22,7 +22,7 @@ from dsfab.units import MM_PER_M
 STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
-Route = Literal["auto", "quick", "planar", "smooth", "faceted", "tessellated"]
+Route = Literal["auto", "quick", "planar", "members", "smooth", "faceted", "tessellated"]
 """The ways to make a STEP file."""
 
 
@@ -58,8 +58,10 @@ class StepOptions:
     """How a STEP file is made.
 
     route     : planar, for flat solids: lines and splines through the outline; smooth, for curved sheets: spline skins
-                and ruled walls; faceted: planar faces only; auto takes the first that the solid allows and that stands
-                the check. tessellated: its triangles, for viewers; auto never takes it.
+                and ruled walls; members: the same of four-sided patches that no edge trims, which CAD programs cut and
+                measure as they should, in a larger file, never taken by auto; faceted: planar faces only; auto takes
+                the first that the solid allows and that stands the check. tessellated: its triangles, for viewers;
+                auto never takes it.
     faces     : largest number of planar faces, counted after coplanar triangles were joined.
     tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted solid
                 may be simplified by, which it is not if 0 unless nothing else is accepted.
@@ -85,7 +87,7 @@ class Part:
     name       : what a format with names calls it.
     is_solid   : closed, with a volume; otherwise a sheet.
     step_faces : largest number of faces of a STEP file.
-    step       : how a STEP file is made: `auto`, `quick`, `planar`, `smooth` or `faceted` (see `dsfab.export.step`).
+    step       : `auto`, `quick`, `planar`, `members`, `smooth`, `faceted` or `tessellated` (see `dsfab.export.step`).
     tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
     details    : lines, fields and facts; its lengths in millimetres too.

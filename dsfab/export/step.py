@@ -1,8 +1,9 @@
-"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of four ways.
+"""STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of five ways.
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`).
 smooth  : a curved sheet likewise: spline skins trimmed by the pattern's edges, and ruled walls (`dsfab.export.smooth`).
+members : a curved sheet of four-sided patches that nothing trims, on shared curves (`dsfab.export.network`).
 faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
 tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
@@ -33,6 +34,7 @@ import numpy as np
 from dsfab.errors import ExportError
 from dsfab.export import step_check, tessellated
 from dsfab.export.budget import BudgetError
+from dsfab.export.network.build import member_file
 from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
 from dsfab.export.plate import outlines_of, plate
@@ -67,6 +69,10 @@ def _smooth(part: Part) -> tuple[int, float, Iterable[str]]:
     return smooth_file(part).faces, len(smooth_file(part).text), [smooth_file(part).text]
 
 
+def _members(part: Part) -> tuple[int, float, Iterable[str]]:
+    return member_file(part).faces, len(member_file(part).text), [member_file(part).text]
+
+
 def _tessellated(part: Part) -> tuple[int, float, Iterable[str]]:
     return 0, tessellated.expected_bytes(part), tessellated.entities(part)
 
@@ -82,6 +88,7 @@ def _faceted(part: Part) -> tuple[int, float, Iterable[str]]:
 
 ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "planar": _planar,
+    "members": _members,
     "smooth": _smooth,
     "faceted": _faceted,
     "tessellated": _tessellated,
@@ -105,6 +112,10 @@ def check(part: Part, path: Path) -> ReadBack:
     Smooth pieces were read back and measured before, one by one; if all are smooth, what is on the disk must be that
     file.
     """
+    if part.step == "members":
+        if path.read_bytes() != member_file(part).text.encode("ascii"):
+            raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
+        return ReadBack(member_file(part).faces, "faces", member_file(part).volume / part.volume - 1)
     if part.step == "smooth":
         if path.read_bytes() != smooth_file(part).text.encode("ascii"):
             raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")

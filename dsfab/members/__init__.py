@@ -4,11 +4,21 @@ bands                      what the fields of a pattern draw; that none hides an
 middle_lines, components   the middle line and the cells of each member    loose    what lies in no stripe
 axis, widths               a smooth curve with its curvatures, and how far the member reaches to both sides of it
 overlaps, nodes            where members cross, and what they end at       order, naming   names that a person reads
-graph, assembly            all of it together: `Design.members`
+graph, assembly            all of it together: `Design.members`    regions   the cells by the stripes they lie in
 """
 
 from dsfab.members.assembly import member_graph, spherical_normals
 from dsfab.members.axis import MemberAxis
 from dsfab.members.graph import Member, MemberGraph, Node
+from dsfab.members.regions import StripedCells, striped_cells
 
-__all__ = ["Member", "MemberAxis", "MemberGraph", "Node", "member_graph", "spherical_normals"]
+__all__ = [
+    "Member",
+    "MemberAxis",
+    "MemberGraph",
+    "Node",
+    "StripedCells",
+    "member_graph",
+    "spherical_normals",
+    "striped_cells",
+]

@@ -61,7 +61,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres.
     """
     found = list[Component]()
-    round_ = _roundness(overlay)
+    round_ = roundness(overlay)
     for k, band in enumerate(bands):
         lines = _lines(overlay, k, normals)
         for stripe in np.flatnonzero(overlay.of == k).tolist():
@@ -105,7 +105,7 @@ def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
     return "ring" if lines and lines[0].closed else "band"
 
 
-def _roundness(overlay: Overlay) -> Floats:
+def roundness(overlay: Overlay) -> Floats:
     """(count,) 4 pi area / outline^2 of each stripe: 1 for a disc."""
     surface, found = overlay.sheet.surface, np.zeros(len(overlay.of))
     size = surface.edge_lengths

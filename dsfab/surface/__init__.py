@@ -41,7 +41,7 @@ from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, wi
 from dsfab.surface.remesh import SizeField, change_sizes, remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
-from dsfab.surface.topology import connected, next_half_edge, pieces
+from dsfab.surface.topology import EdgeTable, connected, edge_table, half_edges, next_half_edge, pieces
 
 __all__ = [
     "DEFAULT_TRIANGLES",
@@ -63,6 +63,7 @@ __all__ = [
     "DesignFactors",
     "Distances",
     "DividedField",
+    "EdgeTable",
     "Facing",
     "FileRecord",
     "Force",
@@ -99,11 +100,13 @@ __all__ = [
     "coincident",
     "connected",
     "describe",
+    "edge_table",
     "edges_of",
     "en1990_combinations",
     "finite_faces",
     "geodesic_distances",
     "hat_gradients",
+    "half_edges",
     "load_cases",
     "load_names",
     "load_parts",

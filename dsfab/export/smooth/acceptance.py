@@ -43,7 +43,7 @@ class Acceptance:
     volume: float = 0.0
 
 
-class _Away(NamedTuple):
+class Away(NamedTuple):
     """Distances between a piece and the mesh, one way: the largest, the largest excess over what is allowed with the
     distance and the allowance there, and the places that are too far off."""
 
@@ -53,7 +53,7 @@ class _Away(NamedTuple):
     bad: Floats
 
 
-_NOWHERE = _Away(0.0, 0.0, 0.0, np.zeros((0, 3)))
+_NOWHERE = Away(0.0, 0.0, 0.0, np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class Gate:
             k: self._verdict(k, piece, found.get(k), away.get(k, (_NOWHERE, _NOWHERE))) for k, piece in pieces.items()
         }
 
-    def _verdict(self, k: int, piece: SmoothPiece, found: OcctFinding | None, away: tuple[_Away, _Away]) -> Acceptance:
+    def _verdict(self, k: int, piece: SmoothPiece, found: OcctFinding | None, away: tuple[Away, Away]) -> Acceptance:
         if piece.refused or found is None:
             return Acceptance(piece.refused or "OCCT did not read it within the time limit")
         limits, wanted, gap = self.limits, self.volumes[k], max(piece.gap, found.gap)
@@ -166,9 +166,9 @@ class Gate:
         of = share * prisms(sheet.V, sheet.D, sheet.F)
         return np.asarray(np.bincount(sheet.piece, of, sheet.count), dtype=np.float64)
 
-    def _distances(self, found: dict[int, OcctFinding]) -> dict[int, tuple[_Away, _Away]]:
+    def _distances(self, found: dict[int, OcctFinding]) -> dict[int, tuple[Away, Away]]:
         """By piece, from it to the mesh, and back."""
-        away = dict[int, tuple[_Away, _Away]]()
+        away = dict[int, tuple[Away, Away]]()
         points = self.solids.part.V
         for solid in {int(self.solid[k]) for k in found}:
             mesh, these = self.solids.faces({solid}), [k for k in found if self.solid[k] == solid]
@@ -180,14 +180,22 @@ class Gate:
                 away[k] = (self._farthest(found[k].V, found[k].F, points, mesh), back)
         return away
 
-    def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> _Away:
+    def distances(self, found: list[OcctFinding], F: Ints) -> tuple[Away, Away]:
+        """Of all solids together from the part's triangles F (m, 3), and back."""
+        start = np.cumsum([0, *(len(one.V) for one in found)])
+        V = np.concatenate([one.V for one in found])
+        faces = np.concatenate([one.F + i for one, i in zip(found, start, strict=False)])
+        points = self.solids.part.V
+        return self._farthest(V, faces, points, F), self._farthest(points, F, V, faces)
+
+    def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> Away:
         """Of the vertices and the middles of triangles, from the other triangles."""
         corners = corners_of(F, np.ones(len(F), dtype=bool), len(V))
         points = np.concatenate([V[corners], V[F].mean(axis=1)])
         away = nearest(points, V2, F2).distance
         far = points[away > self.limits.distance]  # the others need not be asked
         if not len(far):
-            return _Away(float(away.max()), float(away.max()), self.limits.distance, far)
+            return Away(float(away.max()), float(away.max()), self.limits.distance, far)
         most, allowed = away[away > self.limits.distance], self.limits.allowed(far)
         k = int((most - allowed).argmax())
-        return _Away(float(away.max()), float(most[k]), float(allowed[k]), far[most > allowed])
+        return Away(float(away.max()), float(most[k]), float(allowed[k]), far[most > allowed])

@@ -77,6 +77,11 @@ class SmoothPlan:
         """The sheet in one chart."""
         return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
 
+    @cached_property
+    def gate(self) -> Gate:
+        """Judges solids that are not made in charts."""
+        return Gate(self.solids, self.whole, self.limits)
+
     @property
     def enough(self) -> int:
         """Charts for all outlines of the sheet."""

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats, Ints, lock
+from dsfab.arrays import Bools, Floats, Ints, lock
 
 
 class DividedSheet(NamedTuple):
@@ -27,6 +28,20 @@ class DividedSheet(NamedTuple):
     family: Ints
 
 
+class StripedSheet(NamedTuple):
+    """A sheet divided along all edges of its stripes, those below other stripes too.
+
+    F       : (m, 3) cells, oriented as the uncut surface.
+    weights : (n', n) barycentric weights of its vertices on those of the uncut surface.
+    label   : (m,) equal for cells that lie in the same stripes.    loose : (m,) cells that lie in none.
+    """
+
+    F: Ints
+    weights: csr_array
+    label: Ints
+    loose: Bools
+
+
 @dataclass(frozen=True, eq=False)
 class Curved:
     """A sheet cut from a surface.
@@ -36,6 +51,7 @@ class Curved:
     shift : by how many D the middle of the sheet lies off the surface: 0, 1 or -1.
     divided : the sheet, divided along the upper envelope of fields (n, c) on the uncut surface: chart k is where
               field k is largest.
+    striped : the sheet by its stripes; None where these are not known.
     """
 
     V: Floats
@@ -43,6 +59,7 @@ class Curved:
     D: Floats
     shift: int
     divided: Callable[[Floats], DividedSheet]
+    striped: Callable[[], StripedSheet] | None = None
 
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))

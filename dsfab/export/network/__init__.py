@@ -1,0 +1,11 @@
+"""STEP of curved sheets by members: untrimmed four-sided patches on shared curves, and ruled walls.
+
+lifting     : points of the smooth skins over points of the mesh.
+graph       : the sheet's regions, and the chains of edges between them.
+fillets     : round corners of openings taken into the members beside them.
+curves      : the chains as cubics, one for both skins.
+quads       : which regions have four sides, and how many spans these need.
+patches     : their patches; trimmed : the surfaces of all other regions.
+model       : edges, walls and faces of one solid; text : their entities.
+build       : the file of a part, and what OCCT says of its use (`use_check`, a program of its own).
+"""

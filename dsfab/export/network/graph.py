@@ -1,0 +1,175 @@
+"""The regions of a sheet, and the chains of mesh edges between them.
+
+o----------o------o          A node (o) is where chains meet, where what is on either side changes, and where an
+|  region  |      |          outline turns sharply. Both regions at a chain run through the same chain, one of
+o----------o------o          them backwards; a chain of the outline has its material on the left.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.export.smooth.source import StripedSheet
+from dsfab.surface import EdgeTable, connected, edge_table, half_edges, next_half_edge
+
+TURN = np.cos(np.deg2rad(40.0))
+"""Cosine of the turn of an outline from which on it has a corner."""
+
+SLIVER = 1 / 4
+"""Regions smaller than the square of this share of the thickness join the neighbour with the longest border."""
+
+VOID = -1
+"""The region beyond an outline."""
+
+Loop = list[tuple[int, bool]]
+"""Chains in order, each with whether it is run through forwards."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """points : (k,) rows of the net's weights, nodes first and last.    left, right : regions, right may be VOID."""
+
+    points: Ints
+    left: int
+    right: int
+
+
+@dataclass(frozen=True, eq=False)
+class ChainNet:
+    """weights : (p, n) barycentric, of all points on the uncut surface.    chains : by number.
+    loops : by region, with the region on the left.    loose : regions that lie in no stripe.    cell : (m,) the region
+    of each cell of the sheet."""
+
+    weights: csr_array
+    chains: dict[int, Chain]
+    loops: dict[int, list[Loop]]
+    loose: frozenset[int]
+    cell: Ints
+
+    def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
+        """First and last node of a step of a loop."""
+        points, ahead = self.chains[step[0]].points, step[1]
+        return (int(points[0]), int(points[-1])) if ahead else (int(points[-1]), int(points[0]))
+
+
+def net_of(sheet: StripedSheet, V: Floats, thickness: float) -> ChainNet:
+    """The net of a sheet on an uncut surface with vertices V (n, 3); both lengths in one unit."""
+    P = np.asarray(sheet.weights @ V)
+    edges = edge_table(sheet.F)
+    region, loose = _regions(sheet, P, edges, thickness)
+    return _Walk(sheet, P, edges, region).net(loose)
+
+
+def _regions(sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float) -> tuple[Ints, frozenset[int]]:
+    """(m,) the region of each cell, connected and of one label; and those that are loose."""
+    f, g = edges.pairs.T // 3
+    same = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g])
+    count, region = connected(len(sheet.F), f[same], g[same])
+    a, b, c = (P[sheet.F[:, i]] for i in range(3))
+    area = np.bincount(region, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, count)
+    loose = np.zeros(count, dtype=bool)
+    loose[region[sheet.loose]] = True
+    small = np.flatnonzero((area < (SLIVER * thickness) ** 2) & ~loose)
+    ends = edges.ends[edges.of.ravel()[edges.pairs[:, 0]]]
+    long = np.linalg.norm(P[ends[:, 0]] - P[ends[:, 1]], axis=1)
+    for r in small[np.argsort(area[small], kind="stable")]:
+        one, two = region[f], region[g]
+        border = (one == r) != (two == r)
+        if border.any():
+            other = np.where(one == r, two, one)[border]
+            region[region == r] = int(np.bincount(other, long[border]).argmax())
+    return region, frozenset(np.flatnonzero(loose).tolist())
+
+
+class _Walk:
+    """Along the borders of regions, half-edge by half-edge."""
+
+    def __init__(self, sheet: StripedSheet, P: Floats, edges: EdgeTable, region: Ints) -> None:
+        self.weights, self.P, self.region = sheet.weights, P, region
+        self.twin = edges.twins
+        self.start, self.end = half_edges(sheet.F)
+        self.left = np.repeat(region, 3)
+        self.right = np.where(self.twin >= 0, region[self.twin // 3], VOID)
+        self.border = self.left != self.right
+        self.along = np.flatnonzero(self.border)
+        self.after = np.full(len(self.border), -1)
+        self.after[self.along] = self._successors()
+        self.node = self._nodes(sheet.loose)
+
+    def _successors(self) -> Ints:
+        """The half-edge of the same region's border that follows each of its border."""
+        step = next_half_edge(self.along)
+        while (inside := ~self.border[step]).any():
+            step[inside] = next_half_edge(self.twin[step[inside]])
+        return step
+
+    def _nodes(self, loose: Bools) -> Bools:
+        """(n,) the vertices where chains end."""
+        n, h = len(self.P), self.along
+        once = h[(self.twin[h] < 0) | (h < self.twin[h])]
+        ends = np.concatenate([self.start[once], self.end[once]])
+        pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
+        pair = pair + self.right[once]  # the same for both ways
+        low, high = np.full(n, np.inf), np.full(n, -np.inf)
+        np.minimum.at(low, ends, np.tile(pair, 2))
+        np.maximum.at(high, ends, np.tile(pair, 2))
+        node = (np.bincount(ends, minlength=n) > 2) | (high > low)
+        way = self.P[self.end] - self.P[self.start]
+        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
+        turn = np.einsum("ki,ki->k", way[h], way[self.after[h]])
+        sharp = (turn < TURN) & (self.right[h] == VOID) & ~loose[h // 3]
+        node[self.end[h[sharp]]] = True
+        return node
+
+    def net(self, loose: frozenset[int]) -> ChainNet:
+        """Its chains, and the loops of every region."""
+        cycles = list(self._cycles())
+        for cycle in cycles:
+            self._mark(cycle)
+        chains, number = dict[int, Chain](), dict[int, tuple[int, bool]]()
+        loops: dict[int, list[Loop]] = {}
+        for cycle in cycles:
+            first = int(np.flatnonzero(self.node[self.start[cycle]])[0])
+            cycle = np.roll(cycle, -first)
+            cuts = np.flatnonzero(self.node[self.start[cycle]])
+            loop = list[tuple[int, bool]]()
+            for some in np.split(cycle, cuts[1:]):
+                key = int(some[0])
+                if key not in number:
+                    k, left, right = len(chains), int(self.left[key]), int(self.right[key])
+                    chains[k] = Chain(np.append(self.start[some], self.end[some[-1]]), left, right)
+                    number[key] = k, True
+                    if right != VOID:
+                        number[int(self.twin[some[-1]])] = k, False
+                loop.append(number[key])
+            loops.setdefault(int(self.left[cycle[0]]), []).append(loop)
+        return ChainNet(self.weights, chains, loops, loose, self.region)
+
+    def _cycles(self) -> Iterator[Ints]:
+        """The closed borders of regions as half-edges, in order."""
+        known = np.zeros(len(self.border), dtype=bool)
+        for h in self.along.tolist():
+            if known[h]:
+                continue
+            cycle, at = list[int](), h
+            while not known[at]:
+                known[at] = True
+                cycle.append(at)
+                at = int(self.after[at])
+            yield np.array(cycle)
+
+    def _mark(self, cycle: Ints) -> None:
+        """Make two vertices of a border nodes at least, and four where it has none."""
+        at = np.flatnonzero(self.node[self.start[cycle]])
+        if len(at) > 1:
+            return
+        way = np.linalg.norm(self.P[self.end[cycle]] - self.P[self.start[cycle]], axis=1)
+        first = int(at[0]) if len(at) else int(np.argmin(self.start[cycle]))
+        some = np.roll(cycle, -first)
+        share = np.concatenate([[0.0], np.cumsum(np.roll(way, -first))[:-1]]) / way.sum()
+        wanted = (0.0, 0.25, 0.5, 0.75) if not len(at) else (0.0, 0.5)
+        for x in wanted:
+            self.node[self.start[some[np.abs(share - x).argmin()]]] = True

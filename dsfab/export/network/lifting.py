@@ -1,0 +1,57 @@
+"""Points of both smooth skins over points of the mesh.
+
+A triangle knows no curvature; its corners and their normals do. Half of what Phong tessellation [Boubekeur, Alexa 2008]
+adds to a point reproduces every quadratic, spheres and cylinders to the third order, without a parametrisation.
+"""
+
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Floats
+from dsfab.export.smooth.dense import Dense, dense
+from dsfab.export.smooth.source import Curved
+from dsfab.surface import Surface
+from dsfab.units import MM_PER_M
+
+
+@dataclass(frozen=True, eq=False)
+class Lifting:
+    """An uncut surface with its skins, see `Dense`."""
+
+    skins: Dense
+
+    @classmethod
+    def of(cls, surface: Surface, curved: Curved) -> "Lifting":
+        """Of the surface that a sheet was cut from."""
+        return cls(dense(surface, curved))
+
+    def points(self, weights: csr_array) -> Floats:
+        """(k, 6) millimetres on the outer and on the inner skin, over points with barycentric weights (k, n)."""
+        V, N = self.skins.points, self.skins.normals
+        P, n = np.asarray(weights @ V), np.asarray(weights @ N)
+        along = np.einsum("ni,ni->n", V, N)
+        outer = (N[:, :, None] * N[:, None, :]).reshape(-1, 9)
+        pull = weights @ (along[:, None] * N)
+        middle = P + (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
+        D = MM_PER_M * np.asarray(weights @ self.skins.half)[:, None] * n
+        middle = middle + self.skins.shift * D
+        return np.concatenate([middle + D, middle - D], axis=1)
+
+    def weights_at(self, points: Floats) -> csr_array:
+        """(k, n) barycentric weights of the places of the mesh nearest to points (k, 3), millimetres."""
+        V, F = self.skins.points, self.skins.surface.F
+        _, simplex, place = igl.point_mesh_squared_distance(np.ascontiguousarray(points), V, F)
+        corners = F[np.asarray(simplex)]
+        a, b, c = (V[corners[:, i]] for i in range(3))
+        across = np.cross(b - a, c - a)
+        area = np.einsum("ki,ki->k", across, across)
+        one = np.einsum("ki,ki->k", np.cross(c - b, place - b), across) / area
+        two = np.einsum("ki,ki->k", np.cross(a - c, place - c), across) / area
+        share = np.clip(np.stack([one, two, 1 - one - two], axis=1), 0, 1)
+        share /= share.sum(axis=1, keepdims=True)
+        rows = np.arange(0, 3 * len(points) + 1, 3)
+        return csr_array((share.ravel(), corners.ravel(), rows), shape=(len(points), len(V)))

@@ -1,0 +1,89 @@
+"""The entities of solids by members: Bezier patches on both skins, ruled walls, and the posts between their ends."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.export.network.graph import Loop
+from dsfab.export.network.model import NetModel
+from dsfab.export.network.trimmed import TrimmedFace
+from dsfab.export.plate_text import Entities, references
+from dsfab.export.smooth.text import ROUNDING
+
+
+class NetText:
+    """Writes a model after what `new` holds already; thickness in millimetres."""
+
+    def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
+        self.new, self.model = new, model
+        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
+        self.vertices = [
+            [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
+        ]
+        self.poles = [[list(self._points(edge.poles[:, s : s + 3])) for s in (0, 3)] for edge in model.edges]
+        self.edges = [
+            [
+                self._curve(poles, self.vertices[edge.start][s], self.vertices[edge.end][s])
+                for s, poles in enumerate(two)
+            ]
+            for edge, two in zip(model.edges, self.poles, strict=True)
+        ]
+
+    def faces(self, trimmed: list[TrimmedFace]) -> list[int]:
+        """The numbers of all faces."""
+        found, posts = list[int](), dict[int, int]()
+        for patch in self.model.patches:
+            for s in (0, 1):
+                rows = [list(self._points(row)) for row in patch.poles[:, :, 3 * s : 3 * s + 3]]
+                found.append(self._skin([patch.loop], self._surface(rows, (3, 3)), s))
+        for face in trimmed:
+            for s, poles in enumerate((face.outer, face.inner)):
+                rows = [list(self._points(row)) for row in poles]
+                surface = self._surface(rows, (poles.shape[0] - 1, poles.shape[1] - 1))
+                found.append(self._skin(face.loops, surface, s))
+        for edge, (outer, inner), (above, below) in zip(self.model.edges, self.poles, self.edges, strict=True):
+            if edge.wall:
+                one, two = (self._post(posts, v) for v in (edge.start, edge.end))
+                wall = self._surface([list(row) for row in zip(inner, outer, strict=True)], (3, 1))
+                wire = self.new.wire([(below, True), (two, True), (above, False), (one, False)])
+                found.append(self.new.face([wire], wall))
+        return found
+
+    def _skin(self, loops: list[Loop], surface: int, s: int) -> int:
+        """A face of the outer (0) or the inner (1) skin; its loops run the other way there."""
+        wires = []
+        for i, loop in enumerate(loops):
+            steps = [(self.edges[e][s], ahead != bool(s)) for e, ahead in (loop[::-1] if s else loop)]
+            wires.append(self.new.wire(steps, "FACE_BOUND" if i else "FACE_OUTER_BOUND"))
+        return self.new.face(wires, surface, same=not s)
+
+    def _points(self, points: Floats) -> Iterator[int]:
+        """Of points (k, 3), those that are equal once."""
+        for p in (np.round(points, self.digits) + 0.0).tolist():
+            text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
+            yield self.new.once(f"CARTESIAN_POINT('',({text}))")
+
+    def _curve(self, poles: list[int], start: int, end: int) -> int:
+        curve = self.new.add(
+            f"B_SPLINE_CURVE_WITH_KNOTS('',3,{references(poles)},.UNSPECIFIED.,.F.,.F.,(4,4),(0.,1.),.UNSPECIFIED.)"
+        )
+        return self.new.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)")
+
+    def _post(self, posts: dict[int, int], vertex: int) -> int:
+        """The edge from the inner to the outer point of a vertex."""
+        if vertex not in posts:
+            outer, inner = self.vertices[vertex]
+            ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
+            line = self.new.add(f"POLYLINE('',{references(ends)})")
+            posts[vertex] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{line},.T.)")
+        return posts[vertex]
+
+    def _surface(self, rows: list[list[int]], degrees: tuple[int, int]) -> int:
+        """A Bezier patch, as a spline with one span."""
+        poles = ",".join(references(row) for row in rows)
+        times = ",".join(f"({d + 1},{d + 1})" for d in degrees)
+        return self.new.add(
+            f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
+            f"{times},(0.,1.),(0.,1.),.UNSPECIFIED.)"
+        )

@@ -1,0 +1,198 @@
+"""STEP by members: curves, patches, lifting and nets by closed forms; the solids by OCCT (slow)."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_array, eye_array
+
+from dsfab.delivery.files import curved_sheet
+from dsfab.export import StepOptions, write
+from dsfab.export.ladder import prepare
+from dsfab.export.network import use_check
+from dsfab.export.network.build import member_draft
+from dsfab.export.network.curves import ChainCurve, bernstein
+from dsfab.export.network.fillets import without_fillets
+from dsfab.export.network.graph import VOID, net_of
+from dsfab.export.network.lifting import Lifting
+from dsfab.export.network.patches import coons, least_jacobian
+from dsfab.export.part import part_of
+from dsfab.export.program import run_program
+from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.export.smooth.source import StripedSheet
+from dsfab.slicing import Sheet
+from dsfab.surface import SHAPES, Surface
+from dsfab.surface.neighbours import on_boundary
+from dsfab.thickening import offsets, thicken
+
+T = 0.04
+RADIUS = 2.0
+
+
+def cylinder_strip(columns: int = 40, rows: int = 12) -> Surface:
+    """A quarter of a cylinder of radius 2 m, 1 m long."""
+    angle, x = np.meshgrid(np.linspace(0, np.pi / 2, columns + 1), np.linspace(0, 1, rows + 1), indexing="ij")
+    V = np.stack([x, RADIUS * np.cos(angle), RADIUS * np.sin(angle)], axis=2).reshape(-1, 3)
+    i = np.arange(columns * (rows + 1)).reshape(columns, rows + 1)[:, :-1].ravel()
+    a, b, c, d = i, i + 1, i + rows + 2, i + rows + 1
+    return Surface(V, np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)]))
+
+
+def flat_strip() -> Surface:
+    given = cylinder_strip()
+    angle = np.arctan2(given.V[:, 2], given.V[:, 1])
+    return Surface(np.stack([given.V[:, 0], RADIUS * angle, 0 * angle], axis=1), given.F)
+
+
+def striped(surface: Surface, kept=None, label=None) -> StripedSheet:
+    """Some cells of a surface, with labels of theirs."""
+    kept = np.ones(surface.m, dtype=bool) if kept is None else kept
+    label = np.zeros(surface.m, dtype=np.int64) if label is None else label
+    used, F = np.unique(surface.F[kept], return_inverse=True)
+    rows = csr_array(eye_array(surface.n, format="csr")[used])
+    return StripedSheet(F.reshape(-1, 3), rows, label[kept], np.zeros(int(kept.sum()), dtype=bool))
+
+
+def grid(surface: Surface) -> StripedSheet:
+    """Two members along the cylinder and two across, with their crossings; the middle is an opening."""
+    angle, x = np.arctan2(*surface.centroids.T[[2, 1]]) / (np.pi / 2), surface.centroids[:, 0]
+    along, across = (x < 0.25) | (x > 0.75), (angle < 0.2) | (angle > 0.8)
+    return striped(surface, along | across, (along + 2 * across).astype(np.int64))
+
+
+def draft_of(surface: Surface, sheet: StripedSheet):
+    kept = Surface(surface.V[sheet.weights.indices], sheet.F)
+    D = offsets(surface, T).D
+    solid = thicken(kept, D[sheet.weights.indices])
+    curved = replace(_curved(surface, kept, sheet), striped=lambda: sheet)
+    part = replace(prepare(part_of(solid, "strip", 10**6)), curved=lambda: curved)
+    return part, solid, curved
+
+
+def _curved(surface: Surface, kept: Surface, sheet: StripedSheet):
+    parent = np.zeros(kept.m, dtype=np.int64)
+    return curved_sheet(surface, Sheet(kept, parent, parent, sheet.weights), T)
+
+
+def lifting_of(surface: Surface) -> Lifting:
+    curved = _curved(surface, surface, striped(surface))
+    return Lifting.of(surface, curved)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.05, 0.95), st.integers(0, 10**6))
+def test_a_break_leaves_a_curve_as_it_is(x, seed):
+    curve = ChainCurve(np.array([0.0, 1.0]), np.random.default_rng(seed).normal(size=(1, 4, 6)))
+    two = curve.with_break(x)
+    at = np.linspace(0, 1, 21)
+    assert two.breaks.tolist() == [0.0, x, 1.0]
+    np.testing.assert_allclose(two(at), curve(at), atol=1e-12)
+    np.testing.assert_allclose(curve.reversed()(1 - at), curve(at), atol=1e-12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(1, 4), st.integers(1, 3), st.integers(0, 10**6))
+def test_coons_patches_end_in_the_curves_and_meet_each_other(ku, kv, seed):
+    rng = np.random.default_rng(seed)
+    corner = {(u, v): np.array([u, v, 0.0]) for u in (0, 1) for v in (0, 1)}
+    bottom, top = (_side(rng, corner[0, v], corner[1, v], ku) for v in (0, 1))
+    left, right = (_side(rng, corner[u, 0], corner[u, 1], kv) for u in (0, 1))
+    P = coons(bottom, right, top, left)
+    assert P.shape == (ku, kv, 4, 4, 3)
+    np.testing.assert_array_equal(P[:, 0, :, 0], bottom)
+    np.testing.assert_array_equal(P[:, -1, :, -1], top)
+    np.testing.assert_array_equal(P[0, :, 0], left)
+    np.testing.assert_array_equal(P[-1, :, -1], right)
+    np.testing.assert_allclose(P[1:, :, 0], P[:-1, :, -1], atol=1e-12)
+    np.testing.assert_allclose(P[:, 1:, :, 0], P[:, :-1, :, -1], atol=1e-12)
+
+
+def _side(rng, a, b, count):
+    """Wavy spans from a to b, one beginning where the other ends."""
+    joints = a + np.linspace(0, 1, count + 1)[:, None] * (b - a)
+    joints[1:-1] += rng.normal(size=(count - 1, 3)) / 20
+    P = joints[:-1, None] + np.arange(4)[:, None] / 3 * np.diff(joints, axis=0)[:, None]
+    P[:, 1:3] += rng.normal(size=(count, 2, 3)) / 20
+    P[1:, 0], P[:, 3] = joints[1:-1], joints[1:]
+    P[0, 0] = a
+    return P
+
+
+def test_folded_patches_are_told_from_good_ones():
+    x = np.linspace(0, 1, 4)
+    square = np.stack(np.broadcast_arrays(x[:, None], x[None], 0.0), axis=2)
+    assert least_jacobian(square) == pytest.approx(1)
+    folded = square.copy()
+    folded[-1, -1] = [-0.5, -0.5, 0]
+    assert least_jacobian(folded) < 0
+    assert bernstein(np.array([0.3])).sum() == pytest.approx(1)
+
+
+def test_lifted_points_lie_on_cylinder_and_sphere():
+    """Off by the fourth order of the edges; the middles of the triangles themselves by the second."""
+    for surface, centre in (
+        (cylinder_strip(), np.array([0.0, 1, 1])),
+        (SHAPES["sphere"](radius=RADIUS, edge=0.2), np.ones(3)),
+    ):
+        lifting = lifting_of(surface)
+        rows = np.repeat(np.arange(surface.m), 3)
+        inner = ~on_boundary(surface.edges, surface.n)[surface.F].any(axis=1)  # normals there are one-sided
+        W = csr_array((np.full(3 * surface.m, 1 / 3), (rows, surface.F.ravel())), shape=(surface.m, surface.n))[inner]
+        Q = lifting.points(W) / 1000
+        chord = np.abs(np.linalg.norm(W @ surface.V * centre, axis=1) - RADIUS).max()
+        for some, r in ((Q[:, :3], RADIUS + T / 2), (Q[:, 3:], RADIUS - T / 2)):
+            assert np.abs(np.linalg.norm(some * centre, axis=1) - r).max() < min(0.12 * chord, 2e-4)
+
+
+def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
+    flat = flat_strip()
+    net = net_of(striped(flat), flat.V, T)
+    assert [len(loops) for loops in net.loops.values()] == [1]
+    assert len(net.chains) == 4
+    given = cylinder_strip()
+    net = without_fillets(net_of(grid(given), given.V, T), lifting_of(given))
+    assert len(net.loops) == 8  # four crossings, four stretches between them
+    steps = [step for loops in net.loops.values() for loop in loops for step in loop]
+    for k, chain in net.chains.items():
+        assert (k, True) in steps
+        assert ((k, False) in steps) == (chain.right != VOID)
+    assert len(steps) == len(set(steps))
+
+
+def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
+    surface = cylinder_strip()
+    part, _, _ = draft_of(surface, striped(surface))
+    draft = member_draft(part, SmoothPlan(part))
+    assert (draft.solids, draft.trimmed) == (1, 0)
+    assert draft.text.count("B_SPLINE_SURFACE") == draft.faces == draft.text.count("=ADVANCED_FACE(")
+    edges, used = draft.text.count("=EDGE_CURVE("), draft.text.count("=ORIENTED_EDGE(")
+    assert used == 2 * edges
+
+
+@pytest.mark.slow
+def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
+    surface = cylinder_strip()
+    part, solid, curved = draft_of(surface, grid(surface))
+    said, path = list[str](), tmp_path / "grid.step"
+    write(solid, path, step=StepOptions("members", curved=partial(lambda: curved)), note=said.append)
+    assert said[0].startswith("STEP is by members")
+    assert "8 of 8" in said[0]
+    found = json.loads(run_program(use_check.__file__, str(path), "2", seconds=300))
+    assert (found["solids"], found["valid"], found["sound"], found["closed"]) == (1, True, 2, True)
+    assert found["volume"] == pytest.approx(part.volume, rel=2e-3)
+    assert found["plain"] == pytest.approx(found["volume"], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_without_stripes_the_file_is_smooth_and_says_why(tmp_path):
+    surface = cylinder_strip()
+    _, solid, curved = draft_of(surface, grid(surface))
+    said = list[str]()
+    ask = StepOptions("members", curved=lambda: replace(curved, striped=None))
+    write(solid, tmp_path / "a.step", step=ask, note=said.append)
+    assert said[0].startswith("STEP is smooth")
+    assert "needs the stripes" in said[0]
