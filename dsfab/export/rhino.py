@@ -77,7 +77,7 @@ def encode(part: Part) -> Iterator[bytes]:
             layers[line.layer] = _layer(model, ids, line.layer, COLOURS.get(line.family, BLACK))
     about = rhino3dm.ObjectAttributes()
     about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
-    model.Objects.AddMesh(_mesh(part), about)
+    model.Objects.AddMesh(rhino_mesh(part.V, part.F), about)
     for number, line in enumerate(part.details.lines):
         about = _about(line, layers[line.layer], within(part))
         about.Id = ids(f"line {number}")
@@ -140,16 +140,24 @@ def _chunk(archive: bytes, start: int, end: int, wanted: int) -> tuple[int, int]
     return None
 
 
-def _mesh(part: Part) -> Any:
+def rhino_mesh(V: Floats, F: Ints) -> Any:
+    """A mesh of rhino3dm of vertices (n, 3) and triangles (m, 3), with normals, in whatever unit they are."""
     import rhino3dm
 
     mesh = rhino3dm.Mesh()
-    for vertex in part.V.tolist():
+    for vertex in V.tolist():
         mesh.Vertices.Add(*vertex)
-    for face in part.F.tolist():
+    for face in F.tolist():
         mesh.Faces.AddFace(*face)
     mesh.Normals.ComputeNormals()
     return mesh
+
+
+def rhino_polyline(points: Floats) -> Any:
+    """A polyline of rhino3dm through points (k, 3)."""
+    import rhino3dm
+
+    return rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*point) for point in points.tolist()]))
 
 
 def _curve(line: StructureLine, tolerance: float) -> Any:
@@ -166,7 +174,7 @@ def _curve(line: StructureLine, tolerance: float) -> Any:
                 curve.Knots[i] = knot
             made.append(curve)
         else:
-            made.append(rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*x) for x in run.tolist()])))
+            made.append(rhino_polyline(run))
     if len(made) == 1:
         return made[0]
     whole = rhino3dm.PolyCurve()

@@ -10,27 +10,20 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.rhino import ready
+from dsfab.export.rhino import ready, rhino_mesh, rhino_polyline
 
 
 def mesh_json(V: Floats, F: Ints) -> str:
     """A mesh of vertices (n, 3) and triangles (m, 3); raises ExportError where rhino3dm is not installed."""
-    rhino3dm = _library()
-    mesh = rhino3dm.Mesh()
-    for vertex in V.tolist():
-        mesh.Vertices.Add(*vertex)
-    for face in F.tolist():
-        mesh.Faces.AddFace(*face)
-    mesh.Normals.ComputeNormals()
-    return json.dumps(mesh.Encode())
+    ready()
+    return json.dumps(rhino_mesh(V, F).Encode())
 
 
 def polyline_json(points: Floats) -> str:
     """A polyline through points (k, 3), or (k, 2) in the plane z = 0; raises ExportError likewise."""
-    rhino3dm = _library()
+    ready()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
-    curve = rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*point) for point in full.tolist()]))
-    return json.dumps(curve.Encode())
+    return json.dumps(rhino_polyline(full).Encode())
 
 
 def mesh_arrays(text: str) -> tuple[Floats, Ints]:
@@ -67,7 +60,9 @@ def _triangles(V: Floats, corners: Ints) -> Ints:
 
 
 def _decoded(text: str) -> Any:
-    rhino3dm = _library()
+    ready()
+    import rhino3dm
+
     try:
         thing = rhino3dm.CommonObject.Decode(json.loads(text))
     except Exception:  # whatever the library makes of it
@@ -75,10 +70,3 @@ def _decoded(text: str) -> Any:
     if thing is None:
         raise ExportError("the geometry that was sent is not readable as Rhino's JSON")
     return thing
-
-
-def _library() -> Any:
-    ready()
-    import rhino3dm
-
-    return rhino3dm
