@@ -8,7 +8,7 @@ import pytest
 from tests.fuzz import corpus, oracles
 from tests.fuzz.__main__ import run
 
-SECONDS = 18
+SECONDS = 10
 """For each target in the slow part: `python -m tests.fuzz` takes as long as one likes."""
 SEEDS = sorted(corpus.SEEDS.glob("*/*"))
 STUCK = 30.0

@@ -30,9 +30,14 @@ class Run:
     broken: str
 
 
+SMALL = "import subprocess, sys; sys.exit(subprocess.run(sys.argv[1:]).returncode)"
+"""A process between: Linux gives a new program the peak memory of whoever starts it, and libFuzzer would count that."""
+
+
 def run(target: str, seconds: float, folder: Path) -> Run:
     """A target fuzzed for so long, in a process of its own; what breaks it is kept in `folder`/target."""
-    command = [sys.executable, "-m", "tests.fuzz.target", target, str(seconds), str(folder / target)]
+    fuzzer = [sys.executable, "-m", "tests.fuzz.target", target, str(seconds), str(folder / target)]
+    command = [sys.executable, "-c", SMALL, *fuzzer]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, errors="replace", check=False)
     text = done.stdout + done.stderr
     tried = [int(number) for number in re.findall(r"number_of_executed_units: (\d+)", text)]
