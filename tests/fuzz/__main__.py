@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tests.fuzz.oracles import TARGETS
+from tests.fuzz.target import ENDLESS
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -34,9 +35,10 @@ SMALL = "import subprocess, sys; sys.exit(subprocess.run(sys.argv[1:]).returncod
 """A process between: Linux gives a new program the peak memory of whoever starts it, and libFuzzer would count that."""
 
 
-def run(target: str, seconds: float, folder: Path) -> Run:
-    """A target fuzzed for so long, in a process of its own; what breaks it is kept in `folder`/target."""
-    fuzzer = [sys.executable, "-m", "tests.fuzz.target", target, str(seconds), str(folder / target)]
+def run(target: str, seconds: float, folder: Path, most: int = ENDLESS) -> Run:
+    """A target fuzzed for so long, or for `most` files, in a process of its own; what breaks it is kept in
+    `folder`/target."""
+    fuzzer = [sys.executable, "-m", "tests.fuzz.target", target, str(seconds), str(folder / target), str(most)]
     command = [sys.executable, "-c", SMALL, *fuzzer]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, errors="replace", check=False)
     text = done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""One reader under libFuzzer: `python -m tests.fuzz.target NAME SECONDS FOLDER`, or under mutations of our own.
+"""One reader under libFuzzer: `python -m tests.fuzz.target NAME SECONDS FOLDER [FILES]`, or under mutations of our own.
 
 What breaks it is kept in FOLDER (crash-*, timeout-*, oom-*), and the exit code is then not 0. Without atheris files are
 cut, joined, repeated and have bits turned over by chance, with a fixed seed, and without looking at what they reach.
@@ -19,6 +19,8 @@ HANG = 60
 """Seconds after which a file hangs: they take milliseconds, and the machine may be busy."""
 MEMORY = 1500
 """Megabytes of the whole process; it takes 300 without a file."""
+ENDLESS = -1
+"""For how many files are tried: as many as the time allows, as libFuzzer writes it."""
 INSTRUMENTED = (
     *("dsfab.surface.formats", "dsfab.surface.files", "dsfab.surface.polygons", "dsfab.surface.drawing_files"),
     *("dsfab.arrays", "dsfab.surface.plane_loops", "dsfab.preset_file", "dsfab.preset_errors", "dsfab.preset_list"),
@@ -27,7 +29,7 @@ INSTRUMENTED = (
 """Modules whose branches guide the fuzzer."""
 
 
-def fuzz_by_coverage(target: str, seconds: float, found: Path) -> None:
+def fuzz_by_coverage(target: str, seconds: float, found: Path, most: int) -> None:
     """Never returns: libFuzzer ends the process."""
     import atheris
 
@@ -42,7 +44,14 @@ def fuzz_by_coverage(target: str, seconds: float, found: Path) -> None:
     named.write_text("".join(f'"{_quoted(word)}"\n' for word in corpus.words(target)))
     options = [
         *(f"-max_total_time={seconds:.0f}", f"-max_len={LONGEST}", f"-timeout={HANG}", f"-rss_limit_mb={MEMORY}"),
-        *(f"-artifact_prefix={found}/", f"-dict={named}", "-print_final_stats=1", "-seed=1", "-verbosity=1"),
+        *(
+            f"-artifact_prefix={found}/",
+            f"-dict={named}",
+            "-print_final_stats=1",
+            "-seed=1",
+            "-verbosity=1",
+            f"-runs={most}",
+        ),
     ]
     atheris.Setup([sys.argv[0], *options, str(start)], lambda data: oracles.judge(target, data, work))
     atheris.Fuzz()
@@ -52,15 +61,15 @@ def _quoted(word: str) -> str:
     return "".join(c if c.isascii() and c.isalnum() else "".join(f"\\x{byte:02x}" for byte in c.encode()) for c in word)
 
 
-def fuzz_by_chance(target: str, seconds: float, found: Path) -> int:
-    """1 once a file breaks a reader, else 0 after so many seconds."""
+def fuzz_by_chance(target: str, seconds: float, found: Path, most: int = ENDLESS) -> int:
+    """1 once a file breaks a reader, else 0 after so many seconds or files."""
     from tests.fuzz import corpus, oracles
 
     rng, start, tried = random.Random(1), [*corpus.beginnings(target)], 0
     words = [word.encode() for word in corpus.words(target)] or [b"\xff"]
     with tempfile.TemporaryDirectory(prefix="dsfab-fuzz-") as folder:
         end = time.monotonic() + seconds
-        while time.monotonic() < end and start:
+        while time.monotonic() < end and start and tried != most:
             data = _mutated(rng, start, words)
             tried += 1
             try:
@@ -87,13 +96,13 @@ def _mutated(rng: random.Random, start: list[bytes], words: list[bytes]) -> byte
     return bytes(data[:LONGEST])
 
 
-def main(target: str, seconds: str, folder: str) -> int:
+def main(target: str, seconds: str, folder: str, most: str = str(ENDLESS)) -> int:
     """The exit code of one run."""
     found = Path(folder)
     found.mkdir(parents=True, exist_ok=True)
     with contextlib.suppress(ImportError):
-        fuzz_by_coverage(target, float(seconds), found)
-    return fuzz_by_chance(target, float(seconds), found)
+        fuzz_by_coverage(target, float(seconds), found, int(most))
+    return fuzz_by_chance(target, float(seconds), found, int(most))
 
 
 if __name__ == "__main__":
