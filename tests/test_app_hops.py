@@ -18,7 +18,7 @@ from dsfab.app.hops.components import COMPONENTS, requested_preset, written_chan
 from dsfab.app.hops.protocol import HopsError, read_request
 from dsfab.app.hops.server import HopsServer
 from dsfab.app.hops.solver import Solver, answered
-from dsfab.export import mesh_arrays, mesh_json, polyline_json, polyline_points
+from dsfab.export import mesh_arrays, mesh_json, polyline_json
 from dsfab.surface.shapes import barrel_vault
 
 params._init_rhino3dm()
@@ -35,6 +35,11 @@ def body(*values, unit="Meters", pointer="/preview"):
     """What Hops posts to /solve."""
     head = {"absolutetolerance": 0.001, "angletolerance": 1.0, "modelunits": unit, "algo": None, "pointer": pointer}
     return {**head, "cachesolve": False, "recursionlevel": 0, "values": list(values), "warnings": [], "errors": []}
+
+
+def polyline_points(text):
+    curve = rhino3dm.CommonObject.Decode(json.loads(text))
+    return np.array([(p.X, p.Y, p.Z) for p in (curve.Point(i) for i in range(curve.PointCount))])
 
 
 def vault(scale=1.0):

@@ -1,5 +1,6 @@
 """Mesh files: round trips through trimesh and lib3mf, bad files each with its sentence, facts about any mesh."""
 
+import locale
 import os
 import struct
 import warnings
@@ -90,6 +91,15 @@ def test_glb_is_metres_with_y_up_and_becomes_z_up(tmp_path):
     assert read_surface(path, unit="mm").size == pytest.approx(read.size / 1000)
 
 
+@pytest.fixture
+def own_locale():
+    """lib3mf's writer sets the locale of the whole process to C: tests after it would read ASCII from programs."""
+    before = locale.setlocale(locale.LC_ALL)
+    yield
+    locale.setlocale(locale.LC_ALL, before)
+
+
+@pytest.mark.usefixtures("own_locale")
 @pytest.mark.parametrize(
     ("unit", "metres"), [("MilliMeter", 1e-3), ("Inch", 0.0254), ("MicroMeter", 1e-6), ("Meter", 1)]
 )

@@ -9,7 +9,7 @@ from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
 from dsfab.export.program import meanwhile
 from dsfab.export.rhino import ready as require_rhino
-from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json, polyline_points
+from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json
 
 __all__ = [
     "FORMATS",
@@ -29,7 +29,6 @@ __all__ = [
     "mesh_arrays",
     "mesh_json",
     "polyline_json",
-    "polyline_points",
     "replacing",
     "require_rhino",
     "step_estimates",

@@ -208,17 +208,18 @@ def check(part: Part, path: Path) -> ReadBack:
     meshes = [shape for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Mesh]
     if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
         raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
-    found = check_mesh(part, *_arrays(meshes[0]))
+    V, F = rhino_arrays(meshes[0])
+    found = check_mesh(part, V, F[:, :3])
     curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
     check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
     return found
 
 
-def _arrays(mesh: Any) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) and triangles (m, 3); openNURBS holds a triangle as a quad with its last corner twice."""
-    V = np.array([(v.X, v.Y, v.Z) for v in (mesh.Vertices[i] for i in range(len(mesh.Vertices)))])
-    F = np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64)
-    return V, F[:, :3]
+def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
+    """Vertices (n, 3) and corners (m, 4) of a mesh of rhino3dm, which holds a triangle with its last corner twice."""
+    V = np.array([(v.X, v.Y, v.Z) for v in (mesh.Vertices[i] for i in range(len(mesh.Vertices)))]).reshape(-1, 3)
+    F = np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
+    return V, F
 
 
 def _points(curve: Any) -> list[Floats]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.rhino import ready, rhino_mesh, rhino_polyline
+from dsfab.export.rhino import ready, rhino_arrays, rhino_mesh, rhino_polyline
 
 
 def mesh_json(V: Floats, F: Ints) -> str:
@@ -34,17 +34,8 @@ def mesh_arrays(text: str) -> tuple[Floats, Ints]:
     mesh = _decoded(text)
     if type(mesh).__name__ != "Mesh":
         raise ExportError(f"a mesh is wanted, not {type(mesh).__name__}; turn it into a mesh in Grasshopper first")
-    V = np.array([(p.X, p.Y, p.Z) for p in (mesh.Vertices[i] for i in range(len(mesh.Vertices)))]).reshape(-1, 3)
-    corners = np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
+    V, corners = rhino_arrays(mesh)
     return V, _triangles(V, corners)
-
-
-def polyline_points(text: str) -> Floats:
-    """Points (k, 3) of a polyline as it was sent; raises ExportError for other curves."""
-    curve = _decoded(text)
-    if not hasattr(curve, "PointCount"):
-        raise ExportError(f"a polyline is wanted, not {type(curve).__name__}")
-    return np.array([(p.X, p.Y, p.Z) for p in (curve.Point(i) for i in range(curve.PointCount))])
 
 
 def _triangles(V: Floats, corners: Ints) -> Ints:

@@ -1,7 +1,5 @@
 """Closed curves out of DXF and 3DM files, as polygons: what an architect draws to say where something is."""
 
-import logging
-import warnings
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -13,11 +11,9 @@ from dsfab.arrays import Floats
 from dsfab.errors import SurfaceError, did_you_mean
 from dsfab.surface.formats.curves import LARGEST, Drawing, DrawingBudget
 from dsfab.surface.formats.dxf import read_dxf
-from dsfab.surface.formats.limits import MalformedFileError
+from dsfab.surface.formats.guard import readable
 from dsfab.surface.formats.rhino import read_rhino
 from dsfab.units import METRES_PER, metres_per
-
-log = logging.getLogger(__name__)
 
 CLOSE = 1e-6
 """Ends of curves that are nearer than this share of the drawing's size are at one place."""
@@ -71,23 +67,9 @@ def _read_once(path: Path, layer: str | None, unit: str | None, _changed: int, s
 
 def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
     """What a file of `size` bytes draws; raises SurfaceError for one that cannot be read, and beyond the budget."""
-    kind = path.suffix.lower()
-    try:
+    with readable(path, "draw less into it", "it is damaged"):
         budget.require("bytes", size)
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # of foreign parsers
-            return _READERS[kind](path, budget)
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
-    except MalformedFileError as error:
-        raise SurfaceError(f"{path} cannot be read as {kind[1:].upper()} ({error}); export it again") from None
-    except MemoryError:
-        raise SurfaceError(f"{path} needs more memory than there is; draw less into it") from None
-    except OSError as error:
-        raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system says no more'})") from None
-    except Exception:  # of a foreign parser: its words are no help to a person
-        log.debug("reading %s", path, exc_info=True)
-        raise SurfaceError(f"{path} cannot be read as {kind[1:].upper()} (it is damaged); export it again") from None
+        return _READERS[path.suffix.lower()](path, budget)
 
 
 def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:

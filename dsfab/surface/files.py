@@ -4,8 +4,6 @@ A raw mesh is what the file says and may be bad in every way; `dsfab.surface.rea
 """
 
 import difflib
-import logging
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +22,7 @@ from dsfab.surface.formats import (
     counted,
 )
 from dsfab.surface.formats.gltf import read_glb, read_gltf
+from dsfab.surface.formats.guard import readable
 from dsfab.surface.formats.limits import MalformedFileError
 from dsfab.surface.formats.obj import read_obj
 from dsfab.surface.formats.off import read_off
@@ -32,8 +31,6 @@ from dsfab.surface.formats.soup import joined
 from dsfab.surface.formats.stl import read_stl
 from dsfab.surface.formats.threemf import read_3mf
 from dsfab.surface.polygons import triangles
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,25 +64,9 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)
-    try:
+    with readable(path, "make the mesh coarser", "it is damaged, or of a kind that dsfab does not know"):
         budget.require_bytes(path.stat().st_size)
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # of foreign parsers: what matters becomes a SurfaceError
-            raw = _read(path, suffix, budget)
-    except SurfaceError as error:
-        raise SurfaceError(f"{path}: {error}") from None
-    except MalformedFileError as error:
-        raise SurfaceError(f"{path} cannot be read as {suffix[1:].upper()} ({error}); export it again") from None
-    except MemoryError:
-        raise SurfaceError(f"{path} needs more memory than there is; make the mesh coarser") from None
-    except OSError as error:
-        raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system says no more'})") from None
-    except Exception:  # of a foreign parser: its words are no help to a person
-        log.debug("reading %s", path, exc_info=True)
-        raise SurfaceError(
-            f"{path} cannot be read as {suffix[1:].upper()} (it is damaged, or of a kind that dsfab does not know); "
-            "export it again"
-        ) from None
+        raw = _read(path, suffix, budget)
     return _checked(path, raw)
 
 

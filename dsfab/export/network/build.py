@@ -96,7 +96,7 @@ def member_file(part: Part) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """What nobody has checked: the text, its solids, faces, trimmed ones, widest gap, and all vertices (k, 3)."""
+    """What nobody has checked: the text, its solids, faces, trimmed ones among them, and the widest gap, mm."""
 
     text: str
     solids: int

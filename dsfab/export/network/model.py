@@ -43,16 +43,6 @@ class NetModel:
     patches: list[NetPatch] = field(default_factory=list)
     trimmed: dict[int, list[Loop]] = field(default_factory=dict)
 
-    @property
-    def walls(self) -> int:
-        """Number of walls."""
-        return sum(edge.wall for edge in self.edges)
-
-    @property
-    def faces(self) -> int:
-        """Number of faces: two for each patch and each trimmed region, and the walls."""
-        return 2 * (len(self.patches) + len(self.trimmed)) + self.walls
-
 
 def net_model(net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats]) -> NetModel:
     """The model of a net; nodes : (6,) by their numbers."""

@@ -1,5 +1,6 @@
 """Mesh files to raw arrays, one format, one module, each with what it may cost and what is said of the file.
 
+guard.py  what goes wrong, as a sentence
 limits.py  how much a reader may take       record.py  what was read, repaired and dropped    text.py  bytes to lines
 obj.py  off.py  ply.py  stl.py  gltf.py (also .glb)  threemf.py       soup.py  faces that share no vertex, joined
 """

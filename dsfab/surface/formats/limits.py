@@ -21,7 +21,7 @@ SMALLEST = 20.0
 
 
 class MalformedFileError(ValueError):
-    """What is wrong with the content of a file, in words for its user; `raw_mesh` adds the file's name."""
+    """What is wrong with the content of a file, in words for its user; `guard.readable` adds the file's name."""
 
 
 @dataclass(frozen=True)
