@@ -258,6 +258,14 @@ def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
         assert asked(server, "POST", "/preview", body(vault()))[0] == 200  # and it lives on
 
 
+def test_without_its_library_it_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["hops"]) == 1
+    assert 'geometry of Grasshopper needs the library rhino3dm; install it with: pip install "dsfab[rhino]"' in (
+        capsys.readouterr().err
+    )
+
+
 def test_the_command_prints_addresses_and_ends_with_ctrl_c(capsys):
     assert main(["hops", "--port", "70000"]) == 1
     assert "port 70000 cannot be used" in capsys.readouterr().err

@@ -52,10 +52,10 @@ _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
 
-def ready() -> None:
-    """Raise ExportError if rhino3dm is not installed."""
+def ready(what: str = ".3dm files need") -> None:
+    """Raise ExportError if rhino3dm is not installed; `what` begins the sentence."""
     if importlib.util.find_spec("rhino3dm") is None:
-        raise ExportError('.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"')
+        raise ExportError(f'{what} the library rhino3dm; install it with: pip install "dsfab[rhino]"')
 
 
 def prepare(part: Part) -> Part:

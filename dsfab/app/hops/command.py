@@ -20,7 +20,7 @@ def hops(
     from dsfab.app.hops.solver import Solver
     from dsfab.export import require_rhino
 
-    require_rhino()
+    require_rhino("geometry of Grasshopper needs")
     if not seconds > 0:
         raise DsfabError(f"--seconds {seconds:g}: give a number over 0")
     with Solver(seconds) as solver:
