@@ -23,7 +23,8 @@ import subprocess
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -146,12 +147,15 @@ LAZY = {
 """Slow to import: never at the top of a module."""
 
 
-def modules() -> Iterator[tuple[str, str, ast.Module]]:
+@cache
+def modules() -> list[tuple[str, str, ast.Module]]:
     """Part, file and syntax tree of every module."""
+    found = []
     for path in sorted(PACKAGE.rglob("*.py")):
         relative = path.relative_to(PACKAGE)
         part = relative.parts[0].removesuffix(".py")
-        yield part, str(relative), ast.parse(path.read_text(encoding="utf-8"))
+        found.append((part, relative.as_posix(), ast.parse(path.read_text(encoding="utf-8"))))
+    return found
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
@@ -187,7 +191,7 @@ def is_for_types(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
 
-def violations(files: Iterator[tuple[str, str, ast.Module]]) -> list[str]:
+def violations(files: Iterable[tuple[str, str, ast.Module]]) -> list[str]:
     """Every broken rule as 'file:line: what'."""
     found = []
     for part, file, tree in files:
@@ -244,9 +248,10 @@ def test_every_import_is_in_the_table():
     ],
 )
 def test_the_check_catches_a_planted_violation(part, line):
-    assert len(violations(iter([(part, f"{part}/planted.py", ast.parse(line))]))) == 1
+    assert len(violations([(part, f"{part}/planted.py", ast.parse(line))])) == 1
 
 
+@cache
 def dependencies() -> dict[str, set[str]]:
     """Every module of dsfab and the modules of dsfab that it imports, wherever it does."""
     trees = {}
@@ -372,10 +377,10 @@ def test_one_version():
 
 def definitions(kind: type) -> Iterator[tuple[str, ast.AST]]:
     """Module and node of every class or function of the product."""
-    for path in sorted(PACKAGE.rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for _, file, tree in modules():
+        for node in ast.walk(tree):
             if isinstance(node, kind):
-                yield path.relative_to(PACKAGE).as_posix(), node
+                yield file, node
 
 
 def test_a_class_name_has_one_home():

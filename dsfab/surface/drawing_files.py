@@ -9,17 +9,17 @@ from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
 from dsfab.errors import SurfaceError, did_you_mean
+from dsfab.surface.formats.apart import read_rhino_apart
 from dsfab.surface.formats.curves import LARGEST, Drawing, DrawingBudget
 from dsfab.surface.formats.dxf import read_dxf
 from dsfab.surface.formats.guard import readable
-from dsfab.surface.formats.rhino import read_rhino
 from dsfab.units import METRES_PER, metres_per
 
 CLOSE = 1e-6
 """Ends of curves that are nearer than this share of the drawing's size are at one place."""
 LAYERS_TOLD = 12
 """Layers of a file that are listed where the one that was asked for is not among them."""
-_READERS = {".dxf": read_dxf, ".3dm": read_rhino}
+_READERS = {".dxf": read_dxf, ".3dm": read_rhino_apart}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:

@@ -1,10 +1,11 @@
-"""One reader under libFuzzer: `python -m tests.fuzz.target NAME SECONDS FOLDER [FILES]`, or under mutations of our own.
+"""Readers under libFuzzer, or under mutations of our own: `python -m tests.fuzz.target NAMES SECONDS FOLDER [FILES]`.
 
-What breaks it is kept in FOLDER (crash-*, timeout-*, oom-*), and the exit code is then not 0. Without atheris files are
-cut, joined, repeated and have bits turned over by chance, with a fixed seed, and without looking at what they reach.
+What breaks one of the NAMES (with commas) is kept in FOLDER/NAME (crash-*, timeout-*, oom-*), what it said in
+FOLDER/NAME.log; its line on stdout ends with an exit code, not 0 then. Each is fuzzed in a fork of one process, for
+instrumenting what it imports takes longer than a short run. Without atheris files are cut, joined, repeated and have
+bits turned over by chance, with a fixed seed, and without looking at what they reach.
 """
 
-import contextlib
 import os
 import random
 import sys
@@ -29,12 +30,12 @@ INSTRUMENTED = (
 """Modules whose branches guide the fuzzer."""
 
 
-def fuzz_by_coverage(target: str, seconds: float, found: Path, most: int) -> None:
+def fuzz_by_coverage(target: str, seconds: float, found: Path, most: int) -> int:
     """Never returns: libFuzzer ends the process."""
     import atheris
 
-    with atheris.instrument_imports(include=list(INSTRUMENTED)):
-        from tests.fuzz import corpus, oracles
+    from tests.fuzz import corpus, oracles
+
     work = Path(tempfile.mkdtemp(prefix="dsfab-fuzz-"))
     start = work / "corpus"
     start.mkdir()
@@ -96,13 +97,38 @@ def _mutated(rng: random.Random, start: list[bytes], words: list[bytes]) -> byte
     return bytes(data[:LONGEST])
 
 
-def main(target: str, seconds: str, folder: str, most: str = str(ENDLESS)) -> int:
-    """The exit code of one run."""
-    found = Path(folder)
-    found.mkdir(parents=True, exist_ok=True)
-    with contextlib.suppress(ImportError):
-        fuzz_by_coverage(target, float(seconds), found, int(most))
-    return fuzz_by_chance(target, float(seconds), found, int(most))
+def instrument() -> bool:
+    """Whether there is atheris; then all that readers import is instrumented from here on."""
+    try:
+        import atheris
+    except ImportError:
+        return False
+    with atheris.instrument_imports(include=list(INSTRUMENTED)):
+        from tests.fuzz import oracles  # noqa: F401
+    return True
+
+
+def fork(target: str, seconds: float, folder: Path, most: int) -> int:
+    """The exit code of one target, fuzzed in a child that writes FOLDER/NAME.log."""
+    fuzz = fuzz_by_coverage if instrument() else fuzz_by_chance
+    (folder / target).mkdir(parents=True, exist_ok=True)
+    child = os.fork()
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    log = os.open(folder / f"{target}.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    os._exit(fuzz(target, seconds, folder / target, most) or 0)
+
+
+def main(targets: str, seconds: str, folder: str, most: str = str(ENDLESS)) -> int:
+    """1 if any target broke, else 0."""
+    codes = {}
+    for target in targets.split(","):
+        codes[target] = fork(target, float(seconds), Path(folder), int(most))
+        sys.stdout.write(f"{target} {codes[target]}\n")
+        sys.stdout.flush()
+    return int(any(codes.values()))
 
 
 if __name__ == "__main__":

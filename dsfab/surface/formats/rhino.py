@@ -21,10 +21,10 @@ UNITS = {
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     """The curves of a 3DM file, its layers and its unit.
 
-    Raises SurfaceError without the library and beyond the budget, MalformedFileError for what is no 3DM file.
+    Raises SurfaceError without the library and beyond the budget, MalformedFileError for what is no 3DM file. The
+    library may crash on a damaged file: `apart.read_rhino_apart` reads what comes from elsewhere.
     """
-    if importlib.util.find_spec("rhino3dm") is None:
-        raise SurfaceError('.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"')
+    require_rhino()
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -39,6 +39,12 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
             points += len(runs[-1][1])
             budget.require("points", points)
     return Drawing(tuple(runs), tuple(sorted(names.values())), UNITS.get(model.Settings.ModelUnitSystem.name))
+
+
+def require_rhino() -> None:
+    """Raise SurfaceError if rhino3dm is not installed."""
+    if importlib.util.find_spec("rhino3dm") is None:
+        raise SurfaceError('.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"')
 
 
 def _points(curve: Any) -> Floats:
