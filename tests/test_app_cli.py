@@ -178,6 +178,7 @@ def test_a_mistake_of_ours_is_a_sentence_a_file_and_code_70(capsys, tmp_path, mo
     assert refused(capsys, "presets", code=70).endswith("(KeyError; the details could not be written)")
 
 
+@pytest.mark.slow
 def test_bench_prints_the_table_and_json_with_the_agreed_keys(capsys):
     arguments = ["bench", DOME_MODES, "--set", "surface.edge=0.8", "--repeat", "1", "--set", "export.formats=['stl']"]
     code, out, _ = run(capsys, *arguments)

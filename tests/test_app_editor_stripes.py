@@ -112,6 +112,7 @@ def test_what_the_page_saves_has_its_guides():
     assert overridden(given.preset, {"pattern.guide": saved["guide"]}).pattern == given.preset.pattern
 
 
+@pytest.mark.slow
 def test_a_change_of_widths_sends_no_mesh_again():
     preset = load_preset(DOME_MODES, {**COARSE, **SPACED, "pattern.minor.spacing": 0.8})
     with Session(Opened(preset, ("dome",))) as session:

@@ -130,6 +130,7 @@ def _counted(stage, name: str, calls: list[str]):
     return counted
 
 
+@pytest.mark.slow
 def test_exploring_again_leaves_no_picture_of_the_run_before(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

@@ -85,6 +85,7 @@ def test_preview_shows_it_and_explains_what_it_cannot(capsys, tmp_path):
     assert "ask dsfab preview for it alone" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_built_folder_is_previewed_into_it_and_nothing_is_made_again(capsys, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     assert (

@@ -143,6 +143,7 @@ def test_the_table_of_materials_is_that_of_dsfab():
         assert [x * unit for x, unit in zip(numbers, units, strict=True)] == pytest.approx(values, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_preset_of_the_readme_builds(tmp_path):
     text, combined = blocks("toml", "docs/supports-and-loads.md")
     steered, drawn = blocks("toml", "docs/patterns.md")

@@ -68,6 +68,7 @@ def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
         assert float(curve.Attributes.GetUserString("length_mm")) == pytest.approx(1000 * line.length, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_3dm_file_has_the_same_bytes_each_time(tmp_path):
     """Another second, another folder, another process (the library makes up ids, and wrote time and path)."""
     rhino3dm = pytest.importorskip("rhino3dm")

@@ -350,6 +350,7 @@ def test_a_check_that_does_not_end_is_said_and_nothing_is_kept(tmp_path, monkeyp
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_check_that_fails_gives_its_reason(tmp_path):
     part = part_of(box(), "box", 10)
     with pytest.raises(ExportError, match=r"build123d could not read the STEP file of 'box' \(.*missing.step"):

@@ -104,6 +104,7 @@ def test_a_polygon_is_cut_to_the_last_digit(surface):
         assert np.linalg.norm(cut_surface.V[:, :2] - corner, axis=1).min() < 1e-9
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(seed=st.integers(0, 100_000), corners=st.integers(3, 12), cells=st.integers(1, 24))
 def test_any_polygon_is_cut_out_of_any_mesh(seed, corners, cells):
@@ -513,6 +514,7 @@ def test_revising_begins_where_a_region_is_cut():
     assert four.surface.m < one.surface.m
 
 
+@pytest.mark.slow
 def test_a_folder_holds_its_regions(tmp_path):
     import ezdxf
 

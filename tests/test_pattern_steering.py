@@ -495,6 +495,7 @@ def test_only_what_is_drawn_is_chosen():
 # --- measures, widths and methods
 
 
+@pytest.mark.slow
 def test_deviation_is_from_where_stripes_were_to_run():
     found = drafted(rotate=45).quality()
     assert found.turned == 45

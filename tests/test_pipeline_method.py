@@ -103,6 +103,7 @@ def test_the_settled_preset_makes_the_same_sheet(chosen):
     assert again.pattern.attempts == ()
 
 
+@pytest.mark.slow
 def test_a_plain_width_is_not_exchanged():
     made = dsfab.pipeline.draft(
         dsfab.load_preset(DOME_MODES, {**SMALL, "pattern.method": "auto", "pattern.width": {"rule": "plain"}})

@@ -234,6 +234,7 @@ def test_a_mesh_in_python():
     assert preset_for(dome(edge=0.8)).surface.support[0].at == Boundary(0)
 
 
+@pytest.mark.slow
 def test_new_writes_a_preset_that_build_takes(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "my roof.obj", dome(edge=0.9))

@@ -78,6 +78,7 @@ def built(name, **given):
     return Design.of(load_preset(name, given)).until("slicing")
 
 
+@pytest.mark.slow
 def test_the_crown_of_a_sphere_closes_as_a_whole():
     """It had 18 ragged holes, of which two counted as slits: openings that closed from one end."""
     made = built("sphere_graded")

@@ -286,6 +286,7 @@ def test_each_case_tells_its_balance(design):
     assert lines[-1] == "* the pattern follows these together"
 
 
+@pytest.mark.slow
 def test_compliances_of_the_followed_cases_are_added_with_their_weights():
     changes = {**CASES, "statics.bending": "midedge", "surface.edge": 1.0}
     full = []

@@ -233,6 +233,7 @@ def test_a_thinner_sheet_weighs_less_and_its_covering_does_not():
     assert compared["thinner"].mass == pytest.approx(compared["design"].mass, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_every_mesh_of_a_verdict_carries_the_weight_that_is_there():
     design = Design.of(dsfab.load_preset("snow_vault", {"surface.edge": 0.9})).until("slicing")
     surface, sheet = design.surface, design.slicing.cells.kept()

@@ -142,6 +142,7 @@ def test_what_makes_no_sense_is_refused():
         densities(SheetModel(surface, UNIT, 1.0), loose, 0.7)
 
 
+@pytest.mark.slow
 def test_simp_on_the_cantilever_cut_along_its_level_line_is_1_58_times_as_soft_as_the_full_plate():
     """A plate of 2 x 1 m, left edge held, load on a disc of radius 0.1 m at the middle of the right edge, half of its
     material; 1.58 converged on the cut mesh. Quadratic elements and edges of 0.04 m: 1.574, and 1.568 with 0.025 m."""

@@ -25,6 +25,7 @@ def test_a_sweep_is_every_combination_in_the_order_given():
     assert len({run.metrics["kept_share"] for run in runs}) == 6
 
 
+@pytest.mark.slow
 def test_a_swept_design_is_the_one_that_is_built_alone():
     kept = {}
     vary = {"pattern.minor.threshold": [0.0, 0.5], "diffusion.gamma": [1.0, 5.0]}

@@ -179,6 +179,7 @@ def test_a_design_in_the_plane_is_judged_and_the_quick_level_says_what_it_is():
     assert told["cases"][0]["name"] == "load"
 
 
+@pytest.mark.slow
 def test_a_dome_is_judged_and_agrees_with_the_table():
     row = next(row for row in shipped_table() if row.kind == "dome" and row.seed == 0)
     verdict = check(random_design("dome", 0))

@@ -296,6 +296,7 @@ def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, 
     assert nodes[node.id][7:] == pytest.approx(1000 * node.point, abs=0.051)
 
 
+@pytest.mark.slow
 def test_a_drawing_has_the_same_bytes_in_another_process():
     """ezdxf keeps classes in a set, whose order is another one in each process."""
     code = (
@@ -323,6 +324,7 @@ def drawn(path):
     return {entity.dxf.layer for entity in space}, sum(entity.dxf.layer == "CUT" for entity in space)
 
 
+@pytest.mark.slow
 def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp_path, capsys):
     out = tmp_path / "w"
     small = ["--set", "surface.edge=0.05", "-o", str(out), "-q"]
