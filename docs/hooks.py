@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -64,7 +65,16 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     text = re.sub(r"\]\((?:\.\./)?outputs/gallery/", "](gallery/", text)
     if page.file.src_uri == "gallery.md":
         text = re.sub(r"\]\((\w+\.png)\)", r"](gallery/\1)", text)
+    if page.meta.get("math"):
+        text = re.sub(r"\$\$(.+?)\$\$", lambda found: formula(found[1], "block"), text, flags=re.DOTALL)
+        text = re.sub(r"\$([^$\n]+)\$", lambda found: formula(found[1], "inline"), text)
     return re.sub(r"\]\(docs/", "](", text)
+
+
+def formula(latex: str, display: str) -> str:
+    """LaTeX as MathML, which browsers draw by themselves; a repository's page shows the LaTeX."""
+    drawn = convert(latex.strip(), display=display)
+    return f'<div class="formula">{drawn}</div>' if display == "block" else f"<span>{drawn}</span>"
 
 
 def preset_keys() -> str:

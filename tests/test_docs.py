@@ -2,13 +2,9 @@
 
 import contextlib
 import io
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
-import time
 import tomllib
 from pathlib import Path
 
@@ -25,7 +21,6 @@ from dsfab.statics import USES
 from dsfab.study.verdict.rules import QUICK
 from dsfab.study.verification import TESTS
 from dsfab.surface.shapes import barrel_vault
-from tests.browser import browser, opened
 from tests.own_meshes import canopy_mm
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -261,48 +256,3 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
     for name in ("my_roof/my_roof.step", "my_roof/compliance/report.pdf", "my_roof/workshop/nest.dxf"):
         assert (tmp_path / "outputs" / name).stat().st_size > 10_000, name
     assert next(shown, None) is None
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """The site in a folder, built without a warning: links, anchors and pages are checked by mkdocs, `strict`."""
-    folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "-q", "-f", str(ROOT / ".mkdocs.yml"), "-d", str(folder)]
-    made = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
-    assert made.returncode == 0, made.stderr
-    assert not re.search("WARNING|ERROR", made.stderr), made.stderr
-    return folder
-
-
-@pytest.mark.slow
-def test_the_site_asks_no_other_host_for_anything(site):
-    """Fonts, scripts and pictures lie in the folder, and pictures have words for whoever does not see them."""
-    pages = sorted(site.glob("*.html"))
-    assert {"index.html", "ten-minutes.html", "reference-presets.html", "gallery.html"} <= {page.name for page in pages}
-    for page in pages:
-        text = page.read_text(encoding="utf-8")
-        assert not re.search(r"""(?:src|<link[^>]*href)=["'](?:https?:)?//""", text), page.name
-        for picture in re.findall(r'<img[^>]*?src="([^"]+)"', text):
-            assert (site / picture).is_file(), (page.name, picture)
-        assert all('alt=""' not in image and "alt=" in image for image in re.findall(r"<img[^>]*>", text)), page.name
-
-
-FOUND = "document.querySelectorAll('.md-search-result__item').length"
-ASK = """(() => {
-  const field = document.querySelector('.md-search__input');
-  field.focus(); field.value = 'halving'; field.dispatchEvent(new Event('keyup', {bubbles: true}));
-})()"""
-
-
-@pytest.mark.slow
-def test_search_works_from_the_folder_without_a_server(site, tmp_path):
-    if browser() is None:
-        pytest.skip("no Chromium is installed")
-    with opened(tmp_path) as tab:
-        tab.open((site / "index.html").as_uri(), "!!document.querySelector('.md-search__input')")
-        deadline = time.monotonic() + 30
-        while not tab.run(FOUND) and time.monotonic() < deadline:
-            tab.run(ASK)
-            time.sleep(0.3)
-        assert tab.run(FOUND) > 0
-        assert [request for request in tab.requests if not request.startswith(("file:", "blob:", "data:"))] == []
