@@ -37,7 +37,8 @@ from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
 from dsfab.limits import SLIT
-from dsfab.pattern.even_family import CLOSER, CLOSING, FOLLOWING
+from dsfab.limits import CROWDED
+from dsfab.pattern.even_family import CLOSING, FOLLOWING
 from dsfab.pattern.width import SOLID
 from dsfab.pipeline import draft, run
 from dsfab.preset_file import load_preset, parse_override, preset_from
@@ -708,7 +709,7 @@ def test_the_page_has_no_width_rules_of_its_own(dome):
     assert facts["widthRules"] == {
         "solid": SOLID,
         "open": SLIT,
-        "closer": CLOSER,
+        "closer": CROWDED,
         "closing": list(CLOSING),
         "following": list(FOLLOWING),
     }

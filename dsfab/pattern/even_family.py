@@ -6,15 +6,13 @@ from typing import Self
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.limits import SLIT
+from dsfab.limits import CROWDED, SLIT
 from dsfab.pattern.corners import CornerPhase
 from dsfab.pattern.layers import Layer
 from dsfab.pattern.stripes import Stripes
 from dsfab.pattern.width import SOLID, Widths
 from dsfab.surface.corner_field import CornerField
 
-CLOSER = 1.25
-"""Where members leave no such openings anyway, the half-width is at most so many times the median one."""
 CLOSING = (1.45, 1.55)
 """Members that would be so many times wider than that are not made thinner, but one: they crowd around a load. Where
 openings do not close as a whole, see `Layer.closed`, they do it little by little between the two."""
@@ -25,7 +23,7 @@ WHOLE = 1.3
 """Openings close as a whole where members would be so many times wider in the mean over them; by `FOLLOWING` where
 widths follow the stress. With 1.5 the crown of a dome under a point load is left open, and it is 2 % softer."""
 
-WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CLOSER, "closing": CLOSING, "following": FOLLOWING}
+WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CROWDED, "closing": CLOSING, "following": FOLLOWING}
 """The same for whoever else widens stripes: the editor's page, which shows widths while a slider moves."""
 
 
@@ -85,7 +83,7 @@ class EvenFamily:
         return asked.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
     def _most(self, asked: Floats) -> float:
-        return max(SLIT, CLOSER * float(np.median(asked)))
+        return max(SLIT, CROWDED * float(np.median(asked)))
 
     def _opened(self, asked: Floats, widths: Widths) -> Floats:
         """(n,) half-widths that leave no slit, but where widths.min_gap closes it."""

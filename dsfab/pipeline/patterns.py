@@ -43,6 +43,9 @@ EXACT = 1e-9
 CORRECTIONS = 3
 """Rounds at most in which it is corrected by what round corners and filled specks add."""
 
+HALVINGS = 6
+"""Rounds at most in which it is looked for where that leads astray, since openings close."""
+
 COUNTED = 2
 """Points along each side of a face, by which the search for it begins."""
 
@@ -94,6 +97,10 @@ class _Shares:
         self.reached.append(self.polygons.material_area / surface.area)
         return self.reached[-1]
 
+    def nearest(self, wanted: float) -> float:
+        """Of the shares that were reached the nearest to one."""
+        return min(self.reached, key=lambda one: abs(one - wanted))
+
     def forget(self) -> None:
         """Forget the last layers."""
         self.layers = self.polygons = None
@@ -132,16 +139,72 @@ def pattern_step(
             found = pattern_of(preset, families, layers)
             return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
 
-        result, added = made(), 0.0
-        for _ in range(CORRECTIONS if (ask.fillet or even) and ask.width.solid_fraction else 0):
-            more = added_share(preset, surface, result, share.polygons)
-            if abs(more - added) < SHARE_TOLERANCE:
-                break
-            result, added = made(more, result.factor), more
-        if wanted := ask.width.solid_fraction:
-            nearest = min(share.reached, key=lambda one: abs(one + added - wanted)) + added
-            log.note("pattern", _solved(preset, widths, result.factor, nearest))
+        added = partial(added_share, preset, surface)
+        if not (wanted := ask.width.solid_fraction):
+            return made()
+        if not (ask.fillet or even):
+            result, total = made(), share.nearest(wanted)
+        else:
+            result, total = _corrected(made, lambda one: added(one, share.polygons), share, preset)
+        log.note("pattern", _solved(preset, widths, result.factor, total))
     return result
+
+
+class _Try(NamedTuple):
+    """Stripes that were to keep `aim` of the surface, what is added to it, what both are, and they themselves."""
+
+    aim: float
+    added: float
+    total: float
+    result: PatternResult
+
+
+def _corrected(
+    made: Callable[[float, float], PatternResult],
+    added: Callable[[PatternResult], float],
+    share: _Shares,
+    preset: Preset,
+) -> tuple[PatternResult, float]:
+    """Stripes that keep what is asked together with round corners and filled openings, and the share that this is.
+
+    made : the stripes for a share that is added to them, and a guess of their factor, 0 for none.
+
+    What is added changes little with the widths, so it is taken off what the stripes are to keep. Where it jumps,
+    since openings close, that leads astray: then the answer is looked for between one that keeps less and one that
+    keeps more.
+    """
+    wanted, allowed = preset.pattern.width.solid_fraction, preset.pattern.width.solid_fraction_tolerance
+    tries = list[_Try]()
+
+    def attempt(taken: float, guess: float = 0.0) -> _Try:
+        result = made(taken, guess)
+        more = added(result)
+        tries.append(_Try(wanted - taken, more, share.nearest(wanted - taken) + more, result))
+        return tries[-1]
+
+    last = attempt(0.0)
+    for _ in range(CORRECTIONS):
+        if abs(last.aim + last.added - wanted) < SHARE_TOLERANCE:
+            break
+        last = attempt(last.added, last.result.factor)
+    for _ in range(HALVINGS):
+        if abs(last.total - wanted) <= allowed or not (between := _between(tries, wanted)):
+            break
+        last = attempt(wanted - between, last.result.factor)
+    if abs(last.total - wanted) > allowed:
+        last = min(tries, key=lambda one: abs(one.total - wanted))
+    off = abs(last.total - wanted)
+    return last.result, last.total if off > 2 * SHARE_TOLERANCE else wanted  # not worth a word
+
+
+def _between(tries: Sequence[_Try], wanted: float) -> float:
+    """What to aim at next: the middle of the nearest two tries of which one keeps too little and one too much.
+
+    0 where there are none, or nothing new lies between them.
+    """
+    pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in tries for b in tries if a.total < wanted < b.total]
+    gap, middle = min(pairs, default=(0.0, 0.0))
+    return middle if gap > SHARE_TOLERANCE else 0.0
 
 
 def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:

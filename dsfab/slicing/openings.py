@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
+from dsfab.limits import CROWDED
 from dsfab.slicing.across import MIDDLE, Crossings, crossings
 from dsfab.slicing.closing import limit
 from dsfab.slicing.parts import inner_walls, medians, part_of, round_sizes, whole_edges
@@ -116,6 +117,18 @@ class Openings:
         """(o,) which of them are slits: those that are alike are or are not all together."""
         return self.narrowness < limit(self.narrowness, NARROWER, ALIKE)
 
+    @cached_property
+    def crowded(self) -> Bools:
+        """(o,) slits between members that are nearer to each other than elsewhere: where so much material is asked for
+        that openings are narrower than members anyway, closing them all would leave another structure.
+
+        Members may be `CROWDED` times as wide, for their distance, as half of the openings by area have them.
+        """
+        area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.part.areas, self.count), 0.0)
+        usual = float(medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
+        least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDED - 1))
+        return self.slits & (self.narrowness < limit(self.narrowness, least, ALIKE))
+
     def slits_between(self, family: Bools) -> tuple[int, float]:
         """How many slits lie between members of a family, material cells (m',) of the sheet; and the share of the
         length of its walls from which it is too near to the next."""
@@ -193,11 +206,11 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
 
 def filled_slits(cells: Sheet) -> tuple[Sheet, int]:
-    """The cells with every slit made material, so that the members beside it are one; and how many there were.
+    """The cells with every slit where members crowd made material, so that they are one; and how many there were.
 
     What is beside a broader member may be a slit then: so often as there are any.
     """
     filled = 0
-    while (found := Openings.of(cells)) is not None and found.slits.any():
-        cells, filled = found.filled(found.slits), filled + int(found.slits.sum())
+    while (found := Openings.of(cells)) is not None and found.crowded.any():
+        cells, filled = found.filled(found.crowded), filled + int(found.crowded.sum())
     return cells, filled
