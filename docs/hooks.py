@@ -50,12 +50,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         "reference-presets.md": preset_keys(),
         "reference-commands.md": commands(),
         "reference-python.md": python_names(),
+        "examples.md": examples(),
         **{page: (ROOT / source).read_text(encoding="utf-8") for source, page in REPOSITORY.items()},
     }
     for page, text in made.items():
         files.append(File.generated(config, page, content=text))
-    for picture in sorted((ROOT / "outputs" / "gallery").glob("*.png")):
-        files.append(File.generated(config, f"gallery/{picture.name}", abs_src_path=str(picture)))
+    gallery = ROOT / "outputs" / "gallery"
+    for picture in sorted(gallery.rglob("*.png")):
+        where = f"gallery/{picture.relative_to(gallery).as_posix()}"
+        files.append(File.generated(config, where, abs_src_path=str(picture)))
     return files
 
 
@@ -75,6 +78,18 @@ def formula(latex: str, display: str) -> str:
     """LaTeX as MathML, which browsers draw by themselves; a repository's page shows the LaTeX."""
     drawn = convert(latex.strip(), display=display)
     return f'<div class="formula">{drawn}</div>' if display == "block" else f"<span>{drawn}</span>"
+
+
+def examples() -> str:
+    """Each script of docs/examples: what it is, its picture, its text."""
+    parts = ["# Examples", "Scripts that run as they stand: `python cloud_roof.py`. They lie in `docs/examples/`."]
+    for path in sorted((ROOT / "docs" / "examples").glob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        about = ast.get_docstring(ast.parse(text)) or ""
+        name = path.stem.replace("_", " ").capitalize()
+        picture = f"![{name}](gallery/examples/{path.stem}.png){{ width=560 }}"
+        parts += [f"## {name}", about, picture, f"```python\n{text.partition(chr(10))[2].strip()}\n```"]
+    return "\n\n".join(parts) + "\n"
 
 
 def preset_keys() -> str:

@@ -36,8 +36,7 @@ from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mes
 from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
-from dsfab.limits import SLIT
-from dsfab.limits import CROWDED
+from dsfab.limits import CROWDED, SLIT
 from dsfab.pattern.even_family import CLOSING, FOLLOWING
 from dsfab.pattern.width import SOLID
 from dsfab.pipeline import draft, run

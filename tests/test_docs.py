@@ -186,7 +186,7 @@ def test_its_table_of_elements_is_that_of_the_code():
 
 @pytest.mark.parametrize("page", PAGES)
 def test_pictures_and_pages_that_are_named_exist(page):
-    made = ("reference-presets.md", "reference-commands.md", "reference-python.md")
+    made = ("reference-presets.md", "reference-commands.md", "reference-python.md", "examples.md")
     for target in re.findall(r"\]\((?!https?:)([^)#]+)", PAGES[page]):
         path = (ROOT / page).parent / target
         assert path.name in made or path.exists(), target
