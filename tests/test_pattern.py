@@ -42,6 +42,27 @@ def test_an_odd_number_of_levels_lies_below_material_and_only_there(threshold, p
     assert np.array_equal((below % 2 == 1)[clear], (stripes.value(x) > 0)[clear])
 
 
+@pytest.mark.parametrize("threshold", [-0.9, 0.0, 0.4, 0.99])
+@pytest.mark.parametrize(("frequency", "phase"), [(1.0, 0.0), (7.0, 0.3), (0.2, -4.6)])
+def test_there_are_levels_as_far_as_the_field_reaches_and_not_much_farther(frequency, phase, threshold):
+    """Two edges to a period, one whole stripe beyond each end at least, and two of them at most."""
+    x = np.linspace(3.0, 8.0, 11)
+    levels, period = Stripes(frequency, phase, threshold).levels(x), 1 / frequency
+    assert np.diff(levels[::2]) == pytest.approx(period)
+    half = period * (1 - threshold) / 4
+    assert np.diff(levels)[::2] == pytest.approx(2 * half)
+    middles = frequency * (levels[::2] + half) + phase
+    assert middles == pytest.approx(np.round(middles), abs=1e-9)
+    assert 3.0 - 2 * period < levels[0] + half <= 3.0 - period * (1 - 1e-9)
+    assert 8.0 + period * (1 - 1e-9) <= levels[-1] - half < 8.0 + 2 * period
+
+
+def test_stripes_that_touch_have_one_edge_below_everything_and_none_have_none():
+    x = np.linspace(-3.0, 8.0, 11)
+    assert Stripes(2.0, 0.3, -1.0).levels(x) == pytest.approx([-3.5])
+    assert Stripes(2.0, 0.3, 1.0).levels(x).shape == (0,)
+
+
 @pytest.mark.parametrize("threshold", [-1, -0.5, 0, 0.3, 1])
 def test_share_of_material_is_half_of_one_minus_the_threshold(threshold):
     t = (np.arange(200_000) + 0.5) / 200_000

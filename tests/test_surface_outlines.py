@@ -1,6 +1,7 @@
 """Pickers by an outline: polygons in plan, closed curves of drawings, strokes of a brush."""
 
 import shutil
+import uuid
 from pathlib import Path
 
 import ezdxf
@@ -14,6 +15,8 @@ import dsfab
 from dsfab.errors import PresetError, SurfaceError
 from dsfab.surface import Ball, Box, Brush, ClosedCurves, PlanPolygon, Side, Surface
 from dsfab.surface.extent import pierced
+from dsfab.surface.formats.curves import DrawingBudget
+from dsfab.surface.formats.rhino import read_rhino
 from dsfab.surface.outline_cut import with_outline
 from dsfab.surface.picker import extent_of
 from dsfab.surface.plane_loops import depth_in, enclosed_area, self_crossing
@@ -217,6 +220,54 @@ def test_curves_of_a_3dm_file_are_those_of_its_layer(tmp_path):
     assert np.allclose(door, [(0, 0, 0), (0.9, 0, 0), (0.9, 0, 2.1), (0, 0, 2.1)])
     with pytest.raises(SurfaceError, match=r"no layer 'dor'; did you mean door\?"):
         ClosedCurves(tmp_path / "m.3dm", "dor").loops()
+
+
+def with_blocks(path: Path, depth: int) -> Path:
+    """A 3DM drawing of one square, 1 m wide, in a block, in blocks of two of the one before, the last one once."""
+    rhino3dm = pytest.importorskip("rhino3dm")
+    model, plain, origin = rhino3dm.File3dm(), rhino3dm.ObjectAttributes(), rhino3dm.Point3d(0, 0, 0)
+    model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Meters
+    corners = [rhino3dm.Point3d(*p) for p in ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 0))]
+    things = (rhino3dm.Polyline(corners).ToPolylineCurve(),)
+    move = rhino3dm.Transform.Translation
+    for level in range(depth):
+        number = model.InstanceDefinitions.Add(f"{level}", "", "", "", origin, things, (plain,) * len(things))
+        block = model.InstanceDefinitions[number].Id
+        places = (move(0, 0, 0), move(3.0 * 2**level, 0, 0))
+        things = tuple(rhino3dm.InstanceReference(block, place) for place in places)
+    turned = rhino3dm.Transform.Rotation(np.pi / 2, rhino3dm.Vector3d(0, 0, 1), origin)
+    both = rhino3dm.Transform.Multiply(move(0, 10, 0), turned)
+    model.Objects.Add(rhino3dm.InstanceReference(block, both), plain)
+    assert model.Write(str(path), 7)
+    return path
+
+
+@pytest.mark.parametrize("depth", [1, 2, 4])
+def test_what_blocks_of_a_3dm_file_hold_is_drawn_where_they_are_inserted_and_nowhere_else(depth, tmp_path):
+    loops = ClosedCurves(with_blocks(tmp_path / "a.3dm", depth)).loops()
+    left = sorted(float(loop[:, 1].min()) for loop in loops)  # what went along x goes along y, from 10
+    assert left == pytest.approx([10 + 3 * k for k in range(2 ** (depth - 1))])
+    for loop in loops:
+        assert np.allclose(np.ptp(loop, axis=0), (1, 1, 0))
+        assert np.allclose((loop[:, 0].min(), loop[:, 0].max()), (-1, 0))
+
+
+def test_blocks_of_a_3dm_file_within_blocks_are_bounded(tmp_path):
+    with pytest.raises(SurfaceError, match="blocks lie in one another, more than 16 deep"):
+        ClosedCurves(with_blocks(tmp_path / "deep.3dm", 18)).loops()
+    many = with_blocks(tmp_path / "many.3dm", 7)  # 1 + 2 + .. + 64 insertions, and 64 squares
+    assert len(read_rhino(many, DrawingBudget(entities=191)).runs) == 64
+    with pytest.raises(SurfaceError, match="191 entities, and 190 is the limit; put the outlines"):
+        read_rhino(many, DrawingBudget(entities=190))
+
+
+def test_a_block_that_is_not_in_the_3dm_file_is_told(tmp_path):
+    rhino3dm = pytest.importorskip("rhino3dm")
+    model, nobody = rhino3dm.File3dm(), uuid.uuid4()
+    model.Objects.Add(rhino3dm.InstanceReference(nobody, rhino3dm.Transform.Identity()), rhino3dm.ObjectAttributes())
+    assert model.Write(str(tmp_path / "linked.3dm"), 7)
+    with pytest.raises(SurfaceError, match="a block is inserted and not in the file; explode it, or embed it"):
+        ClosedCurves(tmp_path / "linked.3dm").loops()
 
 
 def test_3dm_without_its_library_says_what_to_install(tmp_path, monkeypatch):

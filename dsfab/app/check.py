@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Quiet, Set, Source, built_folder
+from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
 from dsfab.app.terminal import Reporter, out
 from dsfab.wording import length, mass
 
@@ -61,12 +61,28 @@ class Expected:
         return run(Source(self.set_).read(str(folder / "preset.toml") if folder else name), reporter)
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Reading:
+    """How a file is read."""
+
+    unit: Annotated[str | None, Parameter(help="Unit of an STL file's numbers: mm, cm, m, in, ft [mm].")] = None
+    max_triangles: MaxTriangles = None
+
+    @property
+    def most(self) -> int:
+        """Triangles that the file may have."""
+        from dsfab.surface import DEFAULT_TRIANGLES
+
+        return self.max_triangles or DEFAULT_TRIANGLES
+
+
 def check(
     file: Path,
     /,
     *,
     expected: Expected = Expected(),
-    unit: Annotated[str | None, Parameter(help="Unit of an STL file's numbers: mm, cm, m, in, ft [mm].")] = None,
+    reading: Reading = Reading(),
     density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0,
     solid: Annotated[bool, Parameter(help="With a preset: also compare compliance by a solid model.")] = True,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON instead of text.")] = False,
@@ -88,9 +104,9 @@ def check(
     try:
         design = None
         if name is not None:
-            read_shipped(file, unit)  # a file that cannot be read is told before any work begins
+            read_shipped(file, reading.unit, reading.most)  # a file that cannot be read is told before any work begins
             design = expected.design(name, reporter)
-        checked = check_file(file, design, unit, density, solid, reporter)
+        checked = check_file(file, design, reading.unit, density, solid, reporter, reading.most)
         reporter.done()
     finally:
         reporter.stop()

@@ -7,18 +7,20 @@ from dsfab.export.folder import complete, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
-from dsfab.export.program import meanwhile
+from dsfab.export.program import Ahead, ProgramError, meanwhile
 from dsfab.export.rhino import ready as require_rhino
 from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json
 
 __all__ = [
     "FORMATS",
     "STEP_FACES",
+    "Ahead",
     "Details",
     "Estimate",
     "FlatCircle",
     "FlatDrawing",
     "FlatLine",
+    "ProgramError",
     "StepOptions",
     "Written",
     "check_flat_dxf",

@@ -89,13 +89,21 @@ class Ahead:
         with self._run:  # its pipes are closed
             pass
 
-    def last_line(self, *arguments: str, seconds: float) -> str:
-        """The last line that it prints when it is asked, once; raises as `last_line`."""
+    def ask(self, *arguments: str) -> None:
+        """Give it its arguments, once; `answer` is what it says to them."""
         if self._run.stdin:
             with suppress(BrokenPipeError):  # it has ended: its complaint says more
                 self._run.stdin.write(json.dumps(arguments) + "\n")
                 self._run.stdin.flush()
+
+    def answer(self, seconds: float) -> str:
+        """The last line that it prints, once it was asked; raises as `last_line`."""
         return _last(_answer(self._run, seconds))
+
+    def last_line(self, *arguments: str, seconds: float) -> str:
+        """The last line that it prints when it is asked, once; raises as `last_line`."""
+        self.ask(*arguments)
+        return self.answer(seconds)
 
 
 def _started(program: str, *arguments: str, stdin: int | None) -> "subprocess.Popen[str]":

@@ -50,10 +50,24 @@ def picture(
     Returns (height, width, 3) bytes, red green blue. Raises DsfabError where nothing can be drawn (see
     `dsfab.render.opengl.require_rendering`) and for a solid without faces. Draw in one thread at a time.
     """
+    require_rendering()
+    return drawn_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)
+
+
+def drawn_picture(
+    V: ArrayLike,
+    F: ArrayLike,
+    *,
+    surface: Surface | None = None,
+    load: LoadCase | None = None,
+    family: ArrayLike | None = None,
+    caption: str = "",
+    look: Look = PLAIN,
+) -> Bytes:
+    """The same without asking first whether this machine can draw: VTK ends the process where it cannot."""
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
-    require_rendering()
     size, up, palette = look.size, look.up, look.palette
     member = _member_colours(faces, family, palette)
     axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)

@@ -4,8 +4,7 @@ import json
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
-from functools import partial
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,29 +59,43 @@ def save(
     Raises ExportError for a folder that cannot be written; a STEP file that is too large is told instead.
     """
     with whole_or_nothing(Path(folder)) as here:
-        progress("fabrication", "measuring members, gaps and walls")
-        made = fabrication(design)
-        measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
-        if is_searched(design.preset):
-            progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
-            measured |= alternative_facts(design_alternatives(design))
-        if marked:
-            _mark(design, made, here / "fabrication.png")
-        start, image = time.perf_counter(), here / "preview.png"
-        with meanwhile(partial(_draw, design, image)) if picture else nullcontext():
-            files = _written(design, here, progress)
-            write(design.sheet.surface, here / "sheet.ply")
-            preset = with_mesh(design.settled, here, Path(folder))
-            _keep_mesh(preset, Path(folder), here)
-            write_archive(design, here, preset)
+        with _picture(design, here / "preview.png", progress) if picture else nullcontext():
+            progress("fabrication", "measuring members, gaps and walls")
+            made = fabrication(design)
+            measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
+            if is_searched(design.preset):
+                progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
+                measured |= alternative_facts(design_alternatives(design))
+            if marked:
+                _mark(design, made, here / "fabrication.png")
+            start, preset = time.perf_counter(), with_mesh(design.settled, here, Path(folder))
+            with meanwhile(lambda: _write_numbers(design, here, Path(folder), preset)):
+                files = _written(design, here, progress)
             seconds = {**design.seconds, "export": time.perf_counter() - start}
-            if picture and not image.exists():  # else it was drawn while OCCT read a file
-                progress("preview", "drawing preview.png")
-        (here / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
         told = facts(design, seconds, files.names, files.refused, files.notes) | measured
         told |= {MANIFEST: manifest(here)}
         (here / DESIGN).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     return Saved(told, (*files.reports, *files.notes), "; ".join(files.refused))
+
+
+@contextmanager
+def _picture(design: Design, path: Path, progress: Progress) -> Iterator[None]:
+    """What is done inside is done while the picture is drawn; at the end it is waited for."""
+    from dsfab.render.finished import picture_meanwhile
+
+    with picture_meanwhile(design, path) as finish:
+        yield
+        if not path.exists():
+            progress("preview", f"drawing {path.name}")
+        finish()
+
+
+def _write_numbers(design: Design, here: Path, folder: Path, preset: Preset) -> None:
+    """The sheet, the preset with its mesh, and the archive of the design: what any of its files comes from."""
+    write(design.sheet.surface, here / "sheet.ply")
+    _keep_mesh(preset, folder, here)
+    write_archive(design, here, preset)
+    (here / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
 
 
 def _keep_mesh(preset: Preset, folder: Path, here: Path) -> None:
@@ -125,14 +138,3 @@ def _mark(design: Design, made: FabricationMeasures, path: Path) -> None:
     from dsfab.render.fabrication import write_workshop_picture
 
     write_workshop_picture(path, design, made, SIZE)
-
-
-def _draw(design: Design, path: Path) -> None:
-    """The finished structure, as a picture."""
-    from dsfab.render.caption import caption
-    from dsfab.render.picture import picture
-    from dsfab.render.png import write_png
-
-    solid = design.solid
-    pixels = picture(solid.V, solid.F, surface=design.surface, load=design.load, caption=caption(design))
-    write_png(pixels, path)

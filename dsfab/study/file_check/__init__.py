@@ -16,6 +16,7 @@ from dsfab.study.file_check.reading import SUFFIXES, FileContents, read_shipped
 from dsfab.study.file_check.soundness import Fault, Soundness, soundness
 from dsfab.study.file_check.tetrahedra import missing
 from dsfab.study.file_check.walls import Clearance, Clearances, clearances
+from dsfab.surface import DEFAULT_TRIANGLES
 
 __all__ = [
     "SUFFIXES",
@@ -89,18 +90,20 @@ def check_file(
     density: float = 0.0,
     solid: bool = True,
     progress: Progress | None = None,
+    max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
     """Read a file again, and say what is in it.
 
     design  : what it should be; without one the file is judged as it stands.
     unit    : of an STL file's numbers, millimetres when left out.     density : kg/m3, else the design's.
     solid   : whether compliance is compared by a solid model, which needs the extra `solid` and takes longest.
+    max_triangles : how many the file may have (see `read_shipped`).
 
     Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`).
     """
     tell = progress or (lambda stage, doing: None)
     tell("read", f"reading {Path(path).name}")
-    found = read_shipped(path, unit)
+    found = read_shipped(path, unit, max_triangles)
     tell("judge", f"looking for holes and crossings in {len(found.F):,} triangles")
     sound = soundness(found.V, found.F)
     near = None

@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.errors import ExportError, SurfaceError
 from dsfab.export.step_read import read_step
-from dsfab.surface import raw_mesh
+from dsfab.surface import DEFAULT_TRIANGLES, raw_mesh
 from dsfab.surface.bridges import stl_by_trimesh
 from dsfab.units import METRES_PER, metres_per
 
@@ -54,10 +54,11 @@ class FileContents:
         return float(np.linalg.norm(np.ptp(self.V, axis=0)))
 
 
-def read_shipped(path: str | Path, unit: str | None = None) -> FileContents:
+def read_shipped(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> FileContents:
     """The solid in an STL, 3MF or STEP file, read by trimesh, lib3mf or OCCT: none of them wrote it.
 
     unit : of the numbers of an STL file, millimetres when left out; 3MF and STEP files name theirs.
+    max_triangles : how many an STL or a 3MF file may have; what reading may cost follows from it.
 
     Raises SurfaceError or ExportError, one sentence, for a missing, empty, unreadable or foreign file, for coordinates
     that are not finite, and for a unit given to a file that names its own.
@@ -71,7 +72,7 @@ def read_shipped(path: str | Path, unit: str | None = None) -> FileContents:
     if suffix in (".step", ".stp"):
         found = _step(path)
     else:
-        raw = raw_mesh(path)
+        raw = raw_mesh(path, max_triangles)
         here = unit or raw.unit or BY_CONVENTION
         metres = raw.metres if raw.unit else metres_per(here)
         V, F, lost = _joined(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))

@@ -1,0 +1,80 @@
+"""The picture of a finished design, drawn by another process: the same picture, whatever becomes of that process."""
+
+from pathlib import Path
+
+import pytest
+
+from dsfab.errors import DsfabError
+from dsfab.pipeline import run
+from dsfab.preset_file import load_preset, overridden
+from dsfab.render import finished, opengl
+from dsfab.render.picture import Look
+
+SMALL = Look((160, 120))
+
+
+@pytest.fixture(scope="module")
+def vault():
+    return run(overridden(load_preset("barrel_vault"), {"surface.edge": 0.9}))
+
+
+@pytest.fixture(scope="module")
+def expected(vault, tmp_path_factory):
+    path = tmp_path_factory.mktemp("here") / "preview.png"
+    finished.write_picture(vault, path, SMALL)
+    return path.read_bytes()
+
+
+def test_another_process_draws_the_same_picture_byte_for_byte(vault, expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(finished, "write_picture", None)  # nobody draws here
+    path = tmp_path / "preview.png"
+    with finished.picture_meanwhile(vault, path, SMALL) as finish:
+        finish()
+    assert path.read_bytes() == expected
+    assert [file.name for file in tmp_path.iterdir()] == ["preview.png"]
+
+
+@pytest.mark.parametrize("program", ["raise MemoryError", "import os; os.abort()", "import time; time.sleep(60)"])
+def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected, tmp_path, monkeypatch):
+    file = tmp_path / "program.py"
+    file.write_text(program)
+    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(finished, "SECONDS", 0.5)
+    monkeypatch.setattr(finished.picture_program, "__file__", str(file))
+    with finished.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
+        finish()
+    assert (tmp_path / "preview.png").read_bytes() == expected
+
+
+def test_one_core_draws_last_and_starts_nothing(vault, expected, tmp_path, monkeypatch):
+    monkeypatch.setattr(finished.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(finished, "Ahead", None)
+    with finished.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
+        assert not list(tmp_path.iterdir())
+        finish()
+    assert (tmp_path / "preview.png").read_bytes() == expected
+
+
+def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch):
+    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
+    started = list[finished.Ahead]()
+
+    class Seen(finished.Ahead):
+        def __init__(self, program: str) -> None:
+            super().__init__(program)
+            started.append(self)
+
+    monkeypatch.setattr(finished, "Ahead", Seen)
+    with pytest.raises(KeyError), finished.picture_meanwhile(vault, tmp_path / "preview.png", SMALL):
+        raise KeyError
+    assert started[0]._run.returncode is not None
+    assert not Path(tmp_path / "preview.png").exists()
+
+
+def test_where_nothing_can_be_drawn_it_is_said_before_a_process_starts(vault, tmp_path, monkeypatch):
+    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(finished, "Ahead", None)
+    monkeypatch.setattr(opengl, "_draws", lambda name: False)
+    with pytest.raises(DsfabError, match="cannot be drawn"), finished.picture_meanwhile(vault, tmp_path / "a.png"):
+        pass
