@@ -108,7 +108,7 @@ class Ground:
             if self.supported(point, float(course.width(np.array([at]))[0])) and (foot := self._foot(layer, at, last)):
                 feet.append(foot)
                 middle = float(foot.shoulders[1:3].mean())
-                course = replace(course, **{"end" if last else "begin": middle})
+                course = replace(course, end=middle) if last else replace(course, begin=middle)
         return (course if feet else self._trimmed(course, height)), tuple(feet)
 
     def _foot(self, layer: Development, at: float, last: bool) -> StripFoot | None:
@@ -162,13 +162,13 @@ class Ground:
         """A course with edges that stay above the plate."""
         P, _, B, _ = Development(course, height).frame(course.s)
         above, slope = self.heights(P), B @ self.up
-        sides = dict[str, Floats]()
-        for name, way in (("left", slope), ("right", -slope)):
-            side, width = getattr(course, name), course.left + course.right
+        sides = list[Floats]()
+        for side, way in ((course.left, slope), (course.right, -slope)):
             falls = way < -1e-9
             most = np.where(falls, above / np.where(falls, -way, 1.0), np.inf)
-            sides[name] = np.where(above + way * side < 0, np.clip(most, LEAST * width - side, side), side)
-        return replace(course, **sides)
+            least = LEAST * (course.left + course.right) - side
+            sides.append(np.where(above + way * side < 0, np.clip(most, least, side), side))
+        return replace(course, left=sides[0], right=sides[1])
 
 
 def footed_outline(layer: Development, span: tuple[float, float], feet: tuple[StripFoot, ...]) -> Floats:
