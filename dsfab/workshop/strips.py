@@ -24,7 +24,7 @@ EDGE = 1.0
 LETTERS = 0.3
 """Height of letters over the width of a part, at most."""
 FILLED = 0.9
-"""Of the length of a part by its name, at most."""
+"""Of the length of a part, or of a bay where letters are large for it, by a name, at most."""
 LEGIBLE, TALL = 0.002, 0.6
 """Letters that would be lower than so many metres take up to that share of the width."""
 
@@ -184,7 +184,8 @@ class _Strip:
         middle = (stops[longest] + stops[longest + 1]) / 2
         at, angle = layer.at(np.array([middle]))
         high, height = (letter_height(width, most) for most in self.layering.letters)
-        high *= min(1.0, (span[1] - span[0]) / text_length(name, high) * FILLED)
+        room = float(np.diff(stops).max()) if self.layering.sparing else span[1] - span[0]
+        high *= min(1.0, room / text_length(name, high) * FILLED)
         found = list(label(name, at[0], float(angle[0]), high))
         taken = [(middle, text_length(name, high))]
         for s, hole in holes:
