@@ -27,6 +27,8 @@ class Workshop(Section):
     """Metres; diameter of the bolts, and of their holes."""
     gap: Annotated[float, Ge(0)] = 0.008
     """Metres between parts on the stock, and from its edge: room for the cutter."""
+    model: Annotated[float, Ge(0)] = 0.0
+    """50: a model in card at 1:50, and all lengths of this section are the model's. 0: full size."""
     splice: Literal["cover", "none"] = "cover"
     """How members that are longer than the stock go on: with a bolted cover plate, or just butted."""
 

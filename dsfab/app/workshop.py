@@ -1,5 +1,6 @@
 """`dsfab workshop`: the members of a design as flat parts, nested on the stock."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,6 +9,8 @@ from cyclopts import Parameter
 from dsfab.app.export import built_design, source_of
 from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.terminal import Reporter, out
+from dsfab.errors import PresetError
+from dsfab.units import METRES_PER
 from dsfab.wording import length
 
 if TYPE_CHECKING:
@@ -21,12 +24,20 @@ def workshop(
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME/workshop].")
     ] = None,
+    model: Annotated[
+        str | None, Parameter(help="A model in card at this scale, 1:50: its stock is A3, of 1 mm, unless you say so.")
+    ] = None,
+    stock: Annotated[
+        str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")
+    ] = None,
+    thickness: Annotated[str | None, Parameter(help="Of one layer: 1mm, 0.012m.")] = None,
     source: Source = UNCHANGED,
     quiet: Quiet = False,
 ) -> int:
     """Cut a design from sheets: flat parts with holes and names, nested on the stock, as DXF, SVG and a cut list.
 
     What is possible and what is not is told first, in numbers. Stock, thickness, bolts and gap are those of [workshop].
+    With --model it is a model in card for a laser cutter, with a base plate that its feet stand in.
 
     Parameters
     ----------
@@ -34,15 +45,17 @@ def workshop(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
     from dsfab.pipeline import Design
+    from dsfab.render import up_axis
     from dsfab.report.assembly import assembly_page, assembly_pdf
     from dsfab.workshop import workshop_plan, write_workshop
 
-    given, folder = source_of(preset, source)
+    given, folder = source_of(preset, options_source(source, model, stock, thickness))
     reporter = Reporter(quiet)
     try:
         design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
         reporter("export", "developing and nesting")
-        plan = workshop_plan(design)
+        load = design.load if design.has("statics") else None
+        plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
         documents = {"assembly.pdf": assembly_pdf(plan, design)}
         if plan.graph is not None:
             documents["index.html"] = assembly_page(plan, design).encode()
@@ -52,15 +65,77 @@ def workshop(
     if not quiet:
         for note in plan.notes:
             out(note)
-    where = write_workshop(plan, output or folder / "workshop", given.name, documents)
+    where = write_workshop(plan, output or folder / ("model" if plan.model else "workshop"), given.name, documents)
     if not quiet:
-        kinds = len(plan.same)
-        parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _counted(plan))
-        out(f"{parts} of {length(plan.thickness)}, {kinds} different; {sheets}, {plan.used:.0%} used")
-        out(f"  {where / 'nest.dxf'}  {where / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
-        out("  ".join(["", *(str(where / name) for name in ("cutlist.xlsx", *documents))]))
+        _say_files(plan, where, documents)
     return 0
+
+
+def _say_files(plan: "WorkshopPlan", where: Path, documents: Mapping[str, bytes]) -> None:
+    """What was written into a folder."""
+    parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _counted(plan))
+    out(f"{parts} of {length(plan.thickness)}, {len(plan.same)} different; {sheets}, {plan.used:.0%} used")
+    if plan.model:
+        out(f"  {where / 'sheet_1.dxf'} and .svg{', and so on: each sheet' if len(plan.sheets) > 1 else ''}")
+    out(f"  {where / 'nest.dxf'}  {where / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
+    out("  ".join(["", *(str(where / name) for name in ("cutlist.xlsx", *documents))]))
 
 
 def _counted(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
     return (len(plan.parts), "part"), (len(plan.sheets), "sheet")
+
+
+MODEL = {"stock": "[0.42, 0.297]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
+"""[workshop] for card: A3, 1 mm, holes for pins, and room for the laser; metres."""
+PAPERS = {"A4": (0.297, 0.21), "A3": (0.42, 0.297), "A2": (0.594, 0.42), "A1": (0.841, 0.594), "A0": (1.189, 0.841)}
+"""Sizes of sheets of card, metres [ISO 216]."""
+
+
+def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
+    """The changes of a command line, --model, --stock and --thickness among them. Raises PresetError for no scale, no
+    size and no length."""
+    texts = []
+    if model is not None:
+        asked = source.sets()
+        given = {key: value for key, value in MODEL.items() if f"workshop.{key}" not in asked}
+        texts = [f"model={_scale(model):g}", *(f"{key}={value}" for key, value in given.items())]
+    if stock is not None:
+        texts.append("stock=[{:.10g}, {:.10g}]".format(*_stock(stock)))
+    if thickness is not None:
+        texts.append(f"thickness={_metres(thickness, '--thickness'):.10g}")
+    return source.also(*(f"workshop.{text}" for text in texts))
+
+
+def _scale(text: str) -> float:
+    one, colon, scale = text.rpartition(":")
+    try:
+        value = float(scale) / (float(one) if colon else 1.0)
+    except (ValueError, ZeroDivisionError):
+        value = 0.0
+    if not 1 <= value < 1e5:
+        raise PresetError(f"--model {text!r} is no scale of a model; write for instance --model 1:50")
+    return value
+
+
+def _stock(text: str) -> tuple[float, float]:
+    if text.upper() in PAPERS:
+        return PAPERS[text.upper()]
+    length_, cross, width = text.lower().partition("x")
+    if not cross:
+        raise PresetError(f"--stock {text!r} is no sheet; write {', '.join(PAPERS)}, or for instance 2.5x1.25m")
+    unit = width.lstrip("0123456789. ") or "m"
+    length_ = length_ if length_.strip()[-1:].isalpha() else length_ + unit
+    return _metres(length_, "--stock"), _metres(width, "--stock")
+
+
+def _metres(text: str, option: str) -> float:
+    """A length with its unit, metres where it has none."""
+    number = text.strip().rstrip("abcdefghijklmnopqrstuvwxyz ")
+    unit = text.strip()[len(number) :].strip() or "m"
+    try:
+        value = float(number) * METRES_PER[unit]
+    except (ValueError, KeyError):
+        value = 0.0
+    if not 0 < value < 1e3:
+        raise PresetError(f"{option} {text!r} is no length; write for instance 1mm, 12mm or 0.012m")
+    return value

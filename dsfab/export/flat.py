@@ -95,16 +95,19 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
         raise ExportError(f"the drawing {drawing.title!r} reads back different; use the .svg files instead")
 
 
-def flat_svg(drawing: FlatDrawing) -> bytes:
-    """A drawing as SVG at full size, its layers as groups for Inkscape."""
-    return "".join(_svg(drawing)).encode()
+def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
+    """A drawing as SVG at full size, its layers as groups for Inkscape.
+
+    hair : width of its lines, metres; 0 for one that is seen when all of it is.
+    """
+    return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
 
-def _svg(drawing: FlatDrawing) -> Iterator[str]:
+def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
     points = np.concatenate([line.points for line in drawing.lines]) * MM_PER_M
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.02 * float((high - low).max())
-    (w, h), hair = high - low + 2 * margin, HAIR * float((high - low).max())
+    (w, h), hair = high - low + 2 * margin, thin or HAIR * float((high - low).max())
     shift = np.array([margin - low[0], high[1] + margin])
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg" '

@@ -3,6 +3,7 @@
 course, development   an axis laid open, and a layer over it rolled out    layering   which family lies how high
 strips, splices       parts of lying strips                                plates, sheet   discs; flat designs
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
+model, ground, base   models in card, with feet in a plate
 nesting               parts on sheets                                      plan       all of it: `workshop_plan`
 drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """

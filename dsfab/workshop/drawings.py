@@ -8,6 +8,7 @@ from dsfab.arrays import Floats
 from dsfab.export import FlatCircle, FlatDrawing, FlatLine
 from dsfab.surface import simplified_line
 from dsfab.workshop.letters import strokes
+from dsfab.workshop.nesting import NestedSheet
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plan import WorkshopPlan
 
@@ -15,8 +16,8 @@ TOLERANCE = 2e-5
 """Metres that a drawn outline may be off the part's."""
 BETWEEN = 1.15
 """From sheet to sheet on the drawing of all, over the longest one."""
-TITLE = 0.06
-"""Height of the number of a sheet, metres."""
+TITLE, SMALL_TITLE = 0.06, 0.06
+"""Height of the number of a sheet, metres; of small sheets that share of their width."""
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
@@ -59,9 +60,18 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         frame = origin + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size
         lines.append(FlatLine("STOCK", frame, closed=True))
         title = f"SHEET {k + 1}" if len(plan.sheets) > 1 else "SHEET"
-        lines += [FlatLine("STOCK", mark + frame[3] + [0.0, TITLE / 2]) for mark in strokes(title, TITLE)]
+        tall = min(TITLE, SMALL_TITLE * sheet.size[1])
+        lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
             part = nested.placed.moved(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)
     return FlatDrawing(name, tuple(lines), tuple(circles))
+
+
+def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
+    """A sheet alone, its lower left corner at the origin: what a laser is given."""
+    frame = FlatLine("STOCK", np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size, closed=True)
+    parts = [nested.placed for nested in sheet.parts]
+    lines = [line for part in parts for line in part_lines(part)]
+    return FlatDrawing(title, (frame, *lines), tuple(circle for part in parts for circle in part_circles(part)))

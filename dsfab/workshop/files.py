@@ -6,11 +6,13 @@ from pathlib import Path
 from types import MappingProxyType
 
 from dsfab.export import check_flat_dxf, flat_dxf, flat_svg, whole_or_nothing, write_chunks
-from dsfab.workshop.drawings import file_stem, nest_drawing, part_drawing
+from dsfab.workshop.drawings import file_stem, nest_drawing, part_drawing, sheet_drawing
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.tables import cut_list, cut_list_workbook
 
-NEST, CUTLIST, WORKBOOK = "nest", "cutlist.csv", "cutlist.xlsx"
+NEST, CUTLIST, WORKBOOK, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "sheet_"
+LASER = 1e-4
+"""Metres; width of lines in the SVG files of sheets."""
 
 
 def write_workshop(
@@ -28,6 +30,8 @@ def write_workshop(
         write_chunks(partial / f"{NEST}.dxf", [flat_dxf(nest)])
         check_flat_dxf(nest, partial / f"{NEST}.dxf")
         write_chunks(partial / f"{NEST}.svg", [flat_svg(nest)])
+        if plan.model:
+            _write_sheets(plan, partial, name)
         for group in plan.same:
             part = plan.parts[group[0]]
             drawing = part_drawing(part)
@@ -40,12 +44,24 @@ def write_workshop(
     return folder
 
 
+def _write_sheets(plan: WorkshopPlan, folder: Path, name: str) -> None:
+    """A DXF and an SVG of each sheet alone, each on its own way to the laser."""
+    for k, sheet in enumerate(plan.sheets, 1):
+        drawing = sheet_drawing(sheet, f"{name}, sheet {k} of {len(plan.sheets)}")
+        path = folder / f"{SHEET}{k}.dxf"
+        write_chunks(path, [flat_dxf(drawing)])
+        check_flat_dxf(drawing, path)
+        write_chunks(path.with_suffix(".svg"), [flat_svg(drawing, LASER)])
+
+
 def _outdated(target: Path, partial: Path) -> set[str]:
     """Files that the cut list of an earlier plan names, or that go with it, and that are not written again."""
     try:
         with open(target / CUTLIST, encoding="utf-8", newline="") as file:
-            named = {row["file"] for row in csv.DictReader(file)}
-    except (OSError, ValueError, KeyError):
+            rows = list(csv.DictReader(file))
+        named = {row["file"] for row in rows}
+        named |= {f"{SHEET}{number}.dxf" for row in rows for number in row["sheets"].split()}
+    except (OSError, ValueError, KeyError, AttributeError):
         return set()
     names = {name for name in named if name == Path(name).name} if None not in named else set()
     return set(_with_svg(names)) - {path.name for path in partial.iterdir()}

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 from dsfab.members import Node
+from dsfab.workshop.parts import LABEL, SMALL
 
-OWN = {"rim": 0, "keep": 1}
+OWN = ("rim", "keep")
 """Families that cross both families of stripes have layers of their own, below all others."""
 END = 3.0
 """Bolt diameters from the middle of a bolt to the end of a part."""
@@ -21,17 +22,33 @@ class Layering:
     major  ═══════════════     0      of two layers; of four the families take turns
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2      edges; what is kept: below them
+                               4      plates: below all
+
+    own : those of `OWN` that there are layers for; a model leaves out those that it does not have.
+    letters : heights of names of parts and of nodes, metres, at most.
     """
 
     thickness: float
     count: int
     bolt: float
+    own: tuple[str, ...] = OWN
+    letters: tuple[float, float] = (LABEL, SMALL)
 
     def numbers(self, family: str) -> tuple[int, ...]:
         """The layers that a family is in, counted from the top."""
-        if family in OWN:
-            return (self.count + OWN[family],)
+        if family in self.own:
+            return (self.count + self.own.index(family),)
         return tuple(range(0 if family == "major" else 1, self.count, 2))
+
+    @property
+    def sparing(self) -> bool:
+        """Whether names of nodes stand only where there is room for them: letters of a model are large for it."""
+        return self.letters[0] < LABEL
+
+    @property
+    def plates(self) -> int:
+        """The layer of plates: below all others, where nothing else lies."""
+        return self.count + len(self.own)
 
     def height(self, number: int) -> float:
         """Metres from the surface to the middle of a layer: 0 is in the middle of those of the stripes."""

@@ -40,3 +40,9 @@ def strokes(text: str, height: float) -> list[Floats]:
             found.append(points * scale + [x, 0.0])
         x += (WIDE + SPACE) * scale
     return found
+
+
+def text_length(text: str, height: float) -> float:
+    """How long a line of text is, in the unit of its height."""
+    wide = sum((WIDE + SPACE) * (SMALL if letter.islower() else 1.0) for letter in text)
+    return (wide - SPACE) * height / HIGH

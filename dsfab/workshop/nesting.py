@@ -183,7 +183,7 @@ def _shapes(part: FlatPart, ask: _Raster, boxes: bool) -> list[_Shape]:
         outline = part.moved(turn, np.zeros(2)).outline
         low, size = outline.min(axis=0), np.ptp(outline, axis=0)
         if found and size[1] > ask.tallest:
-            break
+            continue
         lower, upper = _box_columns(size, ask) if boxes else _columns(outline - low, size, ask)
         found.append(_Shape(part, turn, low, size, lower, upper))
     return found

@@ -6,18 +6,27 @@ from functools import cached_property
 
 import numpy as np
 
+from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.members import MemberGraph, spherical_normals
 from dsfab.pipeline import Design
 from dsfab.wording import length
-from dsfab.workshop.layering import Layering
+from dsfab.workshop.base import base_notes, base_parts
+from dsfab.workshop.ground import Ground
+from dsfab.workshop.layering import OWN, Layering
 from dsfab.workshop.limits import strip_limits
+from dsfab.workshop.model import CARD, LETTERS, model_notes, packing_parts, scaled_graph, scaled_surface
 from dsfab.workshop.nesting import NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, congruent, shape_key
 from dsfab.workshop.plates import plate_parts
 from dsfab.workshop.sheet import sheet_parts
-from dsfab.workshop.strips import StripParts, strip_parts
+from dsfab.workshop.strips import StripParts, is_strip, strip_parts
 
+UP = np.array([0.0, 0.0, 1.0])
+CLEARANCE = 1e-4
+"""Metres that a slot in the plate of a model is wider than its tab, to each side."""
+TABS = 4.0
+"""Thicknesses that both tabs of a strip may make it longer."""
 SLACK = 5e-4
 """Metres that parts are shorter than the stock has room for: what their direction may differ by on the drawing."""
 
@@ -30,7 +39,9 @@ class WorkshopPlan:
     parts     : all of them.            sheets : each part on one of them.
     same      : numbers of parts that are one part to cut, as lists, in the order of the parts.
     notes     : sentences that come first: what is possible, and what is not.
-    graph     : the members that the parts are of, and their nodes; None of a flat sheet.
+    graph     : the members that the parts are of, and their nodes, as large as what is built; None of a flat sheet.
+    layering  : how its members lie on each other; None of a flat sheet.
+    model     : 50 for a model at 1:50; 0 for full size.
     """
 
     route: str
@@ -40,6 +51,8 @@ class WorkshopPlan:
     same: tuple[tuple[int, ...], ...]
     notes: tuple[str, ...]
     graph: MemberGraph | None = None
+    layering: Layering | None = None
+    model: float = 0.0
 
     @cached_property
     def sheet_of(self) -> dict[str, int]:
@@ -52,8 +65,10 @@ class WorkshopPlan:
         return sum(part.area for part in self.parts) / sum(a * b for a, b in (sheet.size for sheet in self.sheets))
 
 
-def workshop_plan(design: Design) -> WorkshopPlan:
+def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """The plan of a design, by the section [workshop] of its preset.
+
+    up : (3,) unit vector, for the base plate of a model.
 
     Raises PatternError where the route is not possible, or a part fits on no sheet.
     """
@@ -64,36 +79,69 @@ def workshop_plan(design: Design) -> WorkshopPlan:
     room = [(a - 2 * ask.gap - SLACK, b - 2 * ask.gap - SLACK) for a, b in ask.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
-    parts, notes = _flat(design, room) if flat else _curved(design, room)
+    graph, layering = (None, None) if flat else _built_graph(design)
+    parts, notes = _curved(design, graph, layering, room, up) if graph and layering else _flat(design, room)
     sheets = nested(parts, ask.stock, ask.gap)
-    thickness = ask.thickness or design.preset.statics.thickness / (1 if flat else ask.layers)
+    thickness = layering.thickness if layering else ask.thickness or design.preset.statics.thickness / _scale(design)
     route = "sheet" if flat else "strips"
     if ask.route == "auto":
         notes = [f"route {route}: the design is {'flat' if flat else 'curved, and its members can lie in it'}", *notes]
-    graph = None if flat else design.members
-    return WorkshopPlan(route, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes), graph)
+    return WorkshopPlan(
+        *(route, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes)),
+        *(graph, layering, ask.model),
+    )
+
+
+def _scale(design: Design) -> float:
+    """How many times as large a design is as what is built: 50 of a model at 1:50."""
+    return design.preset.workshop.model or 1.0
+
+
+def _built_graph(design: Design) -> tuple[MemberGraph, Layering]:
+    """Members and nodes as large as they are built, and the layers that they lie in."""
+    ask, graph = design.preset.workshop, design.members
+    thickness = ask.thickness or design.preset.statics.thickness / ask.layers / _scale(design)
+    if not ask.model:
+        return graph, Layering(thickness, ask.layers, ask.bolt)
+    there = {member.family for member in graph.members if is_strip(member)}
+    own = tuple(family for family in OWN if family in there)
+    return scaled_graph(graph, ask.model), Layering(thickness, ask.layers, ask.bolt, own, LETTERS)
 
 
 def _flat(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:
-    found = sheet_parts(design.sheet.surface, room)
+    surface = design.sheet.surface
+    found = sheet_parts(scaled_surface(surface, _scale(design)) if design.preset.workshop.model else surface, room)
     along, across = found.counts
     if along * across == 1:
         return list(found.pieces), []
     return list(found.pieces), [f"the sheet is cut straight into {along} x {across} pieces, butted: no joint is drawn"]
 
 
-def _curved(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:
-    preset, graph = design.preset, design.members
-    ask, statics = preset.workshop, preset.statics
-    layering = Layering(ask.thickness or statics.thickness / ask.layers, ask.layers, ask.bolt)
-    limits = strip_limits(graph, design.surface, layering.thickness, statics.strength / statics.young, ask.bolt)
-    strips = strip_parts(graph, layering, room, ask.splice == "cover")
+def _curved(
+    design: Design, graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], up: Floats
+) -> tuple[list[FlatPart], list[str]]:
+    ask, statics = design.preset.workshop, design.preset.statics
+    surface, ground = design.surface, None
+    limit = CARD if ask.model else statics.strength / statics.young
+    if ask.model:
+        surface = scaled_surface(surface, ask.model)
+        ground = Ground.under(surface, design.load, up, layering.thickness, CLEARANCE)
+        room = [(a - TABS * layering.thickness, b - TABS * layering.thickness) for a, b in room]
+    limits = strip_limits(graph, surface, layering.thickness, limit, ask.bolt)
+    strips = strip_parts(graph, layering, room, ask.splice == "cover", ground)
     normals = graph.sheet.carry(spherical_normals(design.surface))
     plates = plate_parts(graph, normals / np.linalg.norm(normals, axis=1)[:, None], layering)
     if not strips.pieces and not plates:
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
-    notes = [*limits.lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
-    return [*strips.pieces, *strips.covers, *plates], notes
+    lines = model_notes(limits, graph, ask.model, ask.bolt) if ask.model else limits.lines
+    notes = [*lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
+    parts = [*strips.pieces, *strips.covers, *plates]
+    if ask.model:
+        parts += packing_parts(graph, layering)
+    if ground:
+        base = base_parts(ground, surface, strips.feet, room)
+        parts, notes = [*parts, *base], [*notes, *base_notes(ground, strips.feet, base)]
+    return parts, notes
 
 
 def _plate_notes(plates: list[FlatPart]) -> list[str]:

@@ -14,8 +14,6 @@ from dsfab.workshop.strips import EDGE, is_strip
 
 STEPS = 60
 """Rounds of flattening; a plate of a few hundred triangles needs fewer."""
-BELOW = 2
-"""Plates lie that many layers below those of the stripes, where nothing else does (see `layering.OWN`)."""
 
 
 def is_plate(member: Member) -> bool:
@@ -27,12 +25,12 @@ def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
     """The layers that a member is in, counted from the top; none where it is not built."""
     if member.kind == "fill":
         return ()
-    return layering.numbers(member.family) if is_strip(member) else (layering.count + BELOW,)
+    return layering.numbers(member.family) if is_strip(member) else (layering.plates,)
 
 
 def plate_parts(graph: MemberGraph, normals: Floats, layering: Layering) -> list[FlatPart]:
     """The plates of a graph; normals (n, 3) at the vertices of its sheet."""
-    height = layering.height(layering.count + BELOW)
+    height = layering.height(layering.plates)
     members = [member for member in graph.members if is_plate(member)]
     return [_plate(graph, member, normals, height, layering.bolt) for member in members]
 

@@ -9,8 +9,10 @@ from dsfab.arrays import Floats
 from dsfab.members import Member, MemberGraph, Node
 from dsfab.workshop.course import StripCourse, member_course
 from dsfab.workshop.development import Development
+from dsfab.workshop.ground import Ground, StripFoot, footed_outline
 from dsfab.workshop.layering import END, Layering
-from dsfab.workshop.parts import LABEL, SMALL, FlatPart, Hole, label
+from dsfab.workshop.letters import text_length
+from dsfab.workshop.parts import FlatPart, Hole, label
 from dsfab.workshop.splices import Cuts, splice_cuts, strip_fits
 
 STRIPS = ("strip", "stub", "rim", "band", "ring")
@@ -21,6 +23,10 @@ EDGE = 1.0
 """A hole is made where that many bolt diameters are between its middle and the edges of its part, at least."""
 LETTERS = 0.3
 """Height of letters over the width of a part, at most."""
+FILLED = 0.9
+"""Of the length of a part, or of a bay where letters are large for it, by a name, at most."""
+LEGIBLE, TALL = 0.002, 0.6
+"""Letters that would be lower than so many metres take up to that share of the width."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +45,7 @@ class StripParts:
 
     missing : names of nodes without a hole in a member, as its middle runs beside them.
     near    : splices that are nearer to a node than they should be.    splices : all of them.
+    feet    : with the names of their parts, where the strips of a model stand on its plate.
     """
 
     pieces: list[FlatPart] = field(default_factory=list)
@@ -46,6 +53,7 @@ class StripParts:
     missing: list[str] = field(default_factory=list)
     near: int = 0
     splices: int = 0
+    feet: list[tuple[str, StripFoot]] = field(default_factory=list)
 
 
 def is_strip(member: Member) -> bool:
@@ -55,11 +63,18 @@ def is_strip(member: Member) -> bool:
     return float((np.abs(member.axis.kg) * member.width / 2).max()) < FOLDED
 
 
-def strip_parts(graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], covered: bool) -> StripParts:
+def strip_parts(
+    graph: MemberGraph,
+    layering: Layering,
+    room: list[tuple[float, float]],
+    covered: bool,
+    ground: Ground | None = None,
+) -> StripParts:
     """The parts of all members that are strips.
 
     room    : lengths and widths, metres, that parts may have on the stock.
     covered : whether splices have cover plates.
+    ground  : what they stand on with tabs; None where their ends are not changed.
     """
     found = StripParts()
     for member in graph.members:
@@ -67,7 +82,8 @@ def strip_parts(graph: MemberGraph, layering: Layering, room: list[tuple[float, 
             course = member_course(graph, member, END * layering.bolt, 2 * layering.half_cover)
             bolts = node_bolts(graph, member, course)
             for number in layering.numbers(member.family):
-                _Strip(graph, member, course, number, layering).into(found, bolts, room, covered)
+                own, feet = ground.on_ground(course, layering.height(number)) if ground else (course, ())
+                _Strip(graph, member, own, number, layering, feet).into(found, bolts, room, covered)
     return found
 
 
@@ -91,6 +107,7 @@ class _Strip:
     course: StripCourse
     number: int
     layering: Layering
+    feet: tuple[StripFoot, ...] = ()
 
     @property
     def name(self) -> str:
@@ -113,7 +130,9 @@ class _Strip:
         every = [bolt for some in spliced for bolt in some]
         if course.closed:
             every += [StripBolt(b.name, b.point, b.normal, b.s + course.end - course.begin) for b in every]
-        found.pieces += self._pieces(layer, cuts, bolts + every, found.missing)
+        pieces = self._pieces(layer, cuts, bolts + every, found.missing)
+        found.pieces += pieces
+        found.feet += [(pieces[-1 if foot.last else 0].id, foot) for foot in self.feet]
         cover = Development(course, layering.cover(self.member.family, self.number))
         for k, (joint, some) in enumerate(zip(joints, spliced, strict=False), 1):
             span = joint - layering.half_cover, joint + layering.half_cover
@@ -151,7 +170,7 @@ class _Strip:
         axis = layer.at(layer.stations(*span))[0]
         marks = self._marks(layer, name, span, list(zip(stations, holes, strict=True)))
         strain = bending_strain(course, span, self.layering.thickness)
-        outline = layer.outline(*span)
+        outline = footed_outline(layer, span, self.feet)
         part = FlatPart(name, self.member.id, span, outline, tuple(holes), (), marks, layer.height, strain, axis)
         return part.lying()
 
@@ -162,15 +181,37 @@ class _Strip:
         width, bolt = float(self.course.width(np.array([sum(span) / 2]))[0]), self.layering.bolt
         stops = np.array([span[0], *sorted({s for s, _ in holes}), span[1]])
         longest = int(np.diff(stops).argmax())
-        at, angle = layer.at(np.array([(stops[longest] + stops[longest + 1]) / 2]))
-        found = list(label(name, at[0], float(angle[0]), min(LABEL, LETTERS * width)))
-        height = min(SMALL, LETTERS * width)
+        middle = (stops[longest] + stops[longest + 1]) / 2
+        at, angle = layer.at(np.array([middle]))
+        high, height = (letter_height(width, most) for most in self.layering.letters)
+        room = float(np.diff(stops).max()) if self.layering.sparing else span[1] - span[0]
+        high *= min(1.0, room / text_length(name, high) * FILLED)
+        found = list(label(name, at[0], float(angle[0]), high))
+        taken = [(middle, text_length(name, high))]
         for s, hole in holes:
             if "." not in hole.bolt:  # bolts of splices need no name
                 ahead = 1 if s + 4 * bolt < span[1] else -1
-                at, angle = layer.at(np.array([s + ahead * (bolt / 2 + 3.5 * height)]))
-                found += label(hole.bolt, at[0], float(angle[0]), height)
+                long = text_length(hole.bolt, height)
+                places = [s + side * (bolt / 2 + 3.5 * height) for side in (ahead, -ahead)]
+                clear = [place for place in places if _is_clear(place, long, taken, stops, bolt)]
+                if clear or not self.layering.sparing:
+                    place = clear[0] if self.layering.sparing else places[0]
+                    at, angle = layer.at(np.array([place]))
+                    found += label(hole.bolt, at[0], float(angle[0]), height)
+                    taken.append((place, long))
         return tuple(found)
+
+
+def letter_height(width: float, most: float) -> float:
+    """Of letters on a part of a width, metres: `most` where there is room for it."""
+    return min(most, max(LETTERS * width, min(LEGIBLE, TALL * width)))
+
+
+def _is_clear(place: float, long: float, taken: list[tuple[float, float]], stops: Floats, bolt: float) -> bool:
+    """Whether a text of a length about a place reaches neither other texts, (place, length) each, nor holes or ends at
+    some places (q,); metres along an axis."""
+    apart = all(abs(place - other) > (long + wide) / 2 + bolt for other, wide in taken)
+    return apart and stops[0] < place < stops[-1] and bool((np.abs(stops - place) > long / 2 + bolt / 2).all())
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:

@@ -11,6 +11,7 @@ from dsfab.arrays import Floats
 from dsfab.pipeline import Design
 from dsfab.render import PAPER, up_axis
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces
+from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.families import family_pages
 from dsfab.report.assembly.flat_parts import cut_list_pages, nest_pages, node_pages
 from dsfab.report.assembly.overview import cover, named_view
@@ -20,7 +21,7 @@ from dsfab.report.assembly.steps import step_pages
 from dsfab.report.compliance.pdf_style import fonts
 from dsfab.units import MM_PER_M
 from dsfab.wording import length
-from dsfab.workshop import Layering, WorkshopPlan
+from dsfab.workshop import WorkshopPlan
 
 Page = tuple[str, Callable[[Paper], None]]
 
@@ -57,21 +58,20 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
     """All pages in order. A flat design has no members to put up: its pieces are butted."""
     flat = [*cut_list_pages(plan), *nest_pages(plan)]
     last = ("What was not checked", partial(_unchecked, plan=plan))
-    if plan.graph is None:
+    if plan.graph is None or plan.layering is None:
         return [*flat, last]
-    ask = design.preset.workshop
-    layering = Layering(plan.thickness, ask.layers, ask.bolt)
     load = design.load if design.has("statics") else None
     up = up_axis(plan.graph.sheet.surface.V, design.surface, load)
     built = {part.member for part in plan.parts}
-    faces = [one for one in member_faces(plan.graph, PAPER, layering) if one.id in built]
+    faces = [one for one in member_faces(plan.graph, PAPER, plan.layering) if one.id in built]
     return [
         ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        *model_pages(plan),
         *_views(faces, up),
         *family_pages(plan),
         *flat,
         *node_pages(plan),
-        *step_pages(assembly_steps(plan.graph, layering, up), faces, up),
+        *step_pages(assembly_steps(plan.graph, plan.layering, up), faces, up),
         last,
     ]
 
@@ -93,6 +93,8 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     bolts = {hole.bolt for part in plan.parts for hole in part.holes}
     stock = ", ".join(sorted({f"{a:g} x {b:g} m" for a, b in (sheet.size for sheet in plan.sheets)}))
     longest = max(plan.parts, key=lambda part: part.size[0])
+    if plan.model:
+        return model_figures(plan)
     return [
         ("Size over all", " x ".join(f"{x:.2f}" for x in size) + " m"),
         (
@@ -115,7 +117,10 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
     x, y = PAGE.x, PAGE.y + PAGE.high - 8
-    blocks = (("Not checked by dsfab:", UNCHECKED), ("Told of this plan:", plan.notes))
+    blocks = (
+        ("Not checked by dsfab:", MODEL_UNCHECKED if plan.model else UNCHECKED),
+        ("Told of this plan:", plan.notes),
+    )
     for head, notes in blocks:
         paper.text((x, y), head, 11, bold=True)
         y -= 7

@@ -12,8 +12,8 @@ ACROSS, DOWN = 4, 13
 """Parts on a page."""
 ROWS, COLUMNS = 62, 3
 """Nodes on a page."""
-LEGIBLE = 40.0
-"""Millimetres for a metre of a sheet, if one can be had: names of parts are readable there."""
+LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
+"""Millimetres for a metre of a sheet, and of one of a model, if one can be had: names of parts are readable there."""
 Page = tuple[str, Callable[[Paper], None]]
 
 
@@ -67,9 +67,10 @@ def nest_pages(plan: WorkshopPlan) -> list[Page]:
     """All sheets at one usual scale, as many as fit on a page, each part with its name."""
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
+    legible = LEGIBLE_MODEL if plan.model else LEGIBLE
     across, down = max(
         ((a, d) for a in (1, 2, 3) for d in (1, 2, 3, 4)),
-        key=lambda n: (_room(n[0], n[1], wide, high) > LEGIBLE, min(n[0] * n[1], 6), _room(n[0], n[1], wide, high)),
+        key=lambda n: (_room(n[0], n[1], wide, high) > legible, min(n[0] * n[1], 6), _room(n[0], n[1], wide, high)),
     )
     scale, said = usual_scale(_room(across, down, wide, high))
     pages = []

@@ -14,7 +14,7 @@ from dsfab.report.assembly.axonometry import member_faces
 from dsfab.report.html import style
 from dsfab.surface import simplified_line
 from dsfab.units import MM_PER_M
-from dsfab.workshop import FlatPart, Layering, WorkshopPlan, file_stem
+from dsfab.workshop import FlatPart, WorkshopPlan, file_stem
 
 TOLERANCE = 3e-4
 """Metres that an outline on the page may be off the part's."""
@@ -23,11 +23,11 @@ TOLERANCE = 3e-4
 def assembly_page(plan: WorkshopPlan, design: Design) -> str:
     """One file that fetches nothing; the same plan gives the same page. Only of a plan with members."""
     assert plan.graph is not None
+    assert plan.layering is not None
     preset, graph = design.preset, plan.graph
-    layering = Layering(plan.thickness, preset.workshop.layers, preset.workshop.bolt)
     load = design.load if design.has("statics") else None
     built = {part.member for part in plan.parts}
-    faces = [one for one in member_faces(graph, PAPER, layering) if one.id in built]
+    faces = [one for one in member_faces(graph, PAPER, plan.layering) if one.id in built]
     facts = {
         "name": preset.name,
         "line": f"{len(faces)} members, {len(plan.parts)} parts, {len(plan.sheets)} sheets",
@@ -38,7 +38,7 @@ def assembly_page(plan: WorkshopPlan, design: Design) -> str:
                 "id": one.id,
                 "colour": [round(255 * x) for x in one.colour],
                 "words": _words(plan, one.id),
-                "faces": one.quads.round(3).ravel().tolist(),
+                "faces": one.quads.round(5 if plan.model else 3).ravel().tolist(),
             }
             for one in faces
         ],

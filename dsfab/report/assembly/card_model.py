@@ -1,0 +1,138 @@
+"""The page for model makers: what is cut how, which layer lies on which, the base plate, and what to do in order."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from dsfab.report.assembly.flat_parts import Page
+from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, Fitted, Paper, PaperBox, usual_scale
+from dsfab.units import MM_PER_M
+from dsfab.wording import length
+from dsfab.workshop import FlatPart, WorkshopPlan
+
+MODEL_UNCHECKED = (
+    "whether the model stands without its glue; card is not the material of the structure",
+    "how wide your laser cuts: slots are .2 mm wider than tabs, so cut a slot and a tab for a trial first",
+    "the grain of the card: long strips bend more evenly along it",
+    "members of one layer that run into each other, as at a crown: trim them with a knife",
+)
+"""What nobody looked at."""
+WIDE = 150.0
+"""Millimetres of the page for words; the plate has the rest."""
+NAMES = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
+
+
+def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
+    """Key figures of a model for its cover."""
+    assert plan.graph is not None
+    assert plan.layering is not None
+    size = MM_PER_M * np.ptp(plan.graph.sheet.surface.V, axis=0)
+    pins = {hole.bolt for part in plan.parts for hole in part.holes}
+    stock = ", ".join(sorted({_millimetres(sheet.size) for sheet in plan.sheets}))
+    longest = max(plan.parts, key=lambda part: part.size[0])
+    return [
+        ("Model", f"1:{plan.model:g}"),
+        ("Size over all", " x ".join(f"{x:.0f}" for x in size) + " mm"),
+        ("Members", f"{len({part.member for part in plan.parts} - {''})}"),
+        ("Parts", f"{len(plan.parts)}, {len(plan.same)} different"),
+        ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
+        ("Sheets of card", f"{len(plan.sheets)} of {stock}, {plan.used:.0%} used"),
+        ("Thickness of the card", length(plan.thickness)),
+        ("Nodes and splices with pins", f"{len(pins)}, holes of {length(plan.layering.bolt)}"),
+    ]
+
+
+def _millimetres(size: tuple[float, float]) -> str:
+    return " x ".join(f"{MM_PER_M * x:.0f}" for x in size) + " mm"
+
+
+def model_pages(plan: WorkshopPlan) -> list[Page]:
+    """The page, for a model of members; none of what is built at full size."""
+    return [(f"Building the model at 1:{plan.model:g}", _page(plan))] if plan.model and plan.graph else []
+
+
+def _page(plan: WorkshopPlan) -> Callable[[Paper], None]:
+    def draw(paper: Paper) -> None:
+        x, y = PAGE.x, PAGE.y + PAGE.high - 8
+        for number, (head, words) in enumerate(_steps(plan), 1):
+            paper.text((x, y), f"{number}", 12, bold=True)
+            paper.text((x + 8, y), head, 10, bold=True)
+            y -= 5.5
+            for line in paper.wrapped(words, WIDE - 8, 9):
+                paper.text((x + 8, y), line, 9)
+                y -= 4.4
+            y -= 5
+        plates = [part for part in plan.parts if part.id.startswith("base")]
+        if plates:
+            _plate(paper, plates)
+
+    return draw
+
+
+def _steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
+    """What to do in order: a head and its words each."""
+    assert plan.layering is not None
+    pins = length(plan.layering.bolt)
+    yield (
+        "Cut",
+        f"Send sheet_1 and those after it (DXF or SVG, millimetres) to the laser, on card of {length(plan.thickness)}. "
+        "In this order: ENGRAVE (green) at low power, then HOLES (blue) and SLOTS (magenta), CUT (red) last. STOCK "
+        "(grey) is the edge of the sheet and is not cut. Names are on the outer face.",
+    )
+    yield (
+        "Sort",
+        "The name of a part is engraved on it, A01.2 is the second piece of A01, A01.c1 the cover of its first splice. "
+        "By each hole stands its node: holes of one name come together.",
+    )
+    yield ("Bend", "Pull strips over the edge of a table, engraved face up, until they keep about the bend they need.")
+    yield (
+        "Splice",
+        "Glue the pieces of a strip end to end with their covers across: covers of A outside, all others inside.",
+    )
+    names = {part.member for part in plan.parts if part.member}
+    yield (
+        "Build from the base",
+        f"{_order(plan, names)} Put tabs into the slots of their names, then push a pin of {pins} through both "
+        f"holes of each node, a drop of glue between the strips.{_packing(plan)} Pull the pins when it has set.",
+    )
+
+
+def _order(plan: WorkshopPlan, names: set[str]) -> str:
+    """Which layer lies on which, from below."""
+    graph, layering = plan.graph, plan.layering
+    assert graph is not None
+    assert layering is not None
+    families = {member.family for member in graph.members if member.id in names and member.family}
+    ordered = sorted(families, key=lambda family: -layering.numbers(family)[-1])
+    shown = ", then ".join(NAMES.get(family, family) for family in ordered)
+    plates = sorted(part.id for part in plan.parts if part.member and not len(part.axis))
+    below = f"Plates ({', '.join(plates[:4])}{', ...' if len(plates) > 4 else ''}) go inside of all. " if plates else ""
+    return f"Layers from the inside: {shown}. {below}"
+
+
+def _packing(plan: WorkshopPlan) -> str:
+    """What to do with the packing of nodes, if there is any."""
+    squares = [part.id for part in plan.parts if not part.member and part.holes]
+    if not squares:
+        return ""
+    return f" At {len({name.partition('.')[0] for name in squares})} nodes squares ({squares[0]}, ...) go between them."
+
+
+def _plate(paper: Paper, plates: list[FlatPart]) -> None:
+    """The pieces of the base plate at a usual scale, with what is engraved on them."""
+    room = PaperBox(PAGE.x + WIDE + 12, PAGE.y, PAGE.wide - WIDE - 12, PAGE.high - 10)
+    wide, high = max(part.size[0] for part in plates), max(part.size[1] for part in plates)
+    across = min(len(plates), max(1, round(float(np.sqrt(len(plates) * high / wide * room.wide / room.high)))))
+    down = -(-len(plates) // across)
+    most = min((room.wide / across - 6) / wide, (room.high / down - 10) / high)
+    scale, said = usual_scale(most)
+    for part, cell in zip(plates, room.cells(across, down, 6.0), strict=False):
+        middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
+        fitted = Fitted.into(middle - part.size / 2, middle + part.size / 2, cell, scale)
+        paper.lines([fitted.of(mark) for mark in part.marks], QUIET, 0.3)
+        if part.slots:
+            paper.lines([fitted.of(slot) for slot in part.slots], INK, 0.5, closed=True)
+        paper.lines([fitted.of(part.outline)], INK, 0.7, closed=True)
+    words = f"{', '.join(part.id for part in plates[:6])}, {said}: slots with the names of the parts that stand in them"
+    paper.text((room.x, PAGE.y + PAGE.high - 6), words, 8)
+    paper.lines([np.array([[room.x - 6, PAGE.y], [room.x - 6, PAGE.y + PAGE.high]])], HAIR, 0.4)
