@@ -52,6 +52,12 @@ GROWTH = 0.85
 CLOSINGS = (1.0, 0.97, 1.03)
 """Openings between members that crowd close as for so many times the widths that are about right."""
 
+SLIMMEST = 0.5
+"""Members of graded width are as wide as the sheet is thick, or as this share of what equally wide ones would be."""
+
+PLAIN_SHARE = 0.5
+"""The share of material that stripes are about, where none is asked."""
+
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
@@ -115,7 +121,7 @@ def pattern_step(
     ask, surface = preset.pattern, given.surface
     with log.stage("pattern", "drawing stripes"):
         kept = kept_regions(preset, surface, given.load, even)
-        widths = ask.width.widths(np.sqrt(surface.area))
+        widths = member_widths(preset, surface)
         families = striped_families(preset, given, widths.radius, grading, even)
         if not even:
             _note_spacings(preset, families, log)
@@ -144,6 +150,20 @@ def pattern_step(
     return result
 
 
+def member_widths(preset: Preset, surface: Surface) -> Widths:
+    """The rule of [pattern.width], with the bounds that it has where none are said."""
+    ask = preset.pattern
+    bounded = ask.method == "stripes" and ask.width.rule == "graded"
+    return ask.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
+
+
+def least_width(preset: Preset, surface: Surface) -> float:
+    """Metres that evenly spaced members of graded width are no thinner than, unless it is said otherwise."""
+    ask = preset.pattern
+    density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    return min(preset.statics.thickness, SLIMMEST * (ask.width.solid_fraction or PLAIN_SHARE) / density)
+
+
 def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:
     """Tell which frequencies the spacings became that are asked for."""
     for family in families:
@@ -170,8 +190,7 @@ def solved_layers(
 
     Raises PatternError where that share cannot be reached.
     """
-    width = preset.pattern.width
-    widths = width.widths(np.sqrt(surface.area))
+    width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
 
     def layers(factor: float, closing: float = 0.0) -> list[Layer]:
