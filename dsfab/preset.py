@@ -399,7 +399,7 @@ class Slicing(Section):
     """Metres; smaller openings, whichever stripes they lie between, are filled. 0 fills none; None: none on modes, and
     what is under 15 % of their spacing between evenly spaced stripes: specks that an edge leaves. Tidied ones leave no
     opening that is narrower than the members beside it anyway: of these it is what is also narrower than the sheet is
-    thick."""
+    thick. Of both also what is under 35 % of the size of most openings."""
     min_member: Annotated[float, Ge(0)] = 0.0
     """Metres; members between openings with round corners are widened where they are narrower, and narrower than 0.8 of
     what most are. Of evenly spaced stripes only; 0 widens none."""
