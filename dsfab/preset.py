@@ -160,6 +160,11 @@ Phase = Annotated[
     Discriminator(_number_or_word),
 ]
 
+LeastWidth = Annotated[
+    Annotated[float, Ge(0), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
+    Discriminator(_number_or_word),
+]
+
 
 def _is_some(value: Any) -> bool:
     """Whether a value that nobody has checked is another number than 0: a text may be one, too ("0")."""
@@ -231,8 +236,9 @@ class Width(Section):
     """graded: the share of material grows with this power of the stress; stressed: it begins like that."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """stressed: how often the sheet is cut and solved."""
-    min_width: Annotated[float, Ge(0)] = 0.0
-    """Metres; no member is made thinner. 0 sets no limit."""
+    min_width: LeastWidth = AUTO
+    """Metres; no member is made thinner. 0 sets no limit. auto: evenly spaced members of graded width are no thinner
+    than the sheet is thick, or than half of what equally wide ones would be if that is less; others have no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Metres; no member is made wider. 0 sets no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -251,11 +257,20 @@ class Width(Section):
             raise ValueError(str(error)) from None
         return self
 
-    def widths(self, length: float) -> Widths:
-        """The rule; members whose width is solved for are counted in hundredths of a length, metres."""
+    @property
+    def asked_least(self) -> float:
+        """Metres that no member is to be thinner than, where that is said; 0 where not."""
+        return 0.0 if self.min_width == AUTO else self.min_width
+
+    def widths(self, length: float, least: float = 0.0) -> Widths:
+        """The rule; members whose width is solved for are counted in hundredths of a length, metres.
+
+        least : metres that members are no thinner than where `min_width` is auto, unless `max_width` is less.
+        """
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
-        return Widths(self.rule, member, self.q, self.min_width, self.max_width, self.min_gap)
+        low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
+        return Widths(self.rule, member, self.q, low, self.max_width, self.min_gap)
 
 
 def _with_curves(thing: Any) -> Any:
@@ -384,7 +399,7 @@ class Slicing(Section):
     """Metres; smaller openings, whichever stripes they lie between, are filled. 0 fills none; None: none on modes, and
     what is under 15 % of their spacing between evenly spaced stripes: specks that an edge leaves. Tidied ones leave no
     opening that is narrower than the members beside it anyway: of these it is what is also narrower than the sheet is
-    thick."""
+    thick. Of both also what is under 35 % of the size of most openings."""
     min_member: Annotated[float, Ge(0)] = 0.0
     """Metres; members between openings with round corners are widened where they are narrower, and narrower than 0.8 of
     what most are. Of evenly spaced stripes only; 0 widens none."""

@@ -65,7 +65,7 @@ def _key(loc: tuple[int | str, ...]) -> list[str]:
 
 
 def _is_tag(loc: tuple[int | str, ...], i: int) -> bool:
-    if i >= 1 and loc[i - 1] in ("mode", "phase") and loc[i] in ("number", "auto"):
+    if i >= 1 and loc[i - 1] in ("mode", "phase", "min_width") and loc[i] in ("number", "auto"):
         return True
     after_kind = i >= 2 and loc[i - 2] in KINDS and isinstance(loc[i - 1], int)
     return loc[:i] == ("surface",) or after_kind or (i >= 1 and loc[i - 1] == "at")

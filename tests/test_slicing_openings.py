@@ -5,8 +5,8 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.pipeline.design import Design
-from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_slits
-from dsfab.slicing.openings import NARROWER
+from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_slits, openings
+from dsfab.slicing.openings import CRUMB, NARROWER
 from dsfab.surface import Surface
 from tests.meshes import mesh_file
 from tests.test_pattern_quality import plate
@@ -75,6 +75,49 @@ def test_openings_that_are_alike_close_alike():
     closed = grid_of(surface, 0.2, x + 0.02 * np.sign(y))
     void = Openings.of(closed)
     assert (np.abs(void.places[:, 0]) < 0.05).sum() in (0, 5)
+
+
+@pytest.mark.parametrize("left", [0.02, 0.03, 0.06])
+def test_crumbs_are_openings_far_smaller_than_most(left):
+    """A broad member leaves so many metres of the .15 of one column of openings, which are .4 long."""
+    surface = plate()
+    x, y, _ = surface.V.T
+    across = (left, 0.15)
+    size = [4 * 0.4 * width / (2 * (0.4 + width)) for width in across]
+    bands = [(y / 0.5 + 0.5, 0.1), (x / 0.25 + 0.5, 0.2), (x + left / 2 + 0.01, 0.085 - left / 2)]
+    fields = [np.stack([z + w, z - w], axis=1) for z, w in bands]
+    cells = cut(surface, fields, [np.arange(-6.0, 8.0), np.arange(-6.0, 8.0), np.zeros(1)], 0)
+    found = Openings.of(cells)
+    crumbs = (np.abs(found.places[:, 0]) < 0.1) & np.isfinite(found.round_sizes)
+    assert found.round_sizes[crumbs] == pytest.approx(size[0], rel=1e-6)
+    filled, count = filled_crumbs(cells)
+    small = size[0] < CRUMB * size[1]
+    assert count == (crumbs.sum() if small else 0)
+    assert count == (3 if small else 0)
+    gain = float(filled.surface.areas[filled.material].sum() - cells.surface.areas[cells.material].sum())
+    assert gain == pytest.approx(3 * 0.4 * left if small else 0, rel=1e-6)
+    assert filled_crumbs(filled) == (filled, 0)
+
+
+def test_few_openings_do_not_say_what_is_usual(monkeypatch):
+    cells = grid_of(plate(), 0.2)
+    assert filled_crumbs(cells) == (cells, 0)
+    monkeypatch.setattr(openings, "CRUMB", 5.0)  # all of them
+    assert filled_crumbs(cells)[1] > 0
+    monkeypatch.setattr(openings, "SEVERAL", 1000)
+    assert filled_crumbs(cells) == (cells, 0)
+
+
+@pytest.mark.slow
+def test_the_crown_of_one_family_has_no_holes():
+    """Four holes of a sixth of the others stood where its meridians meet, beside the disc that is kept there."""
+    coarse = {"surface.edge": 0.4, "pattern.families": "minor", "pattern.minor.spacing": 0.8}
+    made = built("dome", **coarse)
+    sizes = Openings.of(made.slicing.cells).round_sizes
+    assert sizes.min() > 0.35 * np.median(sizes)
+    said = built("dome", **coarse, **{"slicing.min_opening": 0.01})  # what is said counts
+    sizes = Openings.of(said.slicing.cells).round_sizes
+    assert sizes.min() < 0.35 * np.median(sizes)
 
 
 def built(name, **given):

@@ -15,6 +15,7 @@ from dsfab.slicing import (
     bridged_gaps,
     bridged_necks,
     cut_polygons,
+    filled_crumbs,
     filled_openings,
     filled_slits,
     resolve_pinches,
@@ -154,6 +155,9 @@ def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalle
         cells, merged = filled_slits(cells)
     if smallest.opening and late:
         cells, filled = filled_openings(cells, smallest.opening, alike=True)
+    if smallest.opening and ask.min_opening is None:
+        cells, crumbs = filled_crumbs(cells)
+        filled += crumbs
     if smallest.neck and merge:
         cells, bridged = bridged_necks(cells, smallest.neck)
     return Unrounded(cells, pinched.count, filled, merged, bridged)

@@ -71,7 +71,8 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
     if stubs:
         log.note("slicing", f"members that met past their last crossings were cut off there at {_places(stubs)}")
     if done.filled:
-        log.note("slicing", f"{done.filled} openings smaller than {smallest.opening:.3g} m were filled")
+        than = f"{smallest.opening:.3g} m" + (", or far smaller than most," * (preset.slicing.min_opening is None))
+        log.note("slicing", f"{done.filled} openings smaller than {than} were filled")
     if done.merged:
         log.note(
             "slicing", f"{_slits(done.merged)} narrower than the members beside: filled, so that these are one there"

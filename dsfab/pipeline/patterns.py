@@ -28,23 +28,15 @@ from dsfab.pattern import (
 )
 from dsfab.pipeline.finishing import added_share
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.share_correction import SHARE_TOLERANCE, corrected
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import PolygonMesh, cut_polygons
 from dsfab.surface import LoadCase, Surface
 
-SHARE_TOLERANCE = 4e-4
-"""How closely pattern.width.solid_fraction is reached, as a share of the surface."""
-
 EXACT = 1e-9
 """Shares that differ by less are the same share, added up in another order."""
-
-CORRECTIONS = 3
-"""Rounds at most in which it is corrected by what round corners and filled specks add."""
-
-HALVINGS = 6
-"""Rounds at most in which it is looked for where that leads astray, since openings close."""
 
 COUNTED = 2
 """Points along each side of a face, by which the search for it begins."""
@@ -54,6 +46,12 @@ GROWTH = 0.85
 
 CLOSINGS = (1.0, 0.97, 1.03)
 """Openings between members that crowd close as for so many times the widths that are about right."""
+
+SLIMMEST = 0.5
+"""Members of graded width are as wide as the sheet is thick, or as this share of what equally wide ones would be."""
+
+PLAIN_SHARE = 0.5
+"""The share of material that stripes are about, where none is asked."""
 
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
@@ -122,7 +120,7 @@ def pattern_step(
     ask, surface = preset.pattern, given.surface
     with log.stage("pattern", "drawing stripes"):
         kept = kept_regions(preset, surface, given.load, even)
-        widths = ask.width.widths(np.sqrt(surface.area))
+        widths = member_widths(preset, surface)
         families = striped_families(preset, given, widths.radius, grading, even)
         if not even:
             _note_spacings(preset, families, log)
@@ -145,66 +143,23 @@ def pattern_step(
         if not (ask.fillet or even):
             result, total = made(), share.nearest(wanted)
         else:
-            result, total = _corrected(made, lambda one: added(one, share.polygons), share, preset)
+            result, total = corrected(ask.width, made, share.nearest, lambda one: added(one, share.polygons))
         log.note("pattern", _solved(preset, widths, result.factor, total))
     return result
 
 
-class _Try(NamedTuple):
-    """Stripes that were to keep `aim` of the surface, what is added to it, what both are, and they themselves."""
-
-    aim: float
-    added: float
-    total: float
-    result: PatternResult
+def member_widths(preset: Preset, surface: Surface) -> Widths:
+    """The rule of [pattern.width], with the bounds that it has where none are said."""
+    ask = preset.pattern
+    bounded = ask.method == "stripes" and ask.width.rule == "graded"
+    return ask.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
 
 
-def _corrected(
-    made: Callable[[float, float], PatternResult],
-    added: Callable[[PatternResult], float],
-    share: _Shares,
-    preset: Preset,
-) -> tuple[PatternResult, float]:
-    """Stripes that keep what is asked together with round corners and filled openings, and the share that this is.
-
-    made : the stripes for a share that is added to them, and a guess of their factor, 0 for none.
-
-    What is added changes little with the widths, so it is taken off what the stripes are to keep. Where it jumps,
-    since openings close, that leads astray: then the answer is looked for between one that keeps less and one that
-    keeps more.
-    """
-    wanted, allowed = preset.pattern.width.solid_fraction, preset.pattern.width.solid_fraction_tolerance
-    tries = list[_Try]()
-
-    def attempt(taken: float, guess: float = 0.0) -> _Try:
-        result = made(taken, guess)
-        more = added(result)
-        tries.append(_Try(wanted - taken, more, share.nearest(wanted - taken) + more, result))
-        return tries[-1]
-
-    last = attempt(0.0)
-    for _ in range(CORRECTIONS):
-        if abs(last.aim + last.added - wanted) < SHARE_TOLERANCE:
-            break
-        last = attempt(last.added, last.result.factor)
-    for _ in range(HALVINGS):
-        if abs(last.total - wanted) <= allowed or not (between := _between(tries, wanted)):
-            break
-        last = attempt(wanted - between, last.result.factor)
-    if abs(last.total - wanted) > allowed:
-        last = min(tries, key=lambda one: abs(one.total - wanted))
-    off = abs(last.total - wanted)
-    return last.result, last.total if off > 2 * SHARE_TOLERANCE else wanted  # not worth a word
-
-
-def _between(tries: Sequence[_Try], wanted: float) -> float:
-    """What to aim at next: the middle of the nearest two tries of which one keeps too little and one too much.
-
-    0 where there are none, or nothing new lies between them.
-    """
-    pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in tries for b in tries if a.total < wanted < b.total]
-    gap, middle = min(pairs, default=(0.0, 0.0))
-    return middle if gap > SHARE_TOLERANCE else 0.0
+def least_width(preset: Preset, surface: Surface) -> float:
+    """Metres that evenly spaced members of graded width are no thinner than, unless it is said otherwise."""
+    ask = preset.pattern
+    density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    return min(preset.statics.thickness, SLIMMEST * (ask.width.solid_fraction or PLAIN_SHARE) / density)
 
 
 def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:
@@ -233,8 +188,7 @@ def solved_layers(
 
     Raises PatternError where that share cannot be reached.
     """
-    width = preset.pattern.width
-    widths = width.widths(np.sqrt(surface.area))
+    width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
 
     def layers(factor: float, closing: float = 0.0) -> list[Layer]:

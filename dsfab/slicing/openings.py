@@ -28,6 +28,8 @@ TOLD = 0.25
 NARROWER = 0.9
 """An opening is a slit if it is narrower than this share of the members beside it. Where members crowd they are made
 just as wide as the openings between them: on the sheet, of flat triangles, that is right to some percent."""
+CRUMB, SEVERAL = 0.35, 8
+"""An opening is a crumb if its size is under this share of the median's, of at least so many that say what is usual."""
 ALIKE = 0.03
 """Openings of which these shares differ by less may be the same but for the mesh."""
 
@@ -203,6 +205,20 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     smaller = np.minimum(width, few.round_sizes)
     small = smaller < limit(smaller, size, ALIKE * size if alike else 0.0)
     return few.filled(small), int(small.sum())
+
+
+def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
+    """The cells with every opening made material that is far smaller than most, and how many there were.
+
+    Sizes are 4 area / perimeter of openings that material encloses. Those that are alike are filled all or none. There
+    are such where members crowd, as around the crown of a dome, and where an edge leaves a corner of an opening.
+    """
+    every = Openings.of(cells)
+    if every is None or np.isfinite(every.round_sizes).sum() < SEVERAL:
+        return cells, 0
+    share = every.round_sizes / np.median(every.round_sizes[np.isfinite(every.round_sizes)])
+    crumbs = share < limit(share, CRUMB, ALIKE)
+    return (every.filled(crumbs), int(crumbs.sum())) if crumbs.any() else (cells, 0)
 
 
 def filled_slits(cells: Sheet) -> tuple[Sheet, int]:

@@ -114,7 +114,7 @@ def _wider(preset: Preset, check: Check) -> dict[str, Any]:
     pattern = preset.pattern
     if check.what == "the rim" and pattern.rim < MARGIN * check.limit[0]:
         return {"pattern.rim": _raised(pattern.rim, check)}
-    width = _raised(pattern.width.min_width, check)
+    width = _raised(pattern.width.asked_least, check)
     changes = {"pattern.width.min_width": width}
     if check.what == "a kept region":
         changes["pattern.keep"] = _raised(pattern.keep, check)

@@ -133,10 +133,7 @@ def workshop() -> None:
 OPTIONS = {
     "as the preset says: pattern.major.spacing = 1.1, minor 0.55": {},
     "pattern.major.spacing = 0.7: rings nearer to each other": {"pattern.major.spacing": 0.7},
-    "pattern.width.rule = 'graded', min_width = 0.05": {
-        "pattern.width.rule": "graded",
-        "pattern.width.min_width": 0.05,
-    },
+    "pattern.width.rule = 'graded': wide where the stress is large": {"pattern.width.rule": "graded"},
     "pattern.families = 'minor': one family alone": {"pattern.families": "minor"},
     "pattern.rotate = 45: both families off the stress": {"pattern.rotate": 45.0},
     "pattern.method = 'modes': the paper's stripes": {

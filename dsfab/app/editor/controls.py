@@ -70,7 +70,9 @@ def _width(reach: float) -> list[Control]:
         Control(group, key + "member", "width", "length", "m", high=reach, step=fine, hint="Of members, if constant."),
         Control(group, key + "q", "grading", high=4, step=0.05, hint="Share of material grows with stress to this."),
         Control(group, key + "steps", "steps", "whole", low=1, high=50, step=1, live=False, hint=_STEPS),
-        Control(group, key + "min_width", "min. width", "length", "m", high=reach, step=fine, hint=_NONE),
+        Control(
+            group, key + "min_width", "min. width", "length", "m", high=reach, step=fine, word="auto", hint=_THINNEST
+        ),
         Control(group, key + "max_width", "max. width", "length", "m", high=reach, step=fine, hint=_NONE),
         Control(group, key + "min_gap", "fill gaps under", "length", "m", high=reach, step=fine, hint=_NONE),
     ]
@@ -84,6 +86,10 @@ _STEPS = "How often the rule stressed cuts, solves and widens; the best is kept.
 _FRACTION = "Share of the surface to keep: widths are solved for. 0 leaves them as they are."
 _MISSED = "Where the share jumps past the wanted one: the nearest is taken if it misses by no more, and told."
 _NONE = "0 sets no limit."
+_THINNEST = (
+    "0 sets no limit. auto: evenly spaced members of graded width are as wide as the sheet is thick, or as half of "
+    "what equally wide ones would be."
+)
 
 
 def _kept(reach: float) -> list[Control]:

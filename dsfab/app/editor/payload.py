@@ -20,7 +20,7 @@ from dsfab.pattern import (
     vertex_means,
 )
 from dsfab.pipeline.design import Design
-from dsfab.pipeline.patterns import stripe_stresses
+from dsfab.pipeline.patterns import least_width, stripe_stresses
 from dsfab.render.colouring import STEEPEST, diverging, rising, signed
 from dsfab.render.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
 from dsfab.render.striped_mesh import StripedMesh, distances, finite
@@ -114,6 +114,7 @@ def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "phase": list(pattern.phase),
         "mode": [1, 1] if mesh.even else list(pattern.mode),
         "factor": pattern.factor,
+        "least": least_width(draft.preset, surface) if mesh.even else 0.0,
         "member": ask.width.widths(np.sqrt(surface.area)).member,
         "pattern": ask.model_dump(mode="json"),
         "notes": [f"{note.stage}: {note.text}" for note in draft.notes],

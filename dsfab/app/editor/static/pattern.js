@@ -59,18 +59,25 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   const width = pattern.width;
   const drawn = ['major', 'minor'].map((name) => ['both', name].includes(pattern.families));
   const plain = [pattern.major, pattern.minor].map((family, k) => (drawn[k] ? (1 - family.threshold) / 4 : 0));
-  const rules = width.rule !== 'plain' || width.min_width > 0 || width.max_width > 0 || width.min_gap > 0;
+  const rules = width.rule !== 'plain' || thinnest(width, facts) > 0 || width.max_width > 0 || width.min_gap > 0;
   if (rules && mode.some((number, k) => number !== facts.mode[k])) return null;
   const vary = rules || Boolean(arrays.shares);
   sampler.look(mode, frequency, phase, reach);
   if (alike(pattern, facts.pattern)) return exact(told, plain, vary, model, sampler);
   const n = arrays.V.length / 3;
-  const rule = { ...facts.widthRules, ...width, member: width.member || Math.sqrt(facts.area) / 100, drawn };
+  const member = width.member || Math.sqrt(facts.area) / 100;
+  const rule = { ...facts.widthRules, ...width, min_width: thinnest(width, facts), member, drawn };
   const varying = vary && halfWidths(rule, plain, frequency, arrays, n);
   const halves = (factor, into) => (vary ? varying(factor, into) : plain.map((d) => Math.min(factor * d, rule.solid)));
   const factor = scale(width, facts, halves, sampler, vary && new Float32Array(2 * n));
   const half = halves(factor);
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
+}
+
+/** Metres that no member is thinner than; 0 where there is no limit. */
+function thinnest(width, { least }) {
+  if (width.min_width !== 'auto') return width.min_width;
+  return width.rule === 'graded' ? Math.min(least, width.max_width || least) : 0;
 }
 
 /** What widths are multiplied with: solved for where a share is wanted, from where the slider was before. */

@@ -1,0 +1,74 @@
+"""Stripes are a little narrower than asked, for round corners and filled openings add to what they keep."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from dsfab.preset import Width
+from dsfab.results import PatternResult
+
+SHARE_TOLERANCE = 4e-4
+"""How closely pattern.width.solid_fraction is reached, as a share of the surface."""
+
+CORRECTIONS = 3
+"""Rounds at most in which it is corrected by what round corners and filled openings add."""
+
+HALVINGS = 6
+"""Rounds at most in which it is looked for where that leads astray, since openings close."""
+
+
+class _Try(NamedTuple):
+    """Stripes that were to keep `aim` of the surface, what is added to it, what both are, and they themselves."""
+
+    aim: float
+    added: float
+    total: float
+    result: PatternResult
+
+
+def corrected(
+    width: Width,
+    made: Callable[[float, float], PatternResult],
+    nearest: Callable[[float], float],
+    added: Callable[[PatternResult], float],
+) -> tuple[PatternResult, float]:
+    """Stripes that keep what is asked together with round corners and filled openings, and the share that this is.
+
+    made    : the stripes for a share that is added to them, and a guess of their factor, 0 for none.
+    nearest : the share that the last ones keep, near one.    added : what is added to them.
+
+    What is added changes little with the widths, so it is taken off what the stripes are to keep. Where it jumps,
+    since openings close, that leads astray: then the answer is looked for between one that keeps less and one that
+    keeps more.
+    """
+    wanted, allowed = width.solid_fraction, width.solid_fraction_tolerance
+    tries = list[_Try]()
+
+    def attempt(taken: float, guess: float = 0.0) -> _Try:
+        result = made(taken, guess)
+        more = added(result)
+        tries.append(_Try(wanted - taken, more, nearest(wanted - taken) + more, result))
+        return tries[-1]
+
+    last = attempt(0.0)
+    for _ in range(CORRECTIONS):
+        if abs(last.aim + last.added - wanted) < SHARE_TOLERANCE:
+            break
+        last = attempt(last.added, last.result.factor)
+    for _ in range(HALVINGS):
+        if abs(last.total - wanted) <= allowed or not (between := _between(tries, wanted)):
+            break
+        last = attempt(wanted - between, last.result.factor)
+    if abs(last.total - wanted) > allowed:
+        last = min(tries, key=lambda one: abs(one.total - wanted))
+    off = abs(last.total - wanted)
+    return last.result, last.total if off > 2 * SHARE_TOLERANCE else wanted  # not worth a word
+
+
+def _between(tries: Sequence[_Try], wanted: float) -> float:
+    """What to aim at next: the middle of the nearest two tries of which one keeps too little and one too much.
+
+    0 where there are none, or nothing new lies between them.
+    """
+    pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in tries for b in tries if a.total < wanted < b.total]
+    gap, middle = min(pairs, default=(0.0, 0.0))
+    return middle if gap > SHARE_TOLERANCE else 0.0
