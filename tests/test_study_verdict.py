@@ -61,7 +61,10 @@ def test_the_compliance_of_a_full_plate_lies_inside_the_bound():
     assert verdict.status == "pass"
     assert verdict.bound < 0.02
     assert abs(verdict.value - known) <= verdict.bound * verdict.value
-    assert verdict.reason == f"converged within {100 * verdict.bound:.2g} %"
+    told = f"converged within {100 * verdict.bound:.2g} %; thin-shell theory: a solid is up to "
+    told += f"{100 * verdict.theory:.2g} % softer"
+    assert verdict.reason == told
+    assert 0 < verdict.theory < 0.02  # half a metre wide in the mean and a centimetre thick
     assert len(verdict.levels) == 2
     assert verdict.levels[1].triangles == 4 * verdict.levels[0].triangles
     # both pairs err to the soft side of a plate, mid-edge by far more: which the first mesh alone tells
@@ -175,6 +178,7 @@ def test_a_design_in_the_plane_is_judged_and_the_quick_level_says_what_it_is():
     assert "edges of the uncut mesh wide" in verdict.warnings[0]
     told = json.loads(json.dumps(verdict.record(), allow_nan=False))
     assert told["value"] == verdict.value
+    assert told["theory"] == told["cases"][0]["theory"] == verdict.theory
     assert told["levels"][1]["triangles"] == verdict.levels[1].triangles
     assert told["cases"][0]["name"] == "load"
 
