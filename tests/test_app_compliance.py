@@ -317,6 +317,11 @@ def test_the_full_judge_tells_the_value_of_the_verdict_within_its_bound(drafted,
     assert judged.check.case("load").value == judged.compliance
     assert judged.bound == judged.check.bound <= 0.02
     assert judged.verdict == "pass"
+    assert judged.theory == judged.check.theory
+    known = replace(compared, design=replace(compared.design, judgement=replace(judged, theory=0.034)))
+    told = Findings(known, [], "")
+    assert "(thin-shell theory: a solid is up to 3.4 % softer)" in banner(told).text
+    assert {one.name: one.status for one in told.checks}["Within thin-shell theory"] == "note"
     rough = comparison((drafted), ()).design.judgement
     assert (rough.level, rough.verdict, rough.bound) == ("quick", "unknown", 0.05)
     assert rough.compliance == pytest.approx(judged.compliance, rel=0.05)

@@ -15,7 +15,7 @@ from dsfab.study.verdict.calibration import read_table, shipped_table, summary, 
 from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import MAIN, level
 from dsfab.study.verdict.loaded_surface import attached_material
-from dsfab.study.verdict.rules import QUICK, estimate
+from dsfab.study.verdict.rules import QUICK, estimate, limit_at_own_rate
 from dsfab.study.verdict.smooth import SmoothSurface
 from dsfab.study.verdict.trials import KINDS, calibrate, measured_trial, random_design
 from dsfab.surface import LoadCase, Surface, shapes
@@ -61,7 +61,10 @@ def test_the_compliance_of_a_full_plate_lies_inside_the_bound():
     assert verdict.status == "pass"
     assert verdict.bound < 0.02
     assert abs(verdict.value - known) <= verdict.bound * verdict.value
-    assert verdict.reason == f"converged within {100 * verdict.bound:.2g} %"
+    told = f"converged within {100 * verdict.bound:.2g} %; thin-shell theory: a solid is up to "
+    told += f"{100 * verdict.theory:.2g} % softer"
+    assert verdict.reason == told
+    assert 0 < verdict.theory < 0.02  # half a metre wide in the mean and a centimetre thick
     assert len(verdict.levels) == 2
     assert verdict.levels[1].triangles == 4 * verdict.levels[0].triangles
     # both pairs err to the soft side of a plate, mid-edge by far more: which the first mesh alone tells
@@ -175,6 +178,7 @@ def test_a_design_in_the_plane_is_judged_and_the_quick_level_says_what_it_is():
     assert "edges of the uncut mesh wide" in verdict.warnings[0]
     told = json.loads(json.dumps(verdict.record(), allow_nan=False))
     assert told["value"] == verdict.value
+    assert told["theory"] == told["cases"][0]["theory"] == verdict.theory
     assert told["levels"][1]["triangles"] == verdict.levels[1].triangles
     assert told["cases"][0]["name"] == "load"
 
@@ -261,6 +265,24 @@ def test_the_bound_follows_the_largest_of_what_is_known():
         assert estimate(*other).bound > 0.05
     assert estimate([1.0], 0.0, 0.05).bound > 0.05
     assert estimate([1.0, 1.0, 1.0], 0.5, 0.0).bound == pytest.approx(estimate([1.0, 1.0], 0.5, 0.0).bound / 2)
+
+
+@pytest.mark.parametrize("rate", [1.78, 2.2, 3.0, 4.0])
+def test_three_meshes_go_on_at_their_own_rate(rate):
+    """c_k = 1 - a / rate^k: the pavilion's steps shrink by 1.78, and its limit lay outside a bound that supposed 3."""
+    values = [1 - 0.2 / rate**k for k in range(3)]
+    found = estimate(values, 0.0, 0.0)
+    assert limit_at_own_rate(values) == pytest.approx(1)
+    assert abs(found.value - 1) <= found.bound * found.value / 1.5 + 1e-9
+    assert estimate(values[:2], 0.0, 0.0).value == pytest.approx(values[1] + (values[1] - values[0]) / 2)
+
+
+def test_steps_that_turn_back_or_grow_are_not_believed():
+    turning = estimate([1.0, 1.02, 1.01], 0.0, 0.0)
+    assert (turning.value, turning.bound) == (pytest.approx(1.005), pytest.approx(0.006 / 1.005))
+    growing, even = estimate([1.0, 1.01, 1.04], 0.0, 0.0), estimate([1.0, 1.03, 1.05], 0.0, 0.0)
+    assert growing.value == pytest.approx(1.04 + (0.03 / 2 + 0.03 / 0.5) / 2)
+    assert growing.bound > even.bound > turning.bound
 
 
 def test_the_shipped_table_keeps_what_the_bounds_promise():

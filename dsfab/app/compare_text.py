@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from dsfab.report.compliance.words import within
+from dsfab.report.compliance.words import percent, within
 from dsfab.study import losing_line
 from dsfab.wording import bounded, length, mass, sentence, table
 
@@ -36,6 +36,7 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
             lines.append(f"{one.name} does not carry the loads: {one.error}")
         elif one.spread:
             lines.append(_spread(one, result))
+    lines += _theory(result)
     lines += [line for one in result.competitors for line in _modes(one)]
     for one in result.rivals:
         gain = result.gain(one.name)
@@ -43,6 +44,13 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
             best = "best " if one.spread else ""
             lines.append(f"the design is {gain:.3g} x as stiff as the {best}{one.name} structure of the same mass")
     return "\n".join(lines)
+
+
+def _theory(result: "Comparison") -> list[str]:
+    """By what solids may be softer, of those that were solved on finer and finer meshes."""
+    judged = {one.name: one.judgement.theory for one in result.competitors if one.judgement}
+    known = [f"{name} by up to {percent(theory)}" for name, theory in judged.items() if theory]
+    return [f"thin-shell theory: solids are softer, {', '.join(known)}"] if known else []
 
 
 def _modes(one: "Competitor") -> list[str]:

@@ -100,6 +100,8 @@ def _judged(judgement: Judgement) -> dict[str, Any]:
     """The columns of a judgement: the worst over the cases, and all reactions."""
     found: dict[str, Any] = {"bound": judgement.bound, "verdict": judgement.verdict, "reason": judgement.reason}
     found["level"] = judgement.level
+    if judgement.theory is not None:
+        found["theory"] = judgement.theory
     for name, unit in (("displacement", "m"), ("tension", "Pa"), ("compression", "Pa"), ("stress", "Pa")):
         worst = judgement.worst(name)
         found |= {f"{name}_{unit}": worst.value, f"{name}_at_m": worst.place, f"{name}_99_{unit}": worst.quantile}

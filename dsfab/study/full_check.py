@@ -55,8 +55,8 @@ def full(
     cases = {
         name: _with_stress(case, last.stresses[name], last.triangles, strength) for name, case in first.cases.items()
     }
-    value, bound = _together(task, found)
-    judged = replace(first, compliance=value, bound=bound, verdict=found.status, cases=cases)
+    value, bound, theory = _together(task, found)
+    judged = replace(first, compliance=value, bound=bound, theory=theory, verdict=found.status, cases=cases)
     return replace(judged, reason=found.reason, check=found)
 
 
@@ -86,8 +86,9 @@ def _with_modes(case: Carried, name: str, modes: ModeIntervals) -> Carried:
     )
 
 
-def _together(task: ComparisonTask, found: Verdict) -> tuple[float, float]:
-    """Compliance, J, of what the pattern follows, with its weights; and the bound, a share."""
+def _together(task: ComparisonTask, found: Verdict) -> tuple[float, float, float]:
+    """Compliance, J, of what the pattern follows, with its weights; the bound and what theory leaves out, shares."""
     cases = [(weight, found.case(name)) for name, weight in task.preset.followed.items()]
     value = sum(weight * case.value for weight, case in cases)
-    return value, sum(weight * case.value * case.bound for weight, case in cases) / value
+    bound = sum(weight * case.value * case.bound for weight, case in cases) / value
+    return value, bound, sum(weight * case.value * case.theory for weight, case in cases) / value

@@ -76,6 +76,7 @@ class Judgement:
     verdict    : whether the bound can be relied on, and `reason`.
     cases      : by name, the answer to each load, of one solve on the mesh as it is cut.
     check      : the meshes that were solved besides; None where there is one only.
+    theory     : the share by which a solid may be softer besides, see `dsfab.study.verdict`; None by one solve.
     """
 
     compliance: float
@@ -84,6 +85,7 @@ class Judgement:
     verdict: Status = "unknown"
     reason: str = ""
     check: Verdict | None = None
+    theory: float | None = None
 
     @property
     def level(self) -> Literal["quick", "full"]:

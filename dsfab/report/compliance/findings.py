@@ -173,7 +173,7 @@ class Findings:
         if not self.carries:
             told = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", told, "equilibrium with its supports")]
-        found = [self._carries(), self._known(), self._balanced(), self._member(), self._faceted()]
+        found = [self._carries(), self._known(), self._thin(), self._balanced(), self._member(), self._faceted()]
         return [one for one in (*found, self._strong(), self._buckles(), self._vibrates()) if one]
 
     def _carries(self) -> CheckLine:
@@ -194,6 +194,15 @@ class Findings:
         known = check is not None and check.status == "pass"
         why = "" if known else f"; {self.judged.reason}"
         return CheckLine("Compliance is known", "pass" if known else "unknown", told + why, percent(CONVERGED))
+
+    def _thin(self) -> CheckLine | None:
+        theory = self.judged.theory
+        if theory is None:
+            return None
+        told = f"a solid of it is up to {percent(theory)} softer"
+        return CheckLine(
+            "Within thin-shell theory", "pass" if theory <= CONVERGED else "note", told, percent(CONVERGED)
+        )
 
     def _balanced(self) -> CheckLine:
         cases = self.judged.cases.values()

@@ -246,9 +246,9 @@ def levels_table(found: Findings, number: Numbers) -> Table | None:
     value = check.case(name)
     note = (
         f"Extrapolated: <b>{digits_of(value.value / factor, 5)} {unit} ± {percent(value.bound)}</b>. "
-        "Level 1 is the mesh as it is cut, each further one has four triangles for one, with new points on the smooth "
-        "surface. The spread of the two pairs is that of level 1. ZZ: recovery error, membrane and bending apart. "
-        "Memory of the whole process."
+        f"That is of a thin sheet: a solid of it is up to {percent(value.theory)} softer. "
+        "Level 1 is the mesh as it is cut, each further one has four triangles for one, new points on the smooth "
+        "surface. The spread of the pairs is that of level 1. ZZ: recovery error. Memory of the whole process."
     )
     head = (
         "Level",

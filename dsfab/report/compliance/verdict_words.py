@@ -23,6 +23,8 @@ def banner(found: Findings) -> Banner:
         text = " ".join(f"{one.name}: {one.found} (wanted: {one.limit})." for one in bad)
         return Banner("fail", f"Fail: {enumeration([one.name.lower() for one in bad])}", text)
     sure = f"Compliance {within(found.judged.compliance, found.judged.bound, 'J')}"
+    if theory := found.judged.theory:
+        sure += f" (thin-shell theory: a solid is up to {percent(theory)} softer)"
     if found.status == "unknown":
         text = f"{sure}. " + " ".join(f"{one.name}: {one.found} (wanted: {one.limit})." for one in bad)
         return Banner("unknown", TITLES["unknown"], text)

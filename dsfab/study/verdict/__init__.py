@@ -3,6 +3,7 @@
 check ─► attached_material                           pieces and loads (loaded_surface.py)
       ─► Refinement.up ─► finer, on_mesh ─► level    mesh after mesh (refinement.py, finer.py, levels.py)
                        ─► estimate                   value and bound (rules.py)
+                       ─► theory_share               by what a solid may be softer (theory.py)
       ─► Verdict                                     what is told (verdict.py)
 mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same of buckling and frequency (modes.py)
 """

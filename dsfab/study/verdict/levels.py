@@ -21,6 +21,7 @@ from dsfab.statics import (
     sheet_stress,
 )
 from dsfab.study.verdict.stresses import Extreme, stress_extremes
+from dsfab.study.verdict.theory import BendingShares, bending_shares
 from dsfab.surface import LoadCase, Surface
 
 MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
@@ -46,6 +47,7 @@ class Level:
     seconds    : of both pairs.
     memory     : bytes, the most that the process has held up to then.
     stresses   : of the main pair, for each case, see `stress_extremes`.
+    bent       : of the main pair, for each case, see `BendingShares`.
     """
 
     triangles: int
@@ -58,6 +60,7 @@ class Level:
     seconds: float
     memory: int
     stresses: Mapping[str, Mapping[str, Extreme]] = field(default_factory=dict)
+    bent: Mapping[str, BendingShares] = field(default_factory=dict)
 
 
 def level(
@@ -94,6 +97,7 @@ def level(
         time.perf_counter() - start,
         peak_memory(),
         {name: stress_extremes(surface, one, loads[name].held) for name, one in stress.items()},
+        {name: bending_shares(surface, made, stress[name], answer) for name, answer in found[main].items()},
     )
 
 

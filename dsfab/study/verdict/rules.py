@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 STEP = 2.0
-"""Each refinement takes the error to 1 / (1 + STEP) of what it was: the value is c1 + (c1 - c0) / STEP."""
+"""Each refinement takes the error to 1 / (1 + STEP) of what it was: two meshes have the value c1 + (c1 - c0) / STEP."""
 
 OF_STEP = 0.6
 """The bound is at least this share of the last step |c1 - c0|."""
@@ -17,6 +17,12 @@ OF_SPREAD = 0.4
 
 OF_RECOVERY = 0.3
 """And at least this share of the recovery error, membrane and bending together."""
+
+OWN = 0.75
+"""Of three meshes, whose steps shrink at a rate of their own, the value lies half way between what `STEP` and what that
+rate carry it on to, and the bound is at least this share of the distance between these two, so half as much again as
+either is off. Of ten designs whose fourth mesh is known, neither alone is the better: a vault whose steps first shrink
+by 1.6 and then by 2.2 is 1.4 % beyond the one and 3.2 % short of the other."""
 
 FLOOR = 0.003
 """And never less than this: the truth in the table is itself known to 0.1 or 0.2 % only."""
@@ -50,10 +56,20 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     if len(values) < 2:
         return ComplianceEstimate(values[0], max(ONE_MESH * recovery, OF_SPREAD * abs(spread), FLOOR))
     step = values[-1] - values[-2]
-    value = values[-1] + step / STEP
+    usual, own = values[-1] + step / STEP, limit_at_own_rate(values)
+    value = (usual + own) / 2
     left = abs(spread) / 2 ** (len(values) - 1)
-    off = max(OF_STEP * abs(step) / value, OF_SPREAD * left, OF_RECOVERY * recovery, FLOOR)
-    return ComplianceEstimate(value, off)
+    steps = max(OF_STEP * abs(step), OWN * abs(own - usual)) / value
+    return ComplianceEstimate(value, max(steps, OF_SPREAD * left, OF_RECOVERY * recovery, FLOOR))
+
+
+def limit_at_own_rate(values: Sequence[float]) -> float:
+    """What the values go to at the rate of the last two steps, kept within `STEPS`; at `STEP` where there are two
+    values only, or where the last step turns back."""
+    step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
+    if before * step <= 0:
+        return values[-1] + step / STEP
+    return values[-1] + step / (min(max(before / step, STEPS[0]), STEPS[1]) - 1)
 
 
 MODES_KNOWN = 0.05

@@ -22,6 +22,7 @@ class CaseVerdict:
              unknown: the compliance is not known well enough.
     spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, less 1.
     zz_membrane, zz_bending : on the finest mesh, see `Level`.
+    theory : by what a solid may be softer besides, over the value: the bound is about thin sheets, see `theory_share`.
     """
 
     name: str
@@ -32,6 +33,7 @@ class CaseVerdict:
     spread: float = 0.0
     zz_membrane: float = 0.0
     zz_bending: float = 0.0
+    theory: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,11 @@ class Verdict:
         return self.cases[0].bound
 
     @property
+    def theory(self) -> float:
+        """By what a solid may be softer besides, over the value."""
+        return self.cases[0].theory
+
+    @property
     def memory(self) -> int:
         """Bytes, the most that the process has held; 0 where nothing was solved."""
         return max((level.memory for level in self.levels), default=0)
@@ -81,7 +88,7 @@ class Verdict:
 
     def record(self) -> dict[str, Any]:
         """Everything as numbers, text, lists and dicts for JSON; None for what is not finite."""
-        values = asdict(self) | {"value": self.value, "bound": self.bound, "memory": self.memory}
+        values = asdict(self) | {"value": self.value, "bound": self.bound, "theory": self.theory, "memory": self.memory}
         values["dropped"] = [piece._asdict() for piece in self.dropped]
         return dict(_plain(values))
 
