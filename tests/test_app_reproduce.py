@@ -108,7 +108,7 @@ def test_the_page_shows_every_step_of_every_figure_and_opens_offline(folder):
 @pytest.mark.parametrize("name", TWO)
 def test_the_rows_are_those_of_the_papers_tables(folder, name):
     figure = next(figure for figure in FIGURES if figure.preset == name)
-    rows, row, timings = Page(folder).sections[name], figure.row, figure.timings
+    rows, row, timings = Page(folder).sections[name][4:], figure.row, figure.timings
     values = (row.gamma, row.r, *row.modes, *row.thresholds, *row.frequencies, *row.phases)
     assert [float(cell) for cell in rows[1]] == list(values)
     paper, ours = rows[3], rows[4]
@@ -118,6 +118,20 @@ def test_the_rows_are_those_of_the_papers_tables(folder, name):
     assert float(paper[5]) == pytest.approx(timings.statics, abs=6e-4)
     assert 100 < int(ours[1].replace(",", "")) < timings.vertices / 10
     assert float(ours[8]) > 0
+
+
+@pytest.mark.parametrize("name", TWO)
+def test_every_figure_is_there_three_ways_with_what_was_measured_and_the_command(folder, name):
+    page = Page(folder)
+    measured = page.sections[name][1:4]
+    assert [row[0] for row in measured] == ["The paper to the letter", "The preset", "dsfab's stripes"]
+    assert all(row[1].endswith("%") and float(row[6]) >= 0 for row in measured)
+    assert (measured[0][4] == "not carried") == (measured[0][3] == "0%")
+    assert f"dsfab reproduce {name} --coarser 6" in page.text
+    assert f"<code>dsfab build {name} --set surface.edge=" in page.text
+    assert "labelled by the sign of their stress" in page.text
+    for way in ("letter", "stripes"):
+        assert (folder / f"{name}-{way}-structure.webp").is_file()
 
 
 def test_pictures_differ_and_are_all_there(folder):

@@ -7,11 +7,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from dsfab.render.colouring import Bar
 from dsfab.report.html import html_page, image, why
 from dsfab.report.paper.comparisons import PaperComparison
-from dsfab.report.paper.drawing import PaperPicture
 from dsfab.report.paper.figures import FigurePictures
+from dsfab.report.paper.measures import measured, picture_cell
 from dsfab.study.paper import Parameters, Timings
 
 PAGE_NAME = "index.html"
@@ -70,6 +69,10 @@ def _header(about: PageFacts) -> str:
         "dsfab's own stands in. Arrows are loads, cones supports; crosses are red along tension and blue along "
         "compression; a mode runs from teal through zero to ochre, and stripes lie along its values. Structures are "
         "drawn before pieces that reach no support are dropped.</p>"
+        "<p>Every figure is made three ways: the paper to the letter, the preset that dsfab ships, and dsfab's own stripes; beneath them stands what was measured, where "
+        "each departs from the paper, and the command that makes it again. One departure is everywhere: the paper does "
+        "not say how its modes are scaled, and dsfab's are as large as on a sphere of radius 1 of the same area. "
+        "Captions say what was measured, not what the paper says.</p>"
         f'<p class="quiet">Made by <code>dsfab reproduce</code>: {escape(about.machine)}.{rough} Seconds are those of '
         "one run, beside the paper's on a laptop of 2015 (dual-core i5); it gives one row for each mesh.</p></header>"
     )
@@ -92,26 +95,9 @@ def _section(made: FigurePictures, coarser: float) -> str:
     )
     if made.error:
         return f"{head}{why(f'Not made: {made.error}')}</section>"
-    shown = [_figure(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
+    shown = [picture_cell(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
     cells = "".join([*shown[:FACTS_AT], _facts(made, coarser), *shown[FACTS_AT:]])
-    return f'{head}<div class="steps">{cells}</div>{_tables(made)}</section>'
-
-
-def _figure(shown: PaperPicture, name: str, kind: str = "") -> str:
-    inside = image(shown.file, f"{name}: {shown.title}", shown.size) if shown.file else why(shown.words)
-    if shown.file:
-        inside = f'<a href="{shown.file}">{inside}</a>'
-    words = f"<small>{escape(shown.words)}</small>" if shown.file and shown.words else ""
-    bar = _bar(shown.bar) if shown.bar else ""
-    return f'<figure class="{kind}">{inside}<figcaption><b>{escape(shown.title)}</b>{bar}{words}</figcaption></figure>'
-
-
-def _bar(bar: Bar) -> str:
-    """The scale of colours, with what stands at its ends."""
-    colours = ", ".join(f"rgb({r:.0f}, {g:.0f}, {b:.0f})" for r, g, b in bar.colours)
-    left, right = (f"{label} {name}".strip() for label, name in zip(bar.labels[::2], bar.names, strict=True))
-    strip = f'<i style="background: linear-gradient(to right, {colours})"></i>'
-    return f'<span class="bar">{escape(left)}{strip}{escape(right)}</span>'
+    return f'{head}{measured(made, coarser)}<div class="steps">{cells}</div>{_tables(made)}</section>'
 
 
 def _facts(made: FigurePictures, coarser: float) -> str:
@@ -172,7 +158,7 @@ def _claim(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _comparison(one: PaperComparison) -> str:
     rows = "".join(
-        f'<div class="compared" style="--across: {len(row)}">{"".join(_figure(s, one.title) for s in row)}</div>'
+        f'<div class="compared" style="--across: {len(row)}">{"".join(picture_cell(s, one.title) for s in row)}</div>'
         for row in one.rows
     )
     return f"<section><h2>{escape(one.title)}</h2><p>{escape(one.words)}</p>{rows}</section>"
@@ -197,6 +183,8 @@ figcaption b { display: block; font-weight: 600; } small { display: block; }
 section > .why { aspect-ratio: auto; padding: 2rem; }
 .facts { font-size: .92rem; padding-top: .4rem; } .facts p { margin: 0 0 .55rem; }
 .tables { margin-top: 1.6rem; display: flex; flex-wrap: wrap; gap: 1rem 3rem; overflow-x: auto; }
+.measured th { white-space: normal; } .measured th:first-child { text-align: left; min-width: 11rem; }
+.measured { margin: 1rem 0 1.2rem; font-size: .86rem; } .ways { margin-bottom: 1rem; }
 .tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
 @media print { section { break-inside: avoid; } }
 """
