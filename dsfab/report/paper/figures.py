@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dsfab.errors import DsfabError
-from dsfab.pipeline import draft
+from dsfab.errors import DsfabError, SurfaceError
+from dsfab.pipeline import Design, draft
+from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden
 from dsfab.report.paper.comparisons import PaperComparison, comparisons
 from dsfab.report.paper.drawing import PaperPicture, paper_picture
@@ -17,6 +18,9 @@ from dsfab.study.renditions import Rendition, renditions
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
 """What is shown of every figure beside its structure, in the order of the method."""
 
+
+FINER = 0.8
+"""A mesh that is too coarse for a shape is made with edges so many times as long."""
 
 WAYS = {
     "letter": "The paper to the letter",
@@ -40,6 +44,7 @@ class FigurePictures:
     """A figure as it came out; `error` says why it could not be made, and the rest is empty then.
 
     seconds : by row of the paper's Table 2.      carried: how the loads reach the supports.
+    coarser : its edges are so many times as long as the preset's own.
     """
 
     figure: PaperFigure
@@ -51,6 +56,7 @@ class FigurePictures:
     shown: tuple[PaperPicture, ...] = ()
     comparisons: tuple[PaperComparison, ...] = ()
     ways: tuple[RenditionPicture, ...] = ()
+    coarser: float = 1.0
     error: str = ""
 
     @property
@@ -62,13 +68,10 @@ class FigurePictures:
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; what cannot be made says so in its place.
 
-    coarser : the preset's edges times this: quicker, and rougher.
+    coarser : the preset's edges times this, or less where no such mesh has all details: quicker, and rougher.
     """
     try:
-        preset = load_preset(figure.preset)
-        if coarser != 1:
-            preset = overridden(preset, {"surface.edge": coarser * preset.surface.model_dump()["edge"]})
-        design = draft(preset)
+        design, coarser = coarsened(load_preset(figure.preset), coarser)
         made = renditions(design)
         carried, notes = _carried(made[1])
         shown = tuple(paper_picture(design, folder, show, figure.preset) for show in ("structure", *STEPS))
@@ -77,7 +80,23 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
     except DsfabError as error:
         return FigurePictures(figure, error=str(error))
     surface = design.surface
-    return FigurePictures(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared, ways)
+    return FigurePictures(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared, ways, coarser)
+
+
+def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:
+    """A preset up to its pattern with edges so many times as long as its own, or as many as leave the shape its details
+    and its loads a vertex; and how many these are.
+
+    Raises DsfabError for what fails on the preset's own mesh as well.
+    """
+    edge = preset.surface.model_dump()["edge"]
+    while True:
+        try:
+            return draft(overridden(preset, {"surface.edge": coarser * edge}) if coarser != 1 else preset), coarser
+        except SurfaceError:
+            if coarser <= 1:
+                raise
+            coarser = max(FINER * coarser, 1.0)
 
 
 def _pictured(figure: PaperFigure, made: Rendition, folder: Path, shipped: PaperPicture) -> RenditionPicture:

@@ -37,7 +37,7 @@ def measured(made: FigurePictures, coarser: float) -> str:
     return (
         f'{findings}<div class="compared ways" style="--across: {len(made.ways)}">{cells}</div>'
         f'<table class="measured"><caption>Measured, again by <code>{escape(again)}</code></caption>'
-        f"<tr><th></th>{head}</tr>{rows}</table>{_built(made, coarser)}"
+        f"<tr><th></th>{head}</tr>{rows}</table>{_built(made)}"
     )
 
 
@@ -72,13 +72,13 @@ def _ratio(x: float) -> str:
     return "no load" if np.isnan(x) else "not carried" if np.isinf(x) else f"{x:.3g}"
 
 
-def _built(made: FigurePictures, coarser: float) -> str:
+def _built(made: FigurePictures) -> str:
     """Where each departs from the paper, and how its structure is built."""
     lines = []
     for way in made.ways:
         one = way.rendition
         told = one.refused or "; ".join(one.departures) or "no departure but the scale of the modes"
-        mesh = f" --set surface.edge={_edge(one):.6g}" if coarser != 1 and one.design else ""
+        mesh = f" --set surface.edge={_edge(one):.6g}" if made.coarser != 1 and one.design else ""
         lines.append(
             f'<p class="quiet"><b>{escape(WAYS[one.name])}</b>: {escape(told)}. '
             f"<code>dsfab build {escape(made.figure.preset + mesh + one.command)}</code></p>"

@@ -69,10 +69,10 @@ def _header(about: PageFacts) -> str:
         "dsfab's own stands in. Arrows are loads, cones supports; crosses are red along tension and blue along "
         "compression; a mode runs from teal through zero to ochre, and stripes lie along its values. Structures are "
         "drawn before pieces that reach no support are dropped.</p>"
-        "<p>Every figure is made three ways: the paper to the letter, the preset that dsfab ships, and dsfab's own stripes; beneath them stands what was measured, where "
-        "each departs from the paper, and the command that makes it again. One departure is everywhere: the paper does "
-        "not say how its modes are scaled, and dsfab's are as large as on a sphere of radius 1 of the same area. "
-        "Captions say what was measured, not what the paper says.</p>"
+        "<p>Every figure is made three ways: the paper to the letter, the preset that dsfab ships, and dsfab's own "
+        "stripes; beneath them stands what was measured, where each departs from the paper, and the command that makes "
+        "it again. One departure is everywhere: the paper does not say how its modes are scaled, and dsfab's are as "
+        "large as on a sphere of radius 1 of the same area. Captions say what was measured.</p>"
         f'<p class="quiet">Made by <code>dsfab reproduce</code>: {escape(about.machine)}.{rough} Seconds are those of '
         "one run, beside the paper's on a laptop of 2015 (dual-core i5); it gives one row for each mesh.</p></header>"
     )
@@ -103,7 +103,10 @@ def _section(made: FigurePictures, coarser: float) -> str:
 def _facts(made: FigurePictures, coarser: float) -> str:
     figure = made.figure
     edge = "" if coarser == 1 else " (on its own mesh)"
+    finer = f"No mesh {coarser:g} times coarser has all its details: it was made {made.coarser:.3g} times coarser."
     lines = [escape(f"{made.carried[0].upper()}{made.carried[1:]}.")]
+    if made.coarser != coarser:
+        lines.append(finer)
     if figure.stand_in:
         lines.append(f"The surface stands in for the paper's: {escape(figure.stand_in)}.")
     lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in made.notes]
