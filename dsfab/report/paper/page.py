@@ -191,7 +191,7 @@ def _claim_words(known: Mapping[tuple[str, float], float | None], shares: Sequen
                 if own and rival:
                     told.append(f"{rival / own:.3g} times at {share:.0%}")
             if told:
-                yield f"{RIVALS[name][0].upper()}{RIVALS[name][1:]} is as stiff as {called} {', '.join(told)}."
+                yield f"Stiffness of {RIVALS[name]} over that of {called}: {', '.join(told)}."
 
 
 def _comparison(one: PaperComparison) -> str:
