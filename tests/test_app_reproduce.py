@@ -13,7 +13,7 @@ from PIL import Image
 from dsfab.app.cli import main
 from dsfab.app.terminal import Reporter
 from dsfab.diffusion import diffusion_tensors
-from dsfab.errors import DsfabError
+from dsfab.errors import DsfabError, SurfaceError
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset, overridden
 from dsfab.render.crosses import crosses
@@ -23,6 +23,7 @@ from dsfab.render.previewer import TRIAL, Previewer
 from dsfab.report.paper import drawing, figures
 from dsfab.report.paper.comparisons import as_mode
 from dsfab.report.paper.figures import _reached
+from dsfab.report.paper.page import PageFacts, page
 from dsfab.report.paper.volumes import sphere_volumes
 from dsfab.results import Piece
 from dsfab.study.paper import FIGURES
@@ -108,7 +109,7 @@ def test_the_page_shows_every_step_of_every_figure_and_opens_offline(folder):
 @pytest.mark.parametrize("name", TWO)
 def test_the_rows_are_those_of_the_papers_tables(folder, name):
     figure = next(figure for figure in FIGURES if figure.preset == name)
-    rows, row, timings = Page(folder).sections[name], figure.row, figure.timings
+    rows, row, timings = Page(folder).sections[name][4:], figure.row, figure.timings
     values = (row.gamma, row.r, *row.modes, *row.thresholds, *row.frequencies, *row.phases)
     assert [float(cell) for cell in rows[1]] == list(values)
     paper, ours = rows[3], rows[4]
@@ -118,6 +119,20 @@ def test_the_rows_are_those_of_the_papers_tables(folder, name):
     assert float(paper[5]) == pytest.approx(timings.statics, abs=6e-4)
     assert 100 < int(ours[1].replace(",", "")) < timings.vertices / 10
     assert float(ours[8]) > 0
+
+
+@pytest.mark.parametrize("name", TWO)
+def test_every_figure_is_there_three_ways_with_what_was_measured_and_the_command(folder, name):
+    page = Page(folder)
+    measured = page.sections[name][1:4]
+    assert [row[0] for row in measured] == ["The paper to the letter", "The preset", "dsfab's stripes"]
+    assert all(row[1].endswith("%") and float(row[6]) >= 0 for row in measured)
+    assert (measured[0][4] == "not carried") == (measured[0][3] == "0%")
+    assert f"dsfab reproduce {name} --coarser 6" in page.text
+    assert f"<code>dsfab build {name} --set surface.edge=" in page.text
+    assert "labelled by the sign of their stress" in page.text
+    for way in ("letter", "stripes"):
+        assert (folder / f"{name}-{way}-structure.webp").is_file()
 
 
 def test_pictures_differ_and_are_all_there(folder):
@@ -130,6 +145,50 @@ def test_pictures_differ_and_are_all_there(folder):
         seen.add(pixels.tobytes())
     # r = 100 is the figure itself, and without a stress both families have one mode
     assert len(seen) >= len(list(folder.glob("*.webp"))) - 4
+
+
+def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkeypatch):
+    """No edge over 0.1 m is taken: 0.19 m becomes 0.8 of it, three times."""
+
+    def fussy(preset, *arguments, **others):
+        if preset.surface.edge > 0.1:
+            raise SurfaceError("the edge is too long")
+        return draft(preset, *arguments, **others)
+
+    own = load_preset("hanging_bar").surface.edge
+    monkeypatch.setattr(figures, "draft", fussy)
+    design, coarser = figures.coarsened(load_preset("hanging_bar"), 0.19 / own)
+    assert coarser == pytest.approx(0.8**3 * 0.19 / own)  # 0.19, 0.152, 0.1216, 0.09728 m
+    assert design.preset.surface.edge == pytest.approx(0.8**3 * 0.19)
+    made = figures.FigurePictures(FIGURES[1], 1, 1, carried="all of it", coarser=1.5)
+    text = page([made], PageFacts(2.0, "a machine"))
+    assert "No mesh 2 times coarser has all its details: it was made 1.5 times coarser." in text
+    assert "No mesh" not in page([made], PageFacts(1.5, "a machine"))
+    monkeypatch.setattr(figures, "draft", lambda *_: (_ for _ in ()).throw(SurfaceError("never")))
+    with pytest.raises(SurfaceError, match="never"):
+        figures.coarsened(load_preset("hanging_bar"), 4.0)
+
+
+STAND_INS = (
+    "pavilion",
+    "bridge",
+    "camel_head",
+    "camel_ears",
+    "pirate",
+    "climbing_hold",
+    "bob",
+    "mouse",
+    "boys_surface",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*STAND_INS, "twisty_tower", "turkey"])
+@pytest.mark.parametrize("coarser", [4.0, 8.0])
+def test_every_stand_in_can_be_made_coarser(name, coarser):
+    design, used = figures.coarsened(load_preset(name), coarser)
+    assert 1 <= used <= coarser
+    assert design.load.force.any()
 
 
 def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothing(tmp_path, capsys, monkeypatch):
@@ -253,7 +312,8 @@ def test_the_claim_on_the_sphere_is_written_as_data_and_a_chart(tmp_path):
     """In rough; the recorded files in outputs/paper are those of the preset's own mesh."""
     sphere_volumes(tmp_path, Reporter(quiet=True), coarser=3.5, shares=(0.5,))
     told = json.loads((tmp_path / "sphere_volumes.json").read_text())
-    assert [row["name"] for row in told["competitors"]] == ["full", "design", "isotropic", "thinner", "plain"]
+    names = ["full", "design", "isotropic", "thinner", "plain", "row", "stripes"]
+    assert [row["name"] for row in told["competitors"]] == names
     assert told["competitors"][2]["ratio_to_full"] is None or told["competitors"][2]["ratio_to_design"] > 1
     chart = (tmp_path / "sphere_volumes.svg").read_text()
     assert "the same, plain widths" in chart
@@ -272,7 +332,6 @@ def test_the_recorded_comparison_on_the_sphere_says_what_the_paper_claims():
 
 def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
     from dsfab.app.reproduce import _volumes
-    from dsfab.report.paper.page import PageFacts, page
 
     folder = Path(__file__).parent.parent / "outputs" / "paper"
     rows = _volumes(folder)
@@ -282,6 +341,6 @@ def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
         next(row["compliance_J"] for row in rows if row["name"] == name and row["volume"] == 0.5)
         for name in ("design", "isotropic")
     )
-    assert f"{iso / own:.1f} times at 50%" in text
+    assert f"{iso / own:.3g} times at 50%" in text
     assert _volumes(folder / "nowhere") == []
     assert "sphere_volumes" not in page([], PageFacts(1.0, "a machine"))

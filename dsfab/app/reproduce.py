@@ -121,7 +121,16 @@ def _machine() -> str:
 
 
 def _summary(figures: "list[FigurePictures]", folder: Path) -> None:
+    from dsfab.report.paper.figures import WAYS
+    from dsfab.report.paper.measures import COLUMNS, rendition_facts
+
     for made in figures:
         out(f"{made.figure.preset}: {made.carried or 'not made'}")
+        for way in made.ways:
+            facts = zip(COLUMNS, rendition_facts(way.rendition), strict=True)
+            told = ", ".join(f"{column} {fact}" for (column, _), fact in facts if fact)
+            out(f"  {WAYS[way.rendition.name]}: {way.rendition.refused or told}")
+            if way.found:
+                out(f"    {way.found}")
     written = sum(path.stat().st_size for path in folder.iterdir() if path.suffix in (".webp", ".html"))
     out(f"  {folder / 'index.html'}  {size(written)} with its pictures")

@@ -15,6 +15,8 @@ Row = Mapping[str, Any]
 STYLES: Mapping[str, tuple[str, str, str]] = {
     "design": ("#b4441c", "-", "o"),
     "plain": ("#dd8f5a", "--", "o"),
+    "row": ("#dd8f5a", ":", "v"),
+    "stripes": ("#2c7a4a", "-", "P"),
     "isotropic": ("#3d7fc4", "-", "s"),
     "rotated": ("#9a6fc0", "-", "^"),
     "thinner": ("#6f6f6f", ":", ""),
@@ -27,6 +29,8 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
 NAMES = {
     "design": "this design",
     "plain": "the same, plain widths",
+    "row": "Table 1's row as it stands",
+    "stripes": "evenly spaced stripes",
     "isotropic": "isotropic, best pair of modes",
     "rotated": "turned by 45°, best pair",
     "thinner": "whole sheet, thinner",

@@ -5,6 +5,7 @@ the parameters, Table 2 the sizes and seconds (a dual-core i5 laptop of 2015). C
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class PaperFigure:
     row      : its parameters; None for the unloaded camel, which Table 1 leaves out.
     timings  : shared by the figures that share a mesh.
     stand_in : why the surface is not the paper's, or '' where it is given by a formula.
+    claim    : what the paper says is to be seen, for it to be measured: web, beam, beams (between loads), grid; or ''.
     """
 
     label: str
@@ -51,6 +53,7 @@ class PaperFigure:
     row: Parameters | None
     timings: Timings
     stand_in: str = ""
+    claim: Literal["", "web", "beam", "beams", "grid"] = ""
 
 
 def _row(gamma: float, r: float, a: int, b: int, u: float, w: float, phases: tuple[float, float]) -> Parameters:
@@ -108,34 +111,38 @@ FIGURES: tuple[PaperFigure, ...] = (
     PaperFigure(
         "camel a",
         "camel_none",
-        "No force: a pattern like a grid.",
+        "No force: the stress says nothing.",
         None,
         CAMEL,
         "the paper's mesh has no stated licence",
+        "grid",
     ),
     PaperFigure(
         "camel b",
         "camel_head",
-        "Pressed on the head: a radial web carries it.",
+        "Pressed on the head.",
         _row(10, 100, 1, 1, 8, 8, NONE),
         CAMEL,
         "the paper's mesh has no stated licence",
+        "web",
     ),
     PaperFigure(
         "camel c",
         "camel_nose",
-        "Pressed on the nose: a beam carries it.",
+        "Pressed on the nose.",
         _row(5, 100, 1, 3, 8, 8, (0.0, 0.2)),
         CAMEL,
         "the paper's mesh has no stated licence",
+        "beam",
     ),
     PaperFigure(
         "camel d",
         "camel_ears",
-        "Ears pushed down: horizontal beams across the head.",
+        "Ears pushed down.",
         _row(10, 100, 1, 3, 8, 8, NONE),
         CAMEL,
         "the paper's mesh has no stated licence",
+        "beams",
     ),
     PaperFigure(
         "showcase a",
@@ -190,6 +197,7 @@ FIGURES: tuple[PaperFigure, ...] = (
         "A sphere, compressed at one pole and held at the other.",
         _row(1, 100, 1, 1, 10, 10, NONE),
         Timings(15361, 30718, 0.253, None, 1.342, 0.004, 0.081, 0.647),
+        claim="web",
     ),
     PaperFigure(
         "showcase h",

@@ -1,22 +1,42 @@
 """The figures of the paper, made: numbers and sentences about each, and its pictures."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dsfab.errors import DsfabError
-from dsfab.pipeline import draft
-from dsfab.pipeline.design import Design
-from dsfab.pipeline.geometry import slicing_step
-from dsfab.pipeline.log import Log
+from dsfab.errors import DsfabError, SurfaceError
+from dsfab.pipeline import Design, draft
+from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden
 from dsfab.report.paper.comparisons import PaperComparison, comparisons
 from dsfab.report.paper.drawing import PaperPicture, paper_picture
+from dsfab.report.paper.findings import finding
 from dsfab.results import Piece
 from dsfab.study.paper import PaperFigure
+from dsfab.study.renditions import Rendition, renditions
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
 """What is shown of every figure beside its structure, in the order of the method."""
+
+
+FINER = 0.8
+"""A mesh that is too coarse for a shape is made with edges so many times as long."""
+
+WAYS = {
+    "letter": "The paper to the letter",
+    "preset": "The preset",
+    "stripes": "dsfab's stripes",
+}
+"""What each rendition is called."""
+
+
+@dataclass(frozen=True, eq=False)
+class RenditionPicture:
+    """A rendition of a figure, its picture, and what was found of the paper's claim, or ''."""
+
+    rendition: Rendition
+    picture: PaperPicture
+    found: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +44,7 @@ class FigurePictures:
     """A figure as it came out; `error` says why it could not be made, and the rest is empty then.
 
     seconds : by row of the paper's Table 2.      carried: how the loads reach the supports.
+    coarser : its edges are so many times as long as the preset's own.
     """
 
     figure: PaperFigure
@@ -34,6 +55,8 @@ class FigurePictures:
     notes: tuple[str, ...] = ()
     shown: tuple[PaperPicture, ...] = ()
     comparisons: tuple[PaperComparison, ...] = ()
+    ways: tuple[RenditionPicture, ...] = ()
+    coarser: float = 1.0
     error: str = ""
 
     @property
@@ -45,30 +68,56 @@ class FigurePictures:
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
     """Make a figure and write its pictures into `folder`; what cannot be made says so in its place.
 
-    coarser : the preset's edges times this: quicker, and rougher.
+    coarser : the preset's edges times this, or less where no such mesh has all details: quicker, and rougher.
     """
     try:
-        preset = load_preset(figure.preset)
-        if coarser != 1:
-            preset = overridden(preset, {"surface.edge": coarser * preset.surface.model_dump()["edge"]})
-        design = draft(preset)
-        carried, notes = _carried(design)
+        design, coarser = coarsened(load_preset(figure.preset), coarser)
+        made = renditions(design)
+        carried, notes = _carried(made[1])
         shown = tuple(paper_picture(design, folder, show, figure.preset) for show in ("structure", *STEPS))
         compared = tuple(comparisons(design, folder, {one.file: one for one in shown}))
+        ways = tuple(_pictured(figure, one, folder, shown[0]) for one in made)
     except DsfabError as error:
         return FigurePictures(figure, error=str(error))
     surface = design.surface
-    return FigurePictures(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared)
+    return FigurePictures(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared, ways, coarser)
 
 
-def _carried(design: Design) -> tuple[str, tuple[str, ...]]:
+def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:
+    """A preset up to its pattern with edges so many times as long as its own, or as many as leave the shape its details
+    and its loads a vertex; and how many these are.
+
+    Raises DsfabError for what fails on the preset's own mesh as well.
+    """
+    edge = preset.surface.model_dump()["edge"]
+    while True:
+        try:
+            return draft(overridden(preset, {"surface.edge": coarser * edge}) if coarser != 1 else preset), coarser
+        except SurfaceError:
+            if coarser <= 1:
+                raise
+            coarser = max(FINER * coarser, 1.0)
+
+
+def _pictured(figure: PaperFigure, made: Rendition, folder: Path, shipped: PaperPicture) -> RenditionPicture:
+    """With its picture: that of the preset is there already."""
+    if made.name == "preset":
+        return RenditionPicture(made, replace(shipped, title=WAYS[made.name]), finding(figure.claim, made))
+    if made.design is None:
+        return RenditionPicture(made, PaperPicture("", WAYS[made.name], made.refused))
+    picture = paper_picture(made.design, folder, "structure", f"{figure.preset}-{made.name}", WAYS[made.name])
+    found = finding(figure.claim, made) if made.name == "letter" else ""
+    return RenditionPicture(made, picture, found)
+
+
+def _carried(made: Rendition) -> tuple[str, tuple[str, ...]]:
     """How the cut sheet carries its loads, in a sentence, and what was noted; nothing needs to be thickened."""
-    log = Log(None)
-    slicing = slicing_step(design.preset, design.surface, design.statics, design.pattern, log)
-    share = slicing.sheet.surface.area / design.surface.area
+    if made.design is None:
+        return f"it cannot be built: {made.refused}", ()
+    slicing, notes = made.design.slicing, made.design.notes
+    share = slicing.sheet.surface.area / made.design.surface.area
     told = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {_reached(slicing.pieces)}"
-    notes = [f"{note.stage}: {note.text}" for note in (*design.notes, *log.notes)]
-    return told, tuple(notes)
+    return told, tuple(f"{note.stage}: {note.text}" for note in notes)
 
 
 def _count(pieces: int) -> str:
