@@ -64,7 +64,7 @@ off by 1 % in compliance there, and under pressure or weight by up to this share
 SLIT = 0.25
 """Half-width, in periods, at which the opening between two members is as wide as they are: a narrower one is a slit."""
 
-CROWDED = 1.25
+CROWDING = 1.25
 """Where members leave no wider openings anyway, they may take so many times the usual share of their spacing."""
 
 OUTLINE = 1 / 40

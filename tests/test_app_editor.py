@@ -36,7 +36,7 @@ from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mes
 from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
-from dsfab.limits import CROWDED, SLIT
+from dsfab.limits import CROWDING, SLIT
 from dsfab.pattern.even_family import CLOSING, FOLLOWING
 from dsfab.pattern.width import SOLID
 from dsfab.pipeline import draft, run
@@ -708,7 +708,7 @@ def test_the_page_has_no_width_rules_of_its_own(dome):
     assert facts["widthRules"] == {
         "solid": SOLID,
         "open": SLIT,
-        "closer": CROWDED,
+        "closer": CROWDING,
         "closing": list(CLOSING),
         "following": list(FOLLOWING),
     }

@@ -191,6 +191,7 @@ def test_every_stand_in_can_be_made_coarser(name, coarser):
     assert design.load.force.any()
 
 
+@pytest.mark.slow
 def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothing(tmp_path, capsys, monkeypatch):
     def failing(preset, *arguments, **others):
         if preset.name == "sphere":

@@ -29,7 +29,8 @@ def test_what_once_broke_a_reader_does_so_no_more(file, tmp_path):
 def test_the_fuzzer_begins_with_good_files(target, tmp_path):
     """Some first file of each target is read, so that its mutations are near to what is read."""
     read = []
-    for data in list(corpus.beginnings(target))[:5]:
+    bad = {file.read_bytes() for file in SEEDS}
+    for data in [data for data in corpus.beginnings(target) if data not in bad][:3]:
         oracles.judge(target, data, tmp_path)
         read += tmp_path.glob("again.*")
     if target == "3dm":

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.limits import CROWDED, SLIT
+from dsfab.limits import CROWDING, SLIT
 from dsfab.pattern.corners import CornerPhase
 from dsfab.pattern.layers import Layer
 from dsfab.pattern.stripes import Stripes
@@ -23,7 +23,7 @@ WHOLE = 1.3
 """Openings close as a whole where members would be so many times wider in the mean over them; by `FOLLOWING` where
 widths follow the stress. With 1.5 the crown of a dome under a point load is left open, and it is 2 % softer."""
 
-WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CROWDED, "closing": CLOSING, "following": FOLLOWING}
+WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CROWDING, "closing": CLOSING, "following": FOLLOWING}
 """The same for whoever else widens stripes: the editor's page, which shows widths while a slider moves."""
 
 
@@ -83,7 +83,7 @@ class EvenFamily:
         return asked.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
     def _most(self, asked: Floats) -> float:
-        return max(SLIT, CROWDED * float(np.median(asked)))
+        return max(SLIT, CROWDING * float(np.median(asked)))
 
     def _opened(self, asked: Floats, widths: Widths) -> Floats:
         """(n,) half-widths that leave no slit, but where widths.min_gap closes it."""

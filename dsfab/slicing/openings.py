@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
-from dsfab.limits import CROWDED
+from dsfab.limits import CROWDING
 from dsfab.slicing.across import MIDDLE, Crossings, crossings
 from dsfab.slicing.closing import limit
 from dsfab.slicing.parts import inner_walls, medians, part_of, round_sizes, whole_edges
@@ -124,11 +124,11 @@ class Openings:
         """(o,) slits between members that are nearer to each other than elsewhere: where so much material is asked for
         that openings are narrower than members anyway, closing them all would leave another structure.
 
-        Members may be `CROWDED` times as wide, for their distance, as half of the openings by area have them.
+        Members may be `CROWDING` times as wide, for their distance, as half of the openings by area have them.
         """
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.part.areas, self.count), 0.0)
         usual = float(medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
-        least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDED - 1))
+        least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
         return self.slits & (self.narrowness < limit(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
