@@ -158,7 +158,11 @@ def test_the_narrowest_opening_between_tidied_stripes_is_as_wide_as_the_sheet_is
 @pytest.mark.slow
 def test_a_roof_with_graded_members_has_no_slit():
     """Recorded: 33 mm is the narrowest place of an opening, where the sheet is 37 mm thick; 13 mm without the cure."""
-    roof = {"pattern.width": {"rule": "graded", "solid_fraction": 0.4}, "pattern.keep": 0.0, "surface.refine": 0.06}
+    roof = {
+        "pattern.width": {"rule": "graded", "solid_fraction": 0.4, "min_width": 0.0},
+        "pattern.keep": 0.0,
+        "surface.refine": 0.06,
+    }
     preset = dsfab.load_preset("roof", {**roof, "statics.thickness": 0.0366}, mesh_file("roof_with_opening.obj"))
     design = Design.of(preset)
     bare = Design.of(overridden(preset, {"slicing.min_opening": 0.0}), design.until("pattern"))

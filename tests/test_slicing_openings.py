@@ -43,7 +43,7 @@ def test_slits_are_filled_and_nothing_else():
     surface = plate()
     cells = grid_of(surface, np.where(surface.V[:, 0] > 0.3, 0.3, 0.15))
     slits = Openings.of(cells).slits
-    filled, count = filled_slits(cells)
+    filled, count = filled_slits(cells, "crowded")
     assert 5 < count == slits.sum() < 20
     left = Openings.of(cells).filled(slits)
     assert (filled.material == left.material).all()
@@ -51,7 +51,7 @@ def test_slits_are_filled_and_nothing_else():
     assert filled_slits(filled) == (filled, 0)
     for alike in (0.2, 0.3, 0.4):  # of so much material no opening can be wide: none is filled
         open_ = grid_of(surface, alike)
-        assert filled_slits(open_) == (open_, 0)
+        assert filled_slits(open_, "crowded") == (open_, 0)
     whole = Sheet(surface, np.arange(surface.m), np.zeros(surface.m), cut(surface, [surface.V[:, 0]], [[]]).weights)
     assert Openings.of(whole) is None
 

@@ -10,6 +10,7 @@ from dsfab.arrays import Floats
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult
 from dsfab.slicing import (
+    Merging,
     PolygonMesh,
     Sheet,
     bridged_gaps,
@@ -24,6 +25,9 @@ from dsfab.slicing import (
 )
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.surface import Surface
+
+MOSTLY = 0.5
+"""Of so much material members are not much narrower than openings anyway."""
 
 SPECK = 0.15
 """Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
@@ -109,7 +113,7 @@ class Smallest(NamedTuple):
 def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternResult) -> tuple[Any, ...]:
     """All that finishing goes by, until corners have been rounded once."""
     own = preset.statics.thickness, preset.pattern.fillet
-    return (ask.snap, ask.pinch, ask.min_opening, smallest, merges_slits(pattern), *own)
+    return (ask.snap, ask.pinch, ask.min_opening, smallest, merges_slits(preset, pattern), *own)
 
 
 def taken_rehearsal(preset: Preset, surface: Surface, pattern: PatternResult, smallest: Smallest) -> Rehearsal | None:
@@ -125,7 +129,7 @@ def finished_cells(
     cells: Sheet,
     ask: Slicing,
     smallest: Smallest,
-    merge: bool,
+    merge: Merging,
     again: int = AGAIN,
     rehearsal: Rehearsal | None = None,
 ) -> Finished:
@@ -137,28 +141,28 @@ def finished_cells(
     plain = rehearsal.unrounded if rehearsal else unrounded_cells(preset, cells, ask, smallest, merge)
     if not preset.pattern.fillet:
         return Finished(*plain, np.empty(0))
-    least = Least(smallest.neck, ask.min_member) if merge else Least(0.0, 0.0)
+    least = Least(smallest.neck, ask.min_member) if merge != "none" else Least(0.0, 0.0)
     first = rehearsal.rounded if rehearsal else None
     done = _rounded_cells(plain.cells, preset.pattern.fillet, merge, least, again, first)
     merged, bridged = plain.merged + done.merged, plain.bridged + done.bridged
     return Finished(done.cells, plain.pinches, plain.filled, merged, bridged, done.radii, done.widened)
 
 
-def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: bool) -> Unrounded:
+def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: Merging) -> Unrounded:
     """What is made of cells as they were cut before corners are rounded."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
     cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
-    late = merge and ask.min_opening is None  # most of these are slits
+    late = merge != "none" and ask.min_opening is None  # most of these are slits
     if smallest.opening and not late:
         cells, filled = filled_openings(cells, smallest.opening)
-    if merge:
-        cells, merged = filled_slits(cells)
+    if merge != "none":
+        cells, merged = filled_slits(cells, merge)
     if smallest.opening and late:
         cells, filled = filled_openings(cells, smallest.opening, alike=True)
     if smallest.opening and ask.min_opening is None:
         cells, crumbs = filled_crumbs(cells)
         filled += crumbs
-    if smallest.neck and merge:
+    if smallest.neck and merge != "none":
         cells, bridged = bridged_necks(cells, smallest.neck)
     return Unrounded(cells, pinched.count, filled, merged, bridged)
 
@@ -182,7 +186,7 @@ class Rounded(NamedTuple):
 
 
 def _rounded_cells(
-    cells: Sheet, radius: float, merge: bool, least: Least, again: int, first: FirstRounding | None = None
+    cells: Sheet, radius: float, merge: Merging, least: Least, again: int, first: FirstRounding | None = None
 ) -> Rounded:
     """Cells with round corners, `again` and again where that leaves what is too narrow; slits filled if `merge`.
 
@@ -201,9 +205,11 @@ def _rounded_cells(
     return Rounded(done, radii, merged, bridged, widened)
 
 
-def _rounded_once(cells: Sheet, radius: float, merge: bool) -> FirstRounding:
+def _rounded_once(cells: Sheet, radius: float, merge: Merging) -> FirstRounding:
     done, radii = rounded_corners(cells, radius)
-    done, merged = filled_slits(done) if merge and len(radii) else (done, 0)  # corners take their share of openings
+    done, merged = (
+        filled_slits(done, merge) if merge != "none" and len(radii) else (done, 0)
+    )  # corners take their share of openings
     return FirstRounding(done, radii, merged)
 
 
@@ -218,9 +224,14 @@ def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, 
     return better, 0, places
 
 
-def merges_slits(pattern: PatternResult) -> bool:
-    """Whether members with a slit between them become one: evenly spaced ones that are tidied."""
-    return pattern.even is not None and pattern.tidy is not None
+def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
+    """Which members with a slit between them become one: evenly spaced ones that are tidied; see `merging`."""
+    return "none" if pattern.even is None or pattern.tidy is None else merging(preset)
+
+
+def merging(preset: Preset) -> Merging:
+    """All slits are filled; where more than `MOSTLY` of the surface is to be kept, those where members crowd."""
+    return "crowded" if preset.pattern.width.solid_fraction > MOSTLY else "slits"
 
 
 def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None) -> float:
@@ -234,7 +245,7 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygo
     if not cells.material.any():
         return 0.0
     smallest = smallest_widths(pattern.settled(preset.model_copy(update={"slicing": ask})), surface)
-    merge = merges_slits(pattern)
+    merge = merges_slits(preset, pattern)
     unrounded = unrounded_cells(preset, cells, ask, smallest, merge)
     radius = preset.pattern.fillet
     rounded = _rounded_once(unrounded.cells, radius, merge) if radius else None  # a few bridges later weigh nothing

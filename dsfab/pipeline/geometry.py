@@ -45,7 +45,7 @@ def slicing_step(
         stubs = cells.stubs
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        done = finished_cells(preset, cells, ask, smallest, merges_slits(pattern), AGAIN, rehearsal)
+        done = finished_cells(preset, cells, ask, smallest, merges_slits(preset, pattern), AGAIN, rehearsal)
         cells, pinches = done.cells, done.pinches
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells

@@ -5,7 +5,7 @@ from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.on_parts import divided_at_vertices
-from dsfab.slicing.openings import Openings, filled_crumbs, filled_openings, filled_slits
+from dsfab.slicing.openings import Merging, Openings, filled_crumbs, filled_openings, filled_slits
 from dsfab.slicing.overlay import DrawnBand, Overlay, overlaid
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.polygon_mesh import PolygonMesh
@@ -17,6 +17,7 @@ __all__ = [
     "Chart",
     "DrawnBand",
     "Halved",
+    "Merging",
     "Openings",
     "Overlay",
     "Pinched",

@@ -7,7 +7,7 @@ member  |  slit  |  member          A slit is an opening that is narrower than t
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from dsfab.slicing.closing import limit
 from dsfab.slicing.parts import inner_walls, medians, part_of, round_sizes, whole_edges
 from dsfab.slicing.sheet import VOID, Sheet
 from dsfab.surface import Surface, pieces
+
+Merging = Literal["none", "slits", "crowded"]
+"""Which members with a slit between them become one."""
 
 SLENDER = 3.0
 """4 area / perimeter is at most twice the width of a slit, and some more where it widens."""
@@ -221,12 +224,17 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     return (every.filled(crumbs), int(crumbs.sum())) if crumbs.any() else (cells, 0)
 
 
-def filled_slits(cells: Sheet) -> tuple[Sheet, int]:
-    """The cells with every slit where members crowd made material, so that they are one; and how many there were.
+def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
+    """The cells with every slit made material, so that the members beside it are one; and how many there were.
+
+    merge : "crowded" for those alone where members crowd, `Openings.crowded`.
 
     What is beside a broader member may be a slit then: so often as there are any.
     """
     filled = 0
-    while (found := Openings.of(cells)) is not None and found.crowded.any():
-        cells, filled = found.filled(found.crowded), filled + int(found.crowded.sum())
+    while (found := Openings.of(cells)) is not None:
+        slits = found.crowded if merge == "crowded" else found.slits
+        if not slits.any():
+            break
+        cells, filled = found.filled(slits), filled + int(slits.sum())
     return cells, filled
