@@ -137,13 +137,16 @@ def pattern_step(
             found = pattern_of(preset, families, layers)
             return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
 
-        added = partial(added_share, preset, surface)
         if not (wanted := ask.width.solid_fraction):
             return made()
         if not (ask.fillet or even):
             result, total = made(), share.nearest(wanted)
         else:
-            result, total = corrected(ask.width, made, share.nearest, lambda one: added(one, share.polygons))
+
+            def added(one: PatternResult) -> float:
+                return added_share(preset, surface, one, share.polygons)
+
+            result, total = corrected(ask.width, made, share.nearest, added)
         log.note("pattern", _solved(preset, widths, result.factor, total))
     return result
 
