@@ -1,6 +1,6 @@
 """Cells as they were cut made fit to be built: no point contacts, specks, slits and necks, with round corners."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary, ref
 
@@ -71,6 +71,30 @@ class FirstRounding(NamedTuple):
     merged: int
 
 
+class Smallest(NamedTuple):
+    """Metres: smaller openings are filled, and bridged where they are narrower than a neck may be; 0 for neither."""
+
+    opening: float
+    neck: float
+
+
+class Terms(NamedTuple):
+    """All that finishing goes by, until corners have been rounded once; metres."""
+
+    snap: float
+    pinch: str
+    min_opening: float | None
+    smallest: Smallest
+    merge: Merging
+    thickness: float
+    fillet: float
+
+
+def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternResult) -> Terms:
+    own = preset.statics.thickness, preset.pattern.fillet
+    return Terms(ask.snap, ask.pinch, ask.min_opening, smallest, merges_slits(preset, pattern), *own)
+
+
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
     """The sheet of a pattern as it was measured while its widths were sought: slicing by the same terms goes on from
@@ -78,16 +102,18 @@ class Rehearsal:
 
     drawn : weak references to what was cut, of `_drawn`: fields may lie on the surface that a rehearsal is kept for,
             which would live as long as that.
-    terms : of `_terms`.    cells : as they were cut.
+    terms : what finishing goes by.    cells : as they were cut.
+    rounded, bridged : as they were rounded once, and with what is too narrow bridged by the defaults of [slicing].
     """
 
     drawn: tuple[ref[Any], ...]
-    terms: tuple[Any, ...]
+    terms: Terms
     cells: Sheet
     unrounded: Unrounded
     rounded: FirstRounding | None
+    bridged: "Rounded | None" = None
 
-    def serves(self, pattern: PatternResult, terms: tuple[Any, ...]) -> bool:
+    def serves(self, pattern: PatternResult, terms: Terms) -> bool:
         """Whether the same would be cut of a pattern and finished by these terms."""
         drawn = _drawn(pattern)
         same = len(drawn) == len(self.drawn) and all(a() is b() for a, b in zip(drawn, self.drawn, strict=True))
@@ -101,19 +127,6 @@ def _drawn(pattern: PatternResult) -> tuple[ref[Any], ...]:
 
 _REHEARSALS: WeakKeyDictionary[Surface, Rehearsal] = WeakKeyDictionary()
 """The last one of each surface that lives, until it is sliced."""
-
-
-class Smallest(NamedTuple):
-    """Metres: smaller openings are filled, and bridged where they are narrower than a neck may be; 0 for neither."""
-
-    opening: float
-    neck: float
-
-
-def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternResult) -> tuple[Any, ...]:
-    """All that finishing goes by, until corners have been rounded once."""
-    own = preset.statics.thickness, preset.pattern.fillet
-    return (ask.snap, ask.pinch, ask.min_opening, smallest, merges_slits(preset, pattern), *own)
 
 
 def taken_rehearsal(preset: Preset, surface: Surface, pattern: PatternResult, smallest: Smallest) -> Rehearsal | None:
@@ -141,9 +154,10 @@ def finished_cells(
     plain = rehearsal.unrounded if rehearsal else unrounded_cells(preset, cells, ask, smallest, merge)
     if not preset.pattern.fillet:
         return Finished(*plain, np.empty(0))
-    least = Least(smallest.neck, ask.min_member) if merge != "none" else Least(0.0, 0.0)
-    first = rehearsal.rounded if rehearsal else None
-    done = _rounded_cells(plain.cells, preset.pattern.fillet, merge, least, again, first)
+    least = _least(smallest, ask, merge)
+    first, done = (rehearsal.rounded, rehearsal.bridged) if rehearsal else (None, None)
+    if done is None or again != AGAIN or least != _least(smallest, Slicing(), merge):
+        done = _rounded_cells(plain.cells, preset.pattern.fillet, merge, least, again, first)
     merged, bridged = plain.merged + done.merged, plain.bridged + done.bridged
     return Finished(done.cells, plain.pinches, plain.filled, merged, bridged, done.radii, done.widened)
 
@@ -172,6 +186,11 @@ class Least(NamedTuple):
 
     neck: float
     member: float
+
+
+def _least(smallest: Smallest, ask: Slicing, merge: Merging) -> Least:
+    """What is bridged and widened; nothing where slits stay."""
+    return Least(smallest.neck, ask.min_member) if merge != "none" else Least(0.0, 0.0)
 
 
 class Rounded(NamedTuple):
@@ -248,12 +267,32 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygo
     merge = merges_slits(preset, pattern)
     unrounded = unrounded_cells(preset, cells, ask, smallest, merge)
     radius = preset.pattern.fillet
-    rounded = _rounded_once(unrounded.cells, radius, merge) if radius else None  # a few bridges later weigh nothing
+    rounded = _rounded_once(unrounded.cells, radius, merge) if radius else None
     done = rounded.cells if rounded else unrounded.cells
     terms = _terms(preset, ask, smallest, pattern)
     _REHEARSALS[surface] = Rehearsal(_drawn(pattern), terms, cells, unrounded, rounded)
-    before, after = (float(one.surface.areas[one.material].sum()) for one in (cells, done))
-    return (after - before) / surface.area
+    return (_material(done) - _material(cells)) / surface.area
+
+
+def bridged_share(surface: Surface) -> float:
+    """The share of the surface that bridges add to the sheet that `added_share` has made of it last.
+
+    They are built where round members leave too little between them. 0 where there is no such sheet.
+    """
+    rehearsal = _REHEARSALS.get(surface)
+    if rehearsal is None or rehearsal.rounded is None:
+        return 0.0
+    terms = rehearsal.terms
+    least = _least(terms.smallest, Slicing(), terms.merge)
+    plain = rehearsal.unrounded.cells
+    done = _rounded_cells(plain, terms.fillet, terms.merge, least, AGAIN, rehearsal.rounded)
+    _REHEARSALS[surface] = replace(rehearsal, bridged=done)
+    return (_material(done.cells) - _material(rehearsal.rounded.cells)) / surface.area
+
+
+def _material(cells: Sheet) -> float:
+    """Square metres."""
+    return float(cells.surface.areas[cells.material].sum())
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> Smallest:

@@ -26,7 +26,7 @@ from dsfab.pattern import (
     solved_factor,
     stripe_layers,
 )
-from dsfab.pipeline.finishing import added_share
+from dsfab.pipeline.finishing import added_share, bridged_share
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.share_correction import SHARE_TOLERANCE, corrected
 from dsfab.pipeline.tidying import tidy_of
@@ -146,7 +146,7 @@ def pattern_step(
             def added(one: PatternResult) -> float:
                 return added_share(preset, surface, one, share.polygons)
 
-            result, total = corrected(ask.width, made, share.nearest, added)
+            result, total = corrected(ask.width, made, share.nearest, added, lambda: bridged_share(surface))
         log.note("pattern", _solved(preset, widths, result.factor, total))
     return result
 

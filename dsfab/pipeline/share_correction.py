@@ -30,11 +30,14 @@ def corrected(
     made: Callable[[float, float], PatternResult],
     nearest: Callable[[float], float],
     added: Callable[[PatternResult], float],
+    bridged: Callable[[], float],
 ) -> tuple[PatternResult, float]:
     """Stripes that keep what is asked together with round corners and filled openings, and the share that this is.
 
     made    : the stripes for a share that is added to them, and a guess of their factor, 0 for none.
     nearest : the share that the last ones keep, near one.    added : what is added to them.
+    bridged : what bridges add to the last ones besides. That takes long, and is mostly nothing: it is asked once those
+              without it are known, and ever after where it is something.
 
     What is added changes little with the widths, so it is taken off what the stripes are to keep. Where it jumps,
     since openings close, that leads astray: then the answer is looked for between one that keeps less and one that
@@ -42,18 +45,26 @@ def corrected(
     """
     wanted, allowed = width.solid_fraction, width.solid_fraction_tolerance
     tries = list[_Try]()
+    bridges = 0.0
 
     def attempt(taken: float, guess: float = 0.0) -> _Try:
         result = made(taken, guess)
-        more = added(result)
+        more = added(result) + (bridged() if bridges else 0.0)
         tries.append(_Try(wanted - taken, more, nearest(wanted - taken) + more, result))
         return tries[-1]
 
-    last = attempt(0.0)
-    for _ in range(CORRECTIONS):
-        if abs(last.aim + last.added - wanted) < SHARE_TOLERANCE:
-            break
-        last = attempt(last.added, last.result.factor)
+    def settled(last: _Try) -> _Try:
+        for _ in range(CORRECTIONS):
+            if abs(last.aim + last.added - wanted) < SHARE_TOLERANCE:
+                break
+            last = attempt(last.added, last.result.factor)
+        return last
+
+    last = settled(attempt(0.0))
+    if (bridges := bridged()) > SHARE_TOLERANCE:
+        last = tries[-1] = last._replace(added=last.added + bridges, total=last.total + bridges)
+        tries[:-1] = []  # nothing is known of their bridges
+        last = settled(last)
     for _ in range(HALVINGS):
         if abs(last.total - wanted) <= allowed or not (between := _between(tries, wanted)):
             break
