@@ -256,3 +256,15 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
     for name in ("my_roof/my_roof.step", "my_roof/compliance/report.pdf", "my_roof/workshop/nest.dxf"):
         assert (tmp_path / "outputs" / name).stat().st_size > 10_000, name
     assert next(shown, None) is None
+
+
+def test_the_gallery_shows_what_it_says_how_to_build():
+    page = (ROOT / "outputs" / "gallery" / "README.md").read_text(encoding="utf-8")
+    lines = re.findall(
+        r"^## [^\n]+: `dsfab build ([^`]+)`\n\n(.+?)!\[[^\n]+\]\((\w+_steps\.png)\)", page, flags=re.M | re.S
+    )
+    assert len(lines) == page.count("\n## ") == 16
+    for given, words, picture in lines:
+        name = given.split(" ")[0]
+        assert dsfab.load_preset(ROOT / name if name.endswith(".toml") else name).description, words
+        assert (ROOT / "outputs" / "gallery" / picture).stat().st_size > 10_000

@@ -16,6 +16,7 @@ from dsfab.wording import sentence, size
 
 if TYPE_CHECKING:
     from dsfab.pipeline.design import Design
+    from dsfab.preset import Preset
 
 
 @Parameter(name="*")
@@ -80,6 +81,7 @@ def build(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
     """
+    from dsfab.export import require_writable
     from dsfab.pipeline import run
     from dsfab.report.design.save import save
 
@@ -93,6 +95,7 @@ def build(
     if step.estimate:
         return estimate_step(given, reporter)
     drawn, folder = pictures.possible(reporter), files.output or Path("outputs") / given.name
+    require_writable(folder)
     try:
         design = run(given, reporter)
         if fix:
@@ -105,13 +108,19 @@ def build(
         reporter.stop()
     if not quiet:
         _summary(design, folder, saved.facts)
-    quick = design.preset.export.step == "quick"
-    if saved.refused and proposal and files.format_ is None:
-        longer = f"; dsfab export {folder} --to step --step auto tries more ways, for minutes" if quick else ""
-        reporter.say(f"export      left out: {saved.refused}{longer}")  # nobody asked for that format
-    elif saved.refused:
-        raise ExportError(saved.refused)
+    if saved.refused:
+        asked = not proposal or files.format_ is not None
+        _refuse(saved.refused, design.preset, None if asked else folder, reporter)
     return 0
+
+
+def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
+    """Raise ExportError for a file that could not be made; or tell it, where nobody asked for it in that folder."""
+    if folder is None:
+        raise ExportError(why)
+    quick = preset.export.step == "quick"
+    longer = f"; dsfab export {folder} --to step --step auto tries more ways, for minutes" if quick else ""
+    reporter.say(f"export      left out: {why}{longer}")
 
 
 def _fixed(design: "Design", reporter: Reporter) -> "Design":

@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from dsfab.app.compare_one import Questions, Results, Task, compare_one
 from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.export import require_writable
 
 ORDINARY, FULL_RESULTS = Questions(), Results()
 """What is asked and written when nothing else is said."""
@@ -44,4 +45,5 @@ def compare(
         return Batch(task, results.output).run((preset, *more), results.resume, quiet, json_)
     given = source.read(preset)
     folder = results.output or Path("outputs") / given.name / "compliance"
+    require_writable(folder)
     return compare_one(given, task, folder, task.command(preset), quiet, json_)

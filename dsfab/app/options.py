@@ -102,7 +102,8 @@ class Source:
         from dsfab.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
-        named = name if Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
+        other = Path(name).is_file() and Path(name).suffix.lower() not in ("", ".toml")  # its reader says what it takes
+        named = name if other or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
         if named is None:
             return None
         if named is name and self.mesh is not None:

@@ -3,7 +3,7 @@
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate
 from dsfab.export.flat import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf, flat_dxf, flat_svg
-from dsfab.export.folder import complete, whole_or_nothing
+from dsfab.export.folder import complete, require_writable, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
@@ -33,6 +33,7 @@ __all__ = [
     "polyline_json",
     "replacing",
     "require_rhino",
+    "require_writable",
     "step_estimates",
     "temporary_folder",
     "whole_or_nothing",

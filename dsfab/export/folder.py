@@ -68,6 +68,16 @@ def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator
                 parent.rmdir()
 
 
+class _TriedError(Exception):
+    """Leaves a folder as it was."""
+
+
+def require_writable(folder: Path) -> None:
+    """Raise ExportError where a folder cannot be written, before minutes of work; it stays as it is."""
+    with suppress(_TriedError), whole_or_nothing(folder):
+        raise _TriedError
+
+
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
     """Bytes and SHA-256 of every file of a folder by name, but for the one that holds the manifest."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)

@@ -51,6 +51,13 @@ class RawMesh:
     record: FileRecord = NOTHING_READ
 
 
+OF_PROGRAMS = (
+    *(".dwg", ".dxf", ".dgn", ".3dm", ".skp", ".step", ".stp", ".iges", ".igs", ".sat", ".x_t"),
+    *(".fbx", ".blend", ".ifc", ".rvt", ".gh"),
+)
+"""Files of CAD programs that hold surfaces, but no mesh that is read here."""
+
+
 def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
     """Read OBJ, PLY, STL, OFF, glTF or 3MF, by the suffix; glTF's y axis (up, by its specification) becomes z.
 
@@ -142,7 +149,9 @@ def _suffix(path: Path) -> str:
         raise SurfaceError(f"{path} is a folder; give a mesh file ({known})")
     if suffix not in MESH_SUFFIXES:
         near = difflib.get_close_matches(suffix, MESH_SUFFIXES, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]}? " if near else ""
+        hint = f"did you mean {near[0]}? " if near and suffix not in OF_PROGRAMS else ""
+        if suffix in OF_PROGRAMS:
+            hint = "export the surface as a mesh from the program that made it, best as OBJ; "
         raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {known}")
     if not path.exists():
         near = difflib.get_close_matches(path.name, _siblings(path), n=1)
