@@ -268,3 +268,7 @@ def test_the_gallery_shows_what_it_says_how_to_build():
         name = given.split(" ")[0]
         assert dsfab.load_preset(ROOT / name if name.endswith(".toml") else name).description, words
         assert (ROOT / "outputs" / "gallery" / picture).stat().st_size > 10_000
+
+
+def test_the_version_to_cite_is_that_of_dsfab():
+    assert re.findall(r"version (\d[\w.]*)\}", PAGES["docs/contributing.md"]) == [dsfab.__version__]
