@@ -34,8 +34,8 @@ just as wide as the openings between them: on the sheet, of flat triangles, that
 CRUMB, SEVERAL = 0.35, 8
 """An opening is a crumb if its size is under this share of the median's, of at least so many that say what is usual."""
 ROOMY = 2.5
-"""It is none if it is so many times as wide as the members beside it: filling what is between thin members would make
-a plate of it. Crumbs of crowns are up to 2 as wide, the triangles that an edge leaves of a lattice of bars 4 and more."""
+"""It is none if it is so many times as wide as the members beside it: filled between thin members it would be a plate.
+Crumbs of crowns are up to 2 times as wide, the triangles that an edge leaves of a lattice of bars 4 and more."""
 ALIKE = 0.03
 """Openings of which these shares differ by less may be the same but for the mesh."""
 
@@ -216,9 +216,9 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     """The cells with every opening made material that is far smaller than most, and how many there were.
 
-    Sizes are 4 area / perimeter of openings that material encloses; what is `ROOMY` beside its members stays. Those that
-    are alike are filled all or none. There are such where members crowd, as around the crown of a dome, and where an
-    edge leaves a corner of an opening.
+    Sizes are 4 area / perimeter of openings that material encloses; what is `ROOMY` beside its members stays. Those
+    that are alike are filled all or none. There are such where members crowd, as around the crown of a dome, and where
+    an edge leaves a corner of an opening.
     """
     every = Openings.of(cells)
     if every is None or np.isfinite(every.round_sizes).sum() < SEVERAL:
