@@ -344,6 +344,12 @@ class Pattern(Section):
                     f"{name} has no effect on method = 'modes', whose stripes run where the modes say; set method = "
                     "'stripes' or leave it out"
                 )
+        for k, guide in enumerate(self.guide):
+            if guide.member and guide.family not in self.family_names:
+                raise ValueError(
+                    f"guide.{k} is to be a {guide.family} member, and families = '{self.families}' draws none; set its "
+                    f"family to '{self.families}'"
+                )
         return self
 
     @property

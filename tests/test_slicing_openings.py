@@ -99,6 +99,19 @@ def test_crumbs_are_openings_far_smaller_than_most(left):
     assert filled_crumbs(filled) == (filled, 0)
 
 
+@pytest.mark.parametrize(("member", "count"), [(0.02, 0), (0.025, 0), (0.035, 3), (0.06, 3)])
+def test_small_openings_between_thin_members_are_no_crumbs(member, count):
+    """Of a column .08 m wide, a quarter of the others' size: 4 to 1.3 times as wide as members; 2.5 is the limit."""
+    surface = plate()
+    x, y, _ = surface.V.T
+    side = 0.04 + member / 2
+    bands = [(y / 0.5 + 0.5, member), (x / 0.5 + 0.5, member), (x - side, member / 2), (x + side, member / 2)]
+    fields = [np.stack([z + w, z - w], axis=1) for z, w in bands]
+    lines = np.arange(-3.0, 4.0)
+    cells = cut(surface, fields, [lines, lines[np.abs(lines - 0.5) > 1], np.zeros(1), np.zeros(1)], 0)
+    assert filled_crumbs(cells)[1] == count
+
+
 def test_few_openings_do_not_say_what_is_usual(monkeypatch):
     cells = grid_of(plate(), 0.2)
     assert filled_crumbs(cells) == (cells, 0)

@@ -8,6 +8,7 @@ from dsfab.pattern.density import Halving, density, halving, log_density
 from dsfab.pattern.even_family import WIDTH_RULES, EvenFamily
 from dsfab.pattern.evening import evened
 from dsfab.pattern.frames import Frames
+from dsfab.pattern.guide_lines import GuideLine, aimed
 from dsfab.pattern.guides import Guidance, Guide
 from dsfab.pattern.images import Images
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices, kept_layers
@@ -37,6 +38,7 @@ __all__ = [
     "Frames",
     "Guidance",
     "Guide",
+    "GuideLine",
     "Halving",
     "Images",
     "Layer",
@@ -46,6 +48,7 @@ __all__ = [
     "StressDirections",
     "Stripes",
     "Widths",
+    "aimed",
     "boundary_lines",
     "corner_phase",
     "counted_share",

@@ -15,6 +15,8 @@ from dsfab.surface import Picker
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, Real, Vector
 
+OBEYED = 100.0
+"""Directions beside a curve that is to be a member weigh at least as much."""
 SQUARE = 0.1
 """A direction within this sine of the normal, 6 degrees, says nothing about where stripes run on the surface."""
 TIE = 0.1
@@ -40,8 +42,10 @@ class Guide:
     at        : the region, instead of a curve.    direction : of the stripes in it; what of it is tangent counts.
     weight    : 1 counts as much as stress that is clear; 0 nothing; 100 and more is obeyed.
     family    : whose stripes run along it; those of the other one run across.
+    member    : one of them runs on the curve itself, whatever the weight: it is a member.
 
-    Raises GuideError for less or more than either a curve or a region, and for either without a direction.
+    Raises GuideError for less or more than either a curve or a region, for either without a direction, and for a member
+    in a region.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -51,18 +55,26 @@ class Guide:
     direction: Vector | None = None
     weight: Annotated[Real, Ge(0)] = 1.0
     family: Literal["major", "minor"] = "major"
+    member: bool = False
 
     def __post_init__(self) -> None:
         if (self.curve is None) == (self.at is None):
             raise GuideError("give either curve = [[x, y, z], ...] or at = { pick = ... } with a direction")
         if self.at is not None and self.reach is not None:
             raise GuideError("reach is for a curve; a region ends where its pick does")
+        if self.at is not None and self.member:
+            raise GuideError("member is for a curve, which becomes one; leave it out of a region")
         if self.curve is not None and self.direction is not None:
             raise GuideError("a curve has directions of its own; leave direction out")
         if self.curve is not None and len(set(self.curve)) < 2:
             raise GuideError("curve needs two different points or more")
         if self.at is not None and not any(self.direction or ()):
             raise GuideError("a region needs a direction that is not zero, such as [1.0, 0.0, 0.0]")
+
+    @property
+    def pull(self) -> float:
+        """Its weight; that of a member is large."""
+        return max(self.weight, OBEYED) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +97,7 @@ class Guidance:
         Raises PatternError for a guide that acts nowhere.
         """
         asked = [(guide, _square(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
-        found = [guide.weight * square * (1 if guide.family == "major" else -1) for guide, square in asked]
+        found = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in asked]
         return tuple(cls(np.abs(square), square) for square in found if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:

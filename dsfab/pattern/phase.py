@@ -66,7 +66,14 @@ class Flow:
         """(4, e) what the phases at both ends of the edges share; see `Frames.twisted`."""
         return self.frames.twisted(-2 * np.pi * self.turn, self.sign)
 
-    def solve(self, start: Floats, lock: Bools, projection: Projection | None = None, free: bool = False) -> Floats:
+    def solve(
+        self,
+        start: Floats,
+        lock: Bools,
+        projection: Projection | None = None,
+        aim: Floats | None = None,
+        free: bool = False,
+    ) -> Floats:
         """(n,) phases at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
 
         Minimised is the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated where g turns over:
@@ -75,6 +82,7 @@ class Flow:
 
         start : (n,) where the iteration begins; a line is drawn through its peak, as far as nothing else decides.
         lock  : (n,) vertices through which the middle of a stripe should run.
+        aim   : (n,) what the phase is to be at some of these, in periods, -1/2 to 1/2, if it is not 0.
         free  : begin without them: from where they are the first phases may meet out of step in between.
         """
         surface, n = self.frames.surface, self.frames.surface.n
@@ -84,7 +92,8 @@ class Flow:
         wave = 4 * np.pi**2 * inverse_square
         project = projection or (lambda x: x)
         held = LOCK * wave * mass * np.tile(lock, 2)
-        target = held * np.repeat([1.0, 0.0], n)
+        aim = np.zeros(n) if aim is None else aim
+        target = held * np.concatenate([np.cos(2 * np.pi * aim), np.sin(2 * np.pi * aim)])
         from_lock = bool(lock.any()) and not free
         solve = factor(self.twisted, SHIFT * inverse_square * mass + (held if from_lock else 0.0))
         if from_lock:
@@ -98,7 +107,8 @@ class Flow:
         for _ in range(FLOWS):
             x = project(solve(tau * mass * _normalised(x) + target))
         phase = np.arctan2(x[n:], x[:n]) / (2 * np.pi)
-        return np.where(lock & (np.abs(phase) < EXACT), 0.0, phase)
+        miss = phase - aim
+        return np.where(lock & (np.abs(miss - np.rint(miss)) < EXACT), aim, phase)
 
 
 @one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long

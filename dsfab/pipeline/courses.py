@@ -1,5 +1,6 @@
 """Where the lines of a family run: its directions, how dense it is, its phase."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,9 +12,11 @@ from dsfab.pattern import (
     CornerPhase,
     Flow,
     Frames,
+    GuideLine,
     Halving,
     Images,
     StressDirections,
+    aimed,
     boundary_lines,
     corner_phase,
     cross_field,
@@ -26,7 +29,7 @@ from dsfab.pattern import (
 )
 from dsfab.pipeline.directions import followed_stress, load_axes
 from dsfab.pipeline.steering import steering
-from dsfab.preset import Pattern, Preset
+from dsfab.preset import FAMILIES, Pattern, Preset
 from dsfab.results import StaticsResult, Steered
 from dsfab.surface import Surface
 
@@ -36,6 +39,8 @@ changes in between is no member's to follow, and no stress that is known."""
 PEAK = 4
 """A stripe runs through the most stressed places: stress to this power is where its phase begins. Of two phases half a
 period apart it is the one with lines where these move: what is held is stressed as well, but stiff anyway."""
+WHOLE = 0.995
+"""A member runs on all of a curve where it is on this share of the points that are looked at."""
 SLOPES = (0.6, 1.6)
 """The phase grows by this much of what was asked; beyond that it is at a singular face that says nothing."""
 
@@ -60,6 +65,7 @@ class Followed:
 
     along : (n, 3) directions of the major stripes.    confidence : (m,) how clear these are, 0 to 1.
     moved : (n,) how far the vertices move under what is followed; any unit.
+    members : curves of guides that are to be members.
     """
 
     frames: Frames
@@ -70,6 +76,7 @@ class Followed:
     images: Images
     symmetry: Symmetry | None
     steered: Steered | None
+    members: tuple[GuideLine, ...] = ()
 
     @classmethod
     def of(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
@@ -90,12 +97,38 @@ class Followed:
         own = bool(steer.turn or steer.guidance or over.any())
         steered = steer.steered(surface, along, given, over) if own else None
         moved = images.mean(_moved(preset, surface, statics))
-        return cls(frames, given, along, confidence, moved, images, symmetry, steered)
+        members = tuple(GuideLine.of(surface, preset.pattern.guide))
+        return cls(frames, given, along, confidence, moved, images, symmetry, steered, members)
 
     @property
     def gradients(self) -> tuple[Floats, Floats]:
         """(n, 3) of both phases: stripes run square to them."""
         return np.cross(self.frames.normal, self.along), self.along
+
+    def with_members(self, both: Sequence[Lines]) -> Steered | None:
+        """How the families are steered, with words on how far the curves that are to be members are."""
+        if self.steered is None or not self.members:
+            return self.steered
+        surface, told = self.frames.surface, [self.steered.told] * bool(self.steered.told)
+        for line in self.members:
+            lines = both[FAMILIES.index(line.family)]
+            share = line.followed(surface, lines.phase, 2**lines.most)
+            stress = self.given.direction[:, FAMILIES.index(line.family)]
+            told.append(_member_words(line, share, line.across(stress)))
+        return replace(self.steered, told="; ".join(told))
+
+
+def _member_words(line: GuideLine, share: float, across: bool) -> str:
+    """What a person should know of the share of a guide's curve that is a member, and if it runs across the stress."""
+    key = f"pattern.guide.{line.number}"
+    other = FAMILIES[1 - FAMILIES.index(line.family)]
+    hint = f"; the {other} family runs along it by itself: family = '{other}' bends less" if across else ""
+    if share >= WHOLE:
+        return f"a {line.family} member runs on the curve of {key}{hint}"
+    return (
+        f"a {line.family} member runs on {share:.0%} of the curve of {key} only: another guide, an edge or a point "
+        f"around which stripes turn is in its way; move the curve{hint}"
+    )
 
 
 def _crossed_over(ask: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
@@ -108,21 +141,24 @@ def _crossed_over(ask: Pattern, frames: Frames, along: Floats, images: Images) -
 @dataclass(frozen=True, eq=False)
 class Course:
     """What a family is whatever its spacing: (n, 3) g where its phase grows to, (n,) u how dense its lines are, how
-    often they are halved, and (n,) start where the phase begins."""
+    often they are halved, (n,) start where the phase begins, and the curves that are to be its members."""
 
     follow: Followed
     g: Floats
     u: Floats
     halved: Halving
     start: Floats
+    members: tuple[GuideLine, ...]
 
     @classmethod
-    def of(cls, follow: Followed, g: Floats, halve: bool) -> Self:
-        """The course of a family whose phase grows along unit vectors g (n, 3)."""
+    def of(cls, follow: Followed, name: str, halve: bool) -> Self:
+        """The course of a family by its name."""
+        g = follow.gradients[FAMILIES.index(name)]
         surface = follow.frames.surface
         size = vertex_means(surface, np.abs(follow.given.stress).max(axis=1))
         u = follow.images.mean(log_density(follow.frames, g, follow.confidence))
-        return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK)
+        members = tuple(line for line in follow.members if line.family == name)
+        return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK, members)
 
     def lines(self, spacing: float) -> Lines:
         """The family with so many metres between its lines, in the mean."""
@@ -130,8 +166,9 @@ class Course:
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
         coarse = Flow(frames, self.g, finest / 2**most)  # counts then close around every loop, after halving too
-        lock = boundary_lines(surface, self.g, spacing)
-        given = self.start, lock, images.projection(surface.V, self.g, coarse.density)
+        beside, aim = aimed(self.members, frames, self.g, coarse.density)
+        lock = beside | boundary_lines(surface, self.g, spacing)
+        given = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
         solved = coarse.solve(*given)
         if not lock.any():
             solved = through_peaks(solved, surface.vertex_areas * self.start * self.follow.moved)

@@ -61,7 +61,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     for k in shown:
         _refuse_impossible(FAMILIES[k], spacings[k], surface)
     followed = Followed.of(preset, surface, statics, [spacings[k] for k in shown])
-    courses = {k: Course.of(followed, followed.gradients[k], ask.halved) for k in shown}
+    courses = {k: Course.of(followed, FAMILIES[k], ask.halved) for k in shown}
     both = [courses[k].lines(h) if k in courses else no_lines(surface, h) for k, h in enumerate(spacings)]
     for name, lines, spacing in zip(FAMILIES, both, spacings, strict=True):
         if lines.grown < LEAST_GROWN:
@@ -142,7 +142,7 @@ class _Divided:
         phases = major.phase, minor.phase
         chart = chart_of(self.halved, (major.phase.field, minor.phase.field))
         wanted = self._wanted(surface, 0), self._wanted(surface, 1)
-        same = followed.symmetry, followed.steered
+        same = followed.symmetry, followed.with_members(self.both)
         return EvenStripes(phases, wanted, slope, self.density, self.halved.first, chart, *same)
 
     def _wanted(self, surface: Surface, k: int) -> tuple[Floats, ...]:

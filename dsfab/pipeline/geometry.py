@@ -69,7 +69,8 @@ def slicing_step(
 def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: int, log: Log) -> None:
     """What was cut off, filled, bridged, widened and rounded."""
     if stubs:
-        log.note("slicing", f"members that met past their last crossings were cut off there at {_places(stubs)}")
+        told = f"members that met past their last crossings were cut off or straightened at {_places(stubs)}"
+        log.note("slicing", told)
     if done.filled:
         than = f"{smallest.opening:.3g} m" + (", or far smaller than most," * (preset.slicing.min_opening is None))
         log.note("slicing", f"{done.filled} openings smaller than {than} were filled")

@@ -21,6 +21,7 @@ from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.snap import SNAP_FLOOR, TIP, ranges, settled_cells, snapped_together
 from dsfab.slicing.split import Split
+from dsfab.slicing.straight_bars import with_straight_bars
 from dsfab.slicing.stubs import without_stubs
 from dsfab.slicing.tidy import Tidy, tidied
 from dsfab.slicing.triangulate import triangulate
@@ -117,7 +118,9 @@ def cut_polygons(
     mesh = with_meeting_ends(mesh, fields, steps)
     nodes = (mesh.also == mesh.family) & ~mesh.void
     mesh, stubs = without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
-    return replace(mesh, stubs=stubs)
+    nodes = (mesh.also == mesh.family) & ~mesh.void
+    mesh, straight = with_straight_bars(mesh, nodes, tidy, surface.size)
+    return replace(mesh, stubs=stubs + straight)
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:

@@ -33,6 +33,9 @@ NARROWER = 0.9
 just as wide as the openings between them: on the sheet, of flat triangles, that is right to some percent."""
 CRUMB, SEVERAL = 0.35, 8
 """An opening is a crumb if its size is under this share of the median's, of at least so many that say what is usual."""
+ROOMY = 2.5
+"""It is none if it is so many times as wide as the members beside it: filled between thin members it would be a plate.
+Crumbs of crowns are up to 2 times as wide, the triangles that an edge leaves of a lattice of bars 4 and more."""
 ALIKE = 0.03
 """Openings of which these shares differ by less may be the same but for the mesh."""
 
@@ -213,14 +216,18 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     """The cells with every opening made material that is far smaller than most, and how many there were.
 
-    Sizes are 4 area / perimeter of openings that material encloses. Those that are alike are filled all or none. There
-    are such where members crowd, as around the crown of a dome, and where an edge leaves a corner of an opening.
+    Sizes are 4 area / perimeter of openings that material encloses; what is `ROOMY` beside its members stays. Those
+    that are alike are filled all or none. There are such where members crowd, as around the crown of a dome, and where
+    an edge leaves a corner of an opening.
     """
     every = Openings.of(cells)
     if every is None or np.isfinite(every.round_sizes).sum() < SEVERAL:
         return cells, 0
     share = every.round_sizes / np.median(every.round_sizes[np.isfinite(every.round_sizes)])
     crumbs = share < limit(share, CRUMB, ALIKE)
+    if crumbs.any():
+        narrowness = every.some(crumbs).narrowness
+        crumbs[crumbs] = narrowness < limit(narrowness, ROOMY, ALIKE * ROOMY)
     return (every.filled(crumbs), int(crumbs.sum())) if crumbs.any() else (cells, 0)
 
 

@@ -52,7 +52,7 @@ def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonM
     """
     count = 0
     for joined in (False, True):
-        lumps = _with_crossings(mesh, nodes & ~mesh.void) if joined else nodes & ~mesh.void
+        lumps = with_crossings(mesh, nodes & ~mesh.void) if joined else nodes & ~mesh.void
         if not lumps.any() or not mesh.void.any():
             break
         bars = _Bars.of(mesh, held_by(mesh, tidy, lumps))
@@ -62,7 +62,7 @@ def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonM
     return mesh, count
 
 
-def _with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
+def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
     """(c,) nodes (c,), and crossings that touch them: of stubs that overlap before they end. Other members may cross
     there too: only a bar between two openings is cut off with them."""
     crossing = mesh.parts(~mesh.void & ((mesh.also != VOID) | nodes))

@@ -71,6 +71,13 @@ def held_by(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
     return _leading_nowhere(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
 
 
+def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
+    """(c,) the part of each polygon of a stripe, from one crossing to the next, and of nodes (c,); -1 of all others."""
+    part, _, stays = _parts(mesh, tidy, nodes)
+    plain = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
+    return np.where(plain, part, -1)
+
+
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
     """The part of each polygon (c,), of nodes (c,) too; which parts are void (p,), and which are kept anyway (p,)."""
     striped, material = np.array(tidy.striped), ~mesh.void

@@ -12,11 +12,13 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scipy.interpolate import CubicSpline, LinearNDInterpolator
 
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.source import Opened
 from dsfab.pipeline.log import silent
+from dsfab.preset_file import overridden
 from dsfab.render.caption import caption
 from dsfab.render.palette import PAPER
 from dsfab.render.panels import panels
@@ -166,7 +168,32 @@ def options() -> None:
     write(np.concatenate(rows), "options")
 
 
-PAGES = {"options": options, "workshop": workshop, "editor": editor, "explore": explore, "report": report}
+CURVE = [[-5.0, -3.6], [-3.9, -2.9], [-2.5, -2.0], [-1.2, -1.35], [0.0, -1.2], [1.2, -1.5], [2.5, -2.2], [5.0, -3.8]]
+"""In plan over the canopy, metres."""
+
+
+def guides() -> None:
+    """A canopy as it is, and with a member on a curve."""
+    told, canopy = [], dsfab.load_preset(GALLERY / "canopy.toml")
+    V = dsfab.run(canopy).surface.V
+    plan = CubicSpline(range(len(CURVE)), CURVE)(np.linspace(0, len(CURVE) - 1, 30))
+    curve = np.column_stack([plan, LinearNDInterpolator(V[:, :2], V[:, 2])(plan)]).round(3).tolist()
+    member = {"curve": curve, "family": "minor", "member": True}
+    for words, guide in (("no guide", []), ("a guide with member = true: an arch in front of both openings", [member])):
+        design = dsfab.run(overridden(canopy, {"pattern.guide": guide}))
+        look = Look((960, 600), up=upwards(design))
+        told.append(picture(design.solid.V, design.solid.F, caption=words, look=look))
+    write(np.concatenate(told, axis=1), "guides")
+
+
+PAGES = {
+    "options": options,
+    "guides": guides,
+    "workshop": workshop,
+    "editor": editor,
+    "explore": explore,
+    "report": report,
+}
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or (*DESIGNS, *PAGES):
