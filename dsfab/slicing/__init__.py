@@ -2,6 +2,7 @@
 
 from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
+from dsfab.slicing.fairing import faired_walls
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.on_parts import divided_at_vertices
@@ -30,6 +31,7 @@ __all__ = [
     "cut",
     "cut_polygons",
     "divided_at_vertices",
+    "faired_walls",
     "filled_crumbs",
     "filled_openings",
     "filled_slits",
