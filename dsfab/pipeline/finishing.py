@@ -16,6 +16,7 @@ from dsfab.slicing import (
     bridged_gaps,
     bridged_necks,
     cut_polygons,
+    divided_walls,
     faired_walls,
     filled_crumbs,
     filled_openings,
@@ -166,7 +167,7 @@ def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalle
     if smallest.neck and merge != "none":
         cells, bridged = bridged_necks(cells, smallest.neck)
     if merge != "none":
-        cells = faired_walls(cells)
+        cells = divided_walls(faired_walls(cells))
     return Unrounded(cells, pinched.count, filled, merged, bridged)
 
 

@@ -12,6 +12,7 @@ from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet, three_each
 from dsfab.slicing.tidy import Tidy
+from dsfab.slicing.wall_division import divided_walls
 from dsfab.slicing.widening import widened_members
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "cut",
     "cut_polygons",
     "divided_at_vertices",
+    "divided_walls",
     "faired_walls",
     "filled_crumbs",
     "filled_openings",

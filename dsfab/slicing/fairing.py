@@ -77,30 +77,32 @@ def faired_walls(sheet: Sheet) -> Sheet:
 def _freedom(sheet: Sheet, walls: Walls) -> Freedom:
     """Vertices of walls on edges slide along these, those within faces anywhere in them, others not at all."""
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
-    column, weight = three_each(sheet.weights[vertex])
+    return freedom(sheet, vertex, sheet.weights[vertex])
+
+
+def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
+    """How vertices (k,), with rows of weights (k, n) on the uncut ones, may move; those that may not are left out."""
+    column, weight = three_each(weights)
     held = weight > 0
     count = held.sum(axis=1)
     order = np.argsort(~held, axis=1, kind="stable")
     column = np.take_along_axis(column, order, axis=1)
     at = sheet.same_vertex()[column]
     able = (count > 1) & ((at >= 0) | (np.arange(3) >= count[:, None])).all(axis=1)
-    vertex, column, count = vertex[able], column[able], count[able]
     a, b, c = (sheet.surface.V[at[able][:, i]] for i in range(3))
-    u = b - a
-    length = np.linalg.norm(u, axis=1)
-    x = u / length[:, None]
-    along, share = np.zeros((2, len(vertex), 2, 3))
-    along[:, 0] = x
+    length = np.linalg.norm(b - a, axis=1)
+    along, share = np.zeros((2, len(length), 2, 3))
+    along[:, 0] = (b - a) / length[:, None]
     share[:, 0, :2] = np.stack([-1 / length, 1 / length], axis=1)
-    face = count == 3
-    v = (c - a)[face]
-    x = x[face]
-    y = v - np.einsum("ki,ki->k", v, x)[:, None] * x
+    face = count[able] == 3
+    v, x = (c - a)[face], along[face, 0]
+    lean = np.einsum("ki,ki->k", v, x)
+    y = v - lean[:, None] * x
     height = np.linalg.norm(y, axis=1)
     along[face, 1] = y / height[:, None]
-    lean = np.einsum("ki,ki->k", v, x) / length[face]
+    lean = lean / length[face]
     share[face, 1] = np.stack([(lean - 1) / height, -lean / height, 1 / height], axis=1)
-    return Freedom(vertex, along, share, column, FARTHEST * length)
+    return Freedom(vertex[able], along, share, column[able], FARTHEST * length)
 
 
 def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
@@ -171,10 +173,10 @@ def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     move[free.vertex] = np.einsum("kj,kji->ki", step, free.along)
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
-    before = _least_angle(surface.V[F], normals)
+    before = least_angles(surface.V[F], normals)
     for attempt in range(ROUNDS + 1):
         V = surface.V + share[:, None] * move
-        bad = _least_angle(V[F], normals) < np.minimum(before, SLIMMEST)
+        bad = least_angles(V[F], normals) < np.minimum(before, SLIMMEST)
         if not bad.any():
             break
         share[F[bad]] *= 0.5 if attempt < ROUNDS - 1 else 0.0
@@ -184,7 +186,7 @@ def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     return replace(sheet, surface=Surface(V, surface.F), weights=csr_array(sheet.weights + change))
 
 
-def _least_angle(P: Floats, normals: Floats) -> Floats:
+def least_angles(P: Floats, normals: Floats) -> Floats:
     """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative where one is turned over."""
     sides = np.roll(P, -1, axis=1) - P
     back = -np.roll(sides, 1, axis=1)
