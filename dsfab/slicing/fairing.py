@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array, vstack
 from scipy.sparse.linalg import spsolve
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Floats, Ints
 from dsfab.slicing.sheet import Sheet, three_each
 from dsfab.slicing.walls import Walls
 from dsfab.surface import Surface
@@ -27,6 +27,8 @@ REACH = 2.0
 """Waves of a wall that are shorter than 2 pi times so many of its segments are taken out."""
 BEND = 0.4
 """Walls that are too short to have a change of curvature bend less the shorter they are: segments."""
+ALONG = 0.1
+"""How far vertices move along a wall counts so many times what it counts that they move across."""
 FARTHEST = 0.1
 """No vertex moves by more than this share of the mesh edge that it lies on, or of one of its face: twice what values
 are moved by onto vertices of the mesh, at most."""
@@ -56,9 +58,9 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
     sheet : all cells, material and void, without pinches.
 
-    Minimised is the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d how far they move, k the
-    curvature in the surface, a and b some segments of the wall. Circles and straight lines stay, waves that are short
-    go, by 1 / (1 + (a w)^6) at wave number w [a smoothing spline of third order: Reinsch 1967; Wahba 1990].
+    Minimised is the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d how far they move across,
+    k the curvature in the surface, a and b some segments of the wall. Circles and straight lines stay, short waves go,
+    by 1 / (1 + (a w)^6) at wave number w [a smoothing spline of third order: Reinsch 1967; Wahba 1990].
     Cells stay in their uncut faces; vertices of the uncut surface stay where they are.
     """
     walls = Walls.of(sheet)
@@ -127,12 +129,13 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
         rows.append(row)
         right.append(-np.einsum("kji,kji->k", value, sheet.surface.V[q]))
-    near = np.zeros(n)
     for end in (walls.start, walls.end):
-        near += np.bincount(end, walls.length / 2, n)
-    mass = np.repeat(near[free.vertex], 2) + 1e-12 * float(near.max())
+        row, _ = _rows(end[:, None], (np.sqrt(walls.length / 2)[:, None] * side)[:, None], place, free)
+        rows.append(row)
+        right.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
-    x = spsolve((A.T @ A + diags_array(mass)).tocsc(), A.T @ np.concatenate(right))
+    hold = ALONG * segment.mean() + np.zeros(2 * len(free.vertex))
+    x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
 

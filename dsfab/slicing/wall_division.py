@@ -1,8 +1,8 @@
 """`divided_walls`: the walls of a sheet divided where they bend from one straight piece to the next.
 
-           m                    A wall a - b of a curve is a chord. A new vertex m is put on the curve, as far beside
-        .  |  .                 the middle of the chord as the turns at both ends tell, in the face that the wall is in;
-     a ----+---- b              both cells beside the wall are divided.
+      m                    A wall a - b of a curve is a chord. A new vertex m is put on the curve, as far beside
+   .  |  .                 the middle of the chord as the turns at both ends tell, in the face that the wall is in;
+a ----+---- b              both cells beside the wall are divided.
 """
 
 from dataclasses import dataclass, replace
