@@ -13,7 +13,7 @@ from dsfab.members.bands import pattern_bands
 from dsfab.members.components import DISC, roundness
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, overlaid
-from dsfab.surface import Surface
+from dsfab.surface import Surface, connected
 
 
 class StripedCells(NamedTuple):
@@ -38,4 +38,19 @@ def striped_cells(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
         disc &= (round_[part[:, k]] > DISC) & band.drawn.hides
         part[disc] = np.where(np.arange(part.shape[1]) == k, part[disc], -1)
     label = np.unique(part, axis=0, return_inverse=True)[1].ravel()
-    return StripedCells(overlay.sheet, label.astype(np.int64), np.asarray((part < 0).all(axis=1)))
+    return _without_slivers(overlay.sheet, label.astype(np.int64), np.asarray((part < 0).all(axis=1)))
+
+
+def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> StripedCells:
+    """Loose cells that hang together and have neighbours of one label only take it: slivers at the edge of a stripe,
+    where its walls were made fair."""
+    f, g = sheet.surface.edges.pairs.T // 3
+    both = loose[f] & loose[g]
+    count, part = connected(len(label), f[both], g[both])
+    f, g = np.concatenate([f, g]), np.concatenate([g, f])
+    beside = loose[f] & ~loose[g]
+    low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
+    np.minimum.at(low, part[f[beside]], label[g[beside]])
+    np.maximum.at(high, part[f[beside]], label[g[beside]])
+    sliver = loose & (low == high)[part]
+    return StripedCells(sheet, np.where(sliver, low[part], label), loose & ~sliver)

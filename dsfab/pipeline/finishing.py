@@ -16,6 +16,8 @@ from dsfab.slicing import (
     bridged_gaps,
     bridged_necks,
     cut_polygons,
+    divided_walls,
+    faired_walls,
     filled_crumbs,
     filled_openings,
     filled_slits,
@@ -178,6 +180,8 @@ def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalle
         filled += crumbs
     if smallest.neck and merge != "none":
         cells, bridged = bridged_necks(cells, smallest.neck)
+    if merge != "none":
+        cells = divided_walls(faired_walls(cells))
     return Unrounded(cells, pinched.count, filled, merged, bridged)
 
 

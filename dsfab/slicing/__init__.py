@@ -2,6 +2,7 @@
 
 from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
+from dsfab.slicing.fairing import faired_walls
 from dsfab.slicing.halving import Halved, halved
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.on_parts import divided_at_vertices
@@ -11,6 +12,7 @@ from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet, three_each
 from dsfab.slicing.tidy import Tidy
+from dsfab.slicing.wall_division import divided_walls
 from dsfab.slicing.widening import widened_members
 
 __all__ = [
@@ -30,6 +32,8 @@ __all__ = [
     "cut",
     "cut_polygons",
     "divided_at_vertices",
+    "divided_walls",
+    "faired_walls",
     "filled_crumbs",
     "filled_openings",
     "filled_slits",

@@ -19,6 +19,7 @@ from dsfab.export.network import use_check
 from dsfab.export.network.curves import fitted_chains, sampled_chains
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import ChainNet, net_of
+from dsfab.export.network.joining import joined_outlines
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.model import NetModel, net_model
 from dsfab.export.network.quads import REACH, quad_net
@@ -136,7 +137,9 @@ def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[Net
     """The model of a piece, and its faces without four sides."""
     t = plan.limits.thickness
     net = net_of(sheet, plan.surface.V, t / MM_PER_M)
-    net = straightened(without_fillets(net, lifting), lifting, t)
+    net = without_fillets(net, lifting)
+    net = joined_outlines(net, np.asarray(net.weights @ lifting.skins.points))
+    net = straightened(net, lifting, t)
     chains = sampled_chains(net, lifting)
     curves = fitted_chains(chains, dict.fromkeys(chains, FLAT * plan.limits.distance))
     quads = quad_net(net, chains, curves, REACH * t)

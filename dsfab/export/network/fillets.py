@@ -21,6 +21,10 @@ DETOUR = 2.2
 right angle, 1.65 of one of 60 degrees, 3 of a square."""
 
 
+FLATTER = 4.0
+"""The same where only two members are behind it: some of the arc lies within these where their walls were made fair."""
+
+
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
     """The net with every fillet taken into its neighbours; loose regions of another kind stay as they are."""
     work = _Fillets(net, lifting)
@@ -52,7 +56,7 @@ class _Fillets:
         behind = [int(self._points(step)[-1]) for step in inner[:-1]]
         if any(p in self.place or p in self.outline for p in behind):
             return
-        if sum(self._length(self._points(step)) for step in inner) > DETOUR * self._length(points):
+        if sum(self._length(self._points(step)) for step in inner) > (DETOUR if len(inner) > 2 else FLATTER) * self._length(points):
             return
         others = [self._other(step) for step in inner]
         if len(inner) == 1 or len(set(others)) == 1:

@@ -18,6 +18,9 @@ from dsfab.surface import EdgeTable, connected, edge_table, half_edges, next_hal
 TURN = np.cos(np.deg2rad(40.0))
 """Cosine of the turn of an outline from which on it has a corner."""
 
+ROUND = np.cos(np.deg2rad(10.0))
+"""Cosine of the turn from which on vertices are on a round corner: it begins and ends at a node."""
+
 SLIVER = 1 / 4
 """Regions smaller than the square of this share of the thickness join the neighbour with the longest border."""
 
@@ -120,9 +123,24 @@ class _Walk:
         way = self.P[self.end] - self.P[self.start]
         way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
         turn = np.einsum("ki,ki->k", way[h], way[self.after[h]])
-        sharp = (turn < TURN) & (self.right[h] == VOID) & ~loose[h // 3]
+        void = self.right[h] == VOID
+        sharp = (turn < TURN) & void & ~loose[h // 3]
         node[self.end[h[sharp]]] = True
+        node[self.end[h[self._round_ends(turn < ROUND, void)]]] = True
         return node
+
+    def _round_ends(self, bent: Bools, void: Bools) -> Bools:
+        """(k,) half-edges of borders after which the outline begins or ends to be round; `bent` (k,) is the turn there.
+
+        void : (k,) which are of the outline.
+        """
+        h, at = self.along, np.full(len(self.border), -1)
+        at[h] = np.arange(len(h))
+        after = at[self.after[h]]
+        before = np.empty_like(after)
+        before[after] = np.arange(len(h))
+        both = void & void[after]
+        return np.asarray(bent & both & ~(bent[before] & bent[after] & both[before] & both[after]))
 
     def net(self, loose: frozenset[int]) -> ChainNet:
         """Its chains, and the loops of every region."""

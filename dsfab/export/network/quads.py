@@ -29,6 +29,9 @@ MOST_ADDED = 6
 DECIMALS = 12
 """Of breaks that are the same."""
 
+APART = 2e-3
+"""Share of a chain that breaks are apart which are added for those of an opposite side."""
+
 CLOSE = 1e-6
 """Share of a chain within which two breaks are one."""
 
@@ -166,17 +169,45 @@ class _Matching:
             quad = todo.pop()
             for one, two in ((0, 2), (1, 3)):
                 counts = self._counts(quad)
-                fewer = quad.sides[one if counts[one] < counts[two] else two]
+                fewer, more = (quad.sides[k] for k in ((one, two) if counts[one] < counts[two] else (two, one)))
                 for _ in range(abs(counts[one] - counts[two])):
                     if quad.region in found or sum(added[k] for k, _ in fewer) >= MOST_ADDED * len(fewer):
                         found.add(quad.region)
                         break
-                    k = self._add(fewer)
+                    k = self._add(fewer, more)
                     added[k] += 1
                     todo += [other for other in self.of[k] if other is not quad]
         return found
 
-    def _add(self, side: Loop) -> int:
+    def _add(self, side: Loop, other: Loop) -> int:
+        """A break on a side, as far along as the break of the opposite one that is farthest from any; returns its
+        chain."""
+        mine, there = self._shares(side), 1 - self._shares(other)
+        away = np.abs(there[:, None] - mine).min(axis=1)
+        share, start = float(there[away.argmax()]), 0.0
+        total = sum(self.chains[k].way[-1] for k, _ in side)
+        for k, ahead in side:  # the last one where rounding leaves none
+            end = start + self.chains[k].way[-1] / total
+            if share < end:
+                break
+            start = end
+        x = (share - start) / (end - start)
+        x = x if ahead else 1 - x
+        if (np.abs(self.curves[k].breaks - x) < APART).any() or not 0 < x < 1:
+            return self._halve(side)
+        self.curves[k] = self.curves[k].with_break(float(x))
+        return k
+
+    def _shares(self, side: Loop) -> Floats:
+        """Where the spans of a side end, as shares of its length, 0 and 1 among them."""
+        parts = [np.zeros(1)]
+        for k, ahead in side:
+            breaks = self.curves[k].breaks
+            parts.append(parts[-1][-1] + self.chains[k].way[-1] * (breaks[1:] if ahead else 1 - breaks[-2::-1]))
+        found = np.concatenate(parts)
+        return np.asarray(found / found[-1])
+
+    def _halve(self, side: Loop) -> int:
         """A break in the middle of the longest span of a side; returns its chain."""
         longest = {k: float(np.diff(self.curves[k].breaks).max() * self.chains[k].way[-1]) for k, _ in side}
         k = max(longest, key=lambda k: longest[k])
