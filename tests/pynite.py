@@ -58,3 +58,54 @@ def rotation(axes: np.ndarray) -> float:
         z /= np.linalg.norm(z)
         y = np.cross(z, x)
     return float(np.degrees(np.arctan2(axes[1] @ z, axes[1] @ y)))
+
+
+def solved_from(book: dict[str, list[dict]]) -> dict[str, dict[str, Found]]:
+    """By case and combination, by node, what PyNite finds of a workbook in Structural Analysis Format (`tests.saf`):
+    of nothing but what stands there. Springs are left out."""
+    from Pynite import FEModel3D
+
+    from tests.saf import sums
+
+    model = FEModel3D()
+    for row in book["StructuralMaterial"]:
+        E, G = row["E modulus [MPa]"] * 1e6, row["G modulus [MPa]"] * 1e6
+        model.add_material(row["Name"], E, G, row["Poisson Coefficient"], 0.0)
+    place = {}
+    for row in book["StructuralPointConnection"]:
+        place[row["Name"]] = np.array([row[f"Coordinate {axis} [m]"] for axis in "XYZ"])
+        model.add_node(row["Name"], *place[row["Name"]].tolist())
+    material = {}
+    for row in book["StructuralCrossSection"]:
+        H, B = (float(word) / 1e3 for word in row["Parameters [mm]"].split("; "))
+        material[row["Name"]] = row["Material"]
+        model.add_section(row["Name"], B * H, B * H**3 / 12, H * B**3 / 12, row["It [m4]"])
+    for row in book["StructuralCurveMember"]:
+        i, j = row["Nodes"].split("; ")
+        x = (place[j] - place[i]) / np.linalg.norm(place[j] - place[i])
+        z = np.array([row[f"Coordinate {axis} [m]"] for axis in "XYZ"])  # of local z, in the plane of z and x
+        y = np.cross(z, x) / np.linalg.norm(np.cross(z, x))
+        turn = rotation(np.stack([x, y, np.cross(x, y)]))
+        section = row["Cross section"]
+        model.add_member(row["Name"], i, j, material[section], section, rotation=turn)
+    for row in book["StructuralPointSupport"]:
+        model.def_support(row["Node"], *(row[word] == "Rigid" for word in ("ux", "uy", "uz", "fix", "fiy", "fiz")))
+    for row in (*book["StructuralPointAction"], *book.get("StructuralPointMoment", ())):
+        name = f"F{row['Direction']}" if "Value [kN]" in row else row["Direction"].upper()
+        value = row["Value [kN]"] if "Value [kN]" in row else row["Value [kNm]"]
+        model.add_node_load(row["Reference node"], name, 1e3 * value, case=row["Load case"])
+    factors = {row["Name"]: {row["Name"]: 1.0} for row in book["StructuralLoadCase"]}
+    factors |= {row["Name"]: sums(row) for row in book.get("StructuralLoadCombination", ())}
+    for name, each in factors.items():
+        model.add_load_combo(name, each)
+    model.analyze_linear(sparse=True)
+    return {
+        name: {
+            node.name: Found(
+                np.array([getattr(node, axis)[name] for axis in AXES]),
+                np.array([getattr(node, f"Rxn{force}")[name] for force in FORCES]),
+            )
+            for node in model.nodes.values()
+        }
+        for name in factors
+    }

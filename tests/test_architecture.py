@@ -81,7 +81,9 @@ ALLOWED: dict[str, set[str]] = {
     "members": GROUND | {"surface", "results", "slicing"},
     "frame": GROUND | {"surface", "statics", "members"},
     "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members", "frame"} | STAGES,
-    "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "members", "export", "pipeline"} | STAGES,
+    "delivery": GROUND
+    | {"materials", "surface", "preset", "preset_surface", "results", "members", "frame", "export", "pipeline"}
+    | STAGES,
     "workshop": GROUND | {"surface", "slicing", "preset", "preset_workshop", "members", "export", "pipeline"},
     "study": GROUND
     | {"surface", "preset", "preset_list", "preset_surface", "preset_file", "results", "pipeline"}
@@ -123,7 +125,7 @@ HOME = {
     "PIL": {"app", "render", "report"},
     "matplotlib": {"report"},
     "reportlab": {"report"},
-    "xlsxwriter": {"workshop"},
+    "xlsxwriter": {"workshop", "export"},
 }
 """Libraries that may be imported in these parts only."""
 

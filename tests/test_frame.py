@@ -217,8 +217,9 @@ def test_what_is_no_structure_of_beams_is_told():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["tower", "barrel_vault", "gridshell", "snow_vault"])
+@pytest.mark.parametrize("name", ["snow_vault"])
 def test_slender_presets_are_within_a_tenth(name):
+    """As tower and barrel_vault are, which are solved from their files (tests/test_export_saf.py), and gridshell."""
     for found in dsfab.Design.of(dsfab.load_preset(name)).frame_agreement():
         assert found.slender, found
         assert found.compliance == pytest.approx(1.0, abs=0.05), found

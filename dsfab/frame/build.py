@@ -54,7 +54,7 @@ def frame_of(
     fixed = fixed if axis is None else in_plane(fixed, axis)
     return Frame(
         points,
-        tuple(names),
+        distinct(names),
         beams.ends,
         _upright(points, beams),
         beams.width,
@@ -69,6 +69,16 @@ def frame_of(
         beams.shift,
         beams.stout,
     )
+
+
+def distinct(names: list[str]) -> tuple[str, ...]:
+    """The names, those that come again with a number behind them."""
+    seen: dict[str, int] = {}
+    found = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(found)
 
 
 def _clamped(surface: Surface, load: LoadCase) -> Bools:
