@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.delivery.bar_records import bar_records
 from dsfab.delivery.beam_records import beam_records
 from dsfab.delivery.fields import design_fields
 from dsfab.delivery.forces import force_records
@@ -81,6 +82,8 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         return design.sheet.surface, {"details": Details(records=graph_records(design.members))}
     if takes == "forces":
         return design.sheet.surface, {"details": Details(records=force_records(design))}
+    if takes == "bars":
+        return design.sheet.surface, {"details": Details(records=bar_records(design))}
     if takes == "frame":
         return design.sheet.surface, {"details": Details(records=beam_records(design))}
     if takes == "mesh":

@@ -33,7 +33,7 @@ from dsfab.wording import length, mass
 if TYPE_CHECKING:
     import build123d
 
-    from dsfab.frame import Frame, FrameAgreement
+    from dsfab.frame import Frame, FrameAgreement, MemberForces
     from dsfab.members import MemberGraph
 
 ROWS = {
@@ -198,6 +198,13 @@ class Design:
     def _frame(self) -> "Frame":
         loads = self._loads_on_sheet(self.statics.cases)
         return beam_model(self.preset, self.sheet.surface, self.members, self.statics, loads)
+
+    @property
+    def member_forces(self) -> "dict[str, MemberForces]":
+        """By the names of members, what they bear along their axes, from `section_forces`."""
+        from dsfab.frame import member_forces
+
+        return self.once("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
 
     def frame_agreement(self) -> "list[FrameAgreement]":
         """By case and combination, how far the beams answer as the sheet does."""
