@@ -1,5 +1,7 @@
 """Beams in space against closed forms and another program, and the beam models of designs against their sheets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -206,6 +208,16 @@ def test_a_sheet_without_members_has_no_beam_model(vault):
     graph = MemberGraph(vault.sheet, np.arange(vault.sheet.surface.m), (), ())
     with pytest.raises(StaticsError, match="no members with an axis"):
         frame_of(graph, vault.sheet.surface, vault.cut_loads, {}, 0.08, STEEL)
+
+
+def test_a_disc_is_as_wide_as_its_area_says(vault):
+    """Its ring has an outline on one side only; other members are as wide as they reach."""
+    ring = next(member for member in vault.members.members if member.kind == "strip")
+    disc = replace(ring, kind="disc", area=0.6 * ring.length)
+    graph = replace(vault.members, members=(disc,), nodes=())
+    made = frame_of(graph, vault.sheet.surface, vault.cut_loads, {}, 0.08, STEEL)
+    assert made.width[made.member == 0] == pytest.approx(0.6)
+    assert made.eccentricity == pytest.approx(0)
 
 
 def test_what_is_no_structure_of_beams_is_told():

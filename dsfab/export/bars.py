@@ -49,8 +49,9 @@ def encode(part: Part) -> Iterator[bytes]:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read back number by number, by numpy."""
-    how = {"delimiter": ",", "comments": None, "quotechar": '"', "ndmin": 2}
-    found = np.loadtxt(path, skiprows=len(SAID) + 1, usecols=range(4, 10), **how)
+    found = np.loadtxt(
+        path, delimiter=",", comments=None, skiprows=len(SAID) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
+    )
     bars = part.details.records["bars"].values()
     given = np.concatenate([rows for bar in bars for rows in bar["forces"].values()])
     if len(found) != len(given):

@@ -63,15 +63,20 @@ class Beams:
 
     def some(self, kept: Ints, ends: Ints) -> "Beams":
         """Some of them (k,), between nodes (b, 2) of other numbers."""
-        rest = (self.normal, self.width, self.shift, self.member, self.stout)
-        return Beams(ends[kept], *(x[kept] for x in rest))
+        shape = self.normal[kept], self.width[kept], self.shift[kept]
+        return Beams(ends[kept], *shape, self.member[kept], self.stout[kept])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
         """With links (k, 2) of a width (k,)."""
         none = np.zeros(len(ends))
-        more = (ends, normal, width, none, np.full(len(ends), -1, dtype=np.int64), none)
-        ours = (self.ends, self.normal, self.width, self.shift, self.member, self.stout)
-        return Beams(*(np.concatenate(pair) for pair in zip(ours, more, strict=True)))
+        return Beams(
+            np.concatenate([self.ends, ends]),
+            np.concatenate([self.normal, normal]),
+            np.concatenate([self.width, width]),
+            np.concatenate([self.shift, none]),
+            np.concatenate([self.member, np.full(len(ends), -1, dtype=np.int64)]),
+            np.concatenate([self.stout, none]),
+        )
 
 
 def beams_along(joints: AxisJoints) -> Beams:
@@ -119,12 +124,23 @@ def _bay(
     inner, middle = at[1:-1] % around, ((at[:-1] + at[1:]) / 2) % around
     names = [f"{member.id} {x:.3f}" for x in inner]
     nodes = [one, *(joints.node(p, name) for p, name in zip(axis.at(inner)[0], names, strict=True)), other]
-    left, right = (np.interp(middle, axis.s, side) for side in member.sides.T)
+    left, right = (np.interp(middle, axis.s, side) for side in _sides(member).T)
     stout = min(member.mean_width / (t - s), 1.0)
     return [
         Row(ends, normal, float(a + b + more), float(a - b) / 2, number, stout)
         for ends, normal, a, b, more in zip(pairwise(nodes), axis.at(middle)[2], left, right, spread, strict=True)
     ]
+
+
+def _sides(member: Member) -> Floats:
+    """(k, 2) metres that a member reaches to the left and to the right of its axis.
+
+    A disc has material on both sides of the ring that stands for it, and an outline on the outer one only: it is as
+    wide as its area over its length, at least.
+    """
+    if member.kind != "disc":
+        return member.sides
+    return np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divided(

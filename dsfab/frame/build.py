@@ -117,7 +117,7 @@ def _whole(points: Floats, beams: Beams) -> Beams:
             return beams
         part = np.bincount(label).argmin()
         own, rest = np.flatnonzero(label == part), np.flatnonzero(label != part)
-        distance, near = cKDTree(points[rest]).query(points[own])
+        distance, near = (np.asarray(x) for x in cKDTree(points[rest]).query(points[own]))
         k = int(distance.argmin())
         ends = np.array([[own[k], rest[near[k]]]])
         normal = beams.normal[(beams.ends == ends[0, 1]).any(axis=1)][:1]

@@ -1,5 +1,6 @@
 """Where the axes of members are joined: at their nodes, at ends within each other, and where members graze."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -69,7 +70,7 @@ class AxisJoints:
         for member in self.others(number):
             for s, k in self.on[member.id]:
                 if k == number and member.axis is not None:
-                    return member.axis.at(np.array([s]))[2][0]
+                    return np.asarray(member.axis.at(np.array([s]))[2][0])
         return np.zeros(3)
 
     @cached_property
@@ -131,7 +132,7 @@ def _nearest(joints: AxisJoints, member: Member, s: float) -> tuple[float, int] 
     return min(joints.on[member.id], key=lambda one: abs(one[0] - s), default=None)
 
 
-def _join_end(joints: AxisJoints, member: Member, s: float, trees: dict[str, tuple[cKDTree, Floats]]) -> None:
+def _join_end(joints: AxisJoints, member: Member, s: float, trees: Mapping[str, tuple[cKDTree, Floats]]) -> None:
     """Join the end of a member that has no node to the nearest axis of another."""
     assert member.axis is not None
     near = _nearest(joints, member, s)
