@@ -11,11 +11,11 @@ statics  diffusion  pattern   slicing   thickening ──► export
     members ─► pipeline ──► delivery ──► study ──► render ──► report ──► app
                   └──────► workshop ──────────────────────────────────────►┘
 
-members: the graph of named parts, on the finished sheet; it knows slicing and no other stage. preset_list: what lies in
-presets/, unchecked; it needs errors alone. proposal: a preset for a mesh of the user's own. delivery: what of a design
-goes into which file. study: questions about designs. render: everything that draws and knows no command. report: pages,
-charts and folders for people. workshop: flat parts of the members, nested on stock, as drawings. app: one file for each
-command, and the editor.
+members: the graph of named parts, on the finished sheet; it knows slicing and no other stage. frame: these as beams; it
+knows statics besides, and pipeline asks it. preset_list: what lies in presets/, unchecked; it needs errors alone.
+proposal: a preset for a mesh of the user's own. delivery: what of a design goes into which file. study: questions about
+designs. render: everything that draws and knows no command. report: pages, charts and folders for people. workshop:
+flat parts of the members, nested on stock, as drawings. app: one file for each command, and the editor.
 """
 
 import ast
@@ -79,8 +79,11 @@ ALLOWED: dict[str, set[str]] = {
     "proposal": GROUND | {"materials", "surface", "preset", "preset_file"},
     "results": GROUND | {"surface", "preset"} | STAGES,
     "members": GROUND | {"surface", "results", "slicing"},
-    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members"} | STAGES,
-    "delivery": GROUND | {"surface", "preset", "preset_surface", "results", "members", "export", "pipeline"} | STAGES,
+    "frame": GROUND | {"surface", "statics", "members"},
+    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members", "frame"} | STAGES,
+    "delivery": GROUND
+    | {"materials", "surface", "preset", "preset_surface", "results", "members", "frame", "export", "pipeline"}
+    | STAGES,
     "workshop": GROUND | {"surface", "slicing", "preset", "preset_workshop", "members", "export", "pipeline"},
     "study": GROUND
     | {"surface", "preset", "preset_list", "preset_surface", "preset_file", "results", "pipeline"}
@@ -122,7 +125,7 @@ HOME = {
     "PIL": {"app", "render", "report"},
     "matplotlib": {"report"},
     "reportlab": {"report"},
-    "xlsxwriter": {"workshop"},
+    "xlsxwriter": {"workshop", "export"},
 }
 """Libraries that may be imported in these parts only."""
 

@@ -195,7 +195,7 @@ def test_the_frame_is_that_of_the_convention():
 @given(st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3), st.floats(-1, 1))
 def test_principal_values_rebuild_the_tensor(tensor, lean):
     s = Surface(np.array([[0, 0, 0], [1, 0, lean], [0, 1, 0.3]]), np.array([[0, 1, 2]]))
-    forces = SectionForces(local_frames(s), np.array([tensor]), np.zeros((1, 3)), np.zeros((1, 2)))
+    forces = SectionForces(local_frames(s), np.array([tensor]), np.zeros((1, 3)), np.zeros((1, 2)), np.zeros((1, 3, 3)))
     values, angle, direction = forces.principal("n")
     assert values[0, 0] >= values[0, 1]
     assert -90 <= angle[0] <= 90

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from dsfab.app.export import SHORT
 from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
@@ -36,6 +37,7 @@ class Files:
         if self.format_ is None:
             return ()
         formats = [word.strip().lower() for word in self.format_.split(",") if word.strip()]
+        formats = [SHORT.get(word, f".{word}")[1:] for word in formats]
         return (f"export.formats={json.dumps(formats)}",)
 
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 CALCULIX = "calculix"
 SUFFIX = ".inp"
 SAME_AS_STEP = ".stp"
+SHORT = {"saf": ".saf.xlsx"}
+"""Suffixes of two words by the one that people know."""
 GROUPS = {
     "mesh": "the solid",
     "both": "the solid",
@@ -31,6 +33,8 @@ GROUPS = {
     "fields": "fields",
     "members": "members",
     "forces": "section forces",
+    "frame": "beam models",
+    "bars": "forces of members",
 }
 """What a format is for in words, by what it takes."""
 
@@ -38,8 +42,9 @@ TO = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
     "edges and centre lines. Lines by family: dxf (with plan and elevations), svg (a drawing to scale), lines.step "
     "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv. Fields on the uncut "
-    "surface: vtu. Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv. A check: "
-    "calculix. [as the suffix of -o]"
+    "surface: vtu. Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv; N, V and "
+    "M along each member: member_forces.csv. A beam "
+    "model for SCIA, RFEM and others: saf.xlsx, or saf for short. A check: calculix. [as the suffix of -o]"
 )
 
 Which = Literal["uncut", "cut"]
@@ -138,7 +143,7 @@ def _words() -> dict[str, str]:
     """Suffixes by the words of --to."""
     from dsfab.export import FORMATS
 
-    return {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}}
+    return {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}, **SHORT}
 
 
 def format_suffix(word: str) -> str:

@@ -2,7 +2,7 @@
 
 files     one file of a design            lines, fields, curved   what drawings, ParaView and smooth STEP take of it
 archive   `design.npz`: a design kept     archive_even            and its evenly spaced stripes
-member_records  its members and nodes, for files
+member_records  its members and nodes, for files    beam_records, bar_records   its beam model, and what members bear
 """
 
 from dsfab.delivery.files import to_build123d, write

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.delivery.bar_records import bar_records
+from dsfab.delivery.beam_records import beam_records
 from dsfab.delivery.fields import design_fields
 from dsfab.delivery.forces import force_records
 from dsfab.delivery.lines import design_lines
@@ -70,7 +72,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
     The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines, of
-    members and of section forces; the uncut surface for fields, which are known there.
+    members, of section forces and of beams; the uncut surface for fields, which are known there.
     """
     ask, takes = design.preset.export, FORMATS[suffix].takes
     if takes == "fields":
@@ -80,6 +82,10 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         return design.sheet.surface, {"details": Details(records=graph_records(design.members))}
     if takes == "forces":
         return design.sheet.surface, {"details": Details(records=force_records(design))}
+    if takes == "bars":
+        return design.sheet.surface, {"details": Details(records=bar_records(design))}
+    if takes == "frame":
+        return design.sheet.surface, {"details": Details(records=beam_records(design))}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         details = Details(measures=_measures(design))

@@ -11,6 +11,7 @@ import numpy as np
 
 from dsfab.errors import ExportError
 from dsfab.export import (
+    bars,
     brep,
     dxf,
     forces,
@@ -24,6 +25,7 @@ from dsfab.export import (
     ply,
     records,
     rhino,
+    saf,
     step_lines,
     stl,
     stpz,
@@ -41,7 +43,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
 
-Takes = Literal["mesh", "lines", "both", "fields", "members", "forces"]
+Takes = Literal["mesh", "lines", "both", "fields", "members", "forces", "frame", "bars"]
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ class Format:
     refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
     """What to raise when all ways were refused."""
     takes: Takes = "mesh"
-    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; its members; or its forces."""
+    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; its members; its forces; its
+    beam model; or what its members bear."""
     curves: bool = False
     """Whether it draws lines as smooth curves, and so wants them exact."""
     ready: Callable[[], None] = lambda: None
@@ -127,6 +130,8 @@ FORMATS: dict[str, Format] = {
     ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
     ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
     ".forces.csv": Format(forces.prepare, forces.encode, forces.check, sheets=True, takes="forces"),
+    ".member_forces.csv": Format(bars.prepare, bars.encode, bars.check, sheets=True, takes="bars"),
+    saf.SUFFIX: Format(saf.prepare, saf.encode, saf.check, sheets=True, told=saf.told, takes="frame", ready=saf.ready),
 }
 """The suffixes that `write` knows."""
 

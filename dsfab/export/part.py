@@ -36,8 +36,8 @@ class Details:
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
-    records   : notes, members and nodes, see `dsfab.delivery.member_records`, in millimetres; or section forces, see
-                `dsfab.delivery.forces`, in SI units.
+    records   : notes, members and nodes, see `dsfab.delivery.member_records`, in millimetres; or section forces or
+                beams, see `dsfab.delivery.forces` and `beam_records`, in SI units.
     """
 
     lines: tuple[StructureLine, ...] = ()

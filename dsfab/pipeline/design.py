@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from dsfab import ways_out
 from dsfab.arrays import Floats
 from dsfab.errors import PresetError
+from dsfab.pipeline.beam_model import beam_agreement, beam_model
 from dsfab.pipeline.buildable import require_buildable
 from dsfab.pipeline.directions import diffusion_step
 from dsfab.pipeline.geometry import slicing_step, thickening_step
@@ -32,6 +33,7 @@ from dsfab.wording import length, mass
 if TYPE_CHECKING:
     import build123d
 
+    from dsfab.frame import Frame, FrameAgreement, MemberForces
     from dsfab.members import MemberGraph
 
 ROWS = {
@@ -186,6 +188,28 @@ class Design:
         from dsfab.members import member_graph  # takes half of the time of `import dsfab`, and few designs need it
 
         return self.once("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
+
+    @property
+    def frame(self) -> "Frame":
+        """The members of the sheet as beams between nodes, with supports and loads; raises StaticsError where there are
+        none, and where nothing carries its loads."""
+        return self.once("slicing", "frame", self._frame)
+
+    def _frame(self) -> "Frame":
+        loads = self._loads_on_sheet(self.statics.cases)
+        return beam_model(self.preset, self.sheet.surface, self.members, self.statics, loads)
+
+    @property
+    def member_forces(self) -> "dict[str, MemberForces]":
+        """By the names of members, what they bear along their axes, from `section_forces`."""
+        from dsfab.frame import member_forces
+
+        return self.once("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
+
+    def frame_agreement(self) -> "list[FrameAgreement]":
+        """By case and combination, how far the beams answer as the sheet does."""
+        loads = self._loads_on_sheet(self.statics.cases)
+        return beam_agreement(self.preset, self.sheet.surface, self.frame, loads)
 
     @cached_property
     def solid(self) -> Solid:

@@ -44,15 +44,18 @@ class SectionForces:
     n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
     m     : (m, 3) moments x, y and twist xy, N m/m.
     q     : (m, 2) shear forces across the sheet, on sections across local x and local y, N/m.
+    corners : (m, 3, 3) n at the corners of each face, as its elements have it: it bends ribs in the sheet.
     """
 
     frame: Floats
     n: Floats
     m: Floats
     q: Floats
+    corners: Floats
 
     def __post_init__(self) -> None:
         lock(self, "frame", np.float64, (None, 2, 3))
+        lock(self, "corners", np.float64, (len(self.frame), 3, 3))
         for name, width in (("n", 3), ("m", 3), ("q", 2)):
             lock(self, name, np.float64, (len(self.frame), width))
 
@@ -80,7 +83,9 @@ def section_forces(surface: Surface, thickness: float, stress: SheetStress) -> S
     frame = local_frames(surface)
     turn = frame @ own.transpose(0, 2, 1)
     n = _turned(thickness * stress.membrane.mean(axis=1), turn)
-    return SectionForces(frame, n, _turned(moments.mean(axis=1), turn), np.einsum("mx,max->ma", across, frame))
+    corners = np.stack([_turned(thickness * stress.membrane[:, k], turn) for k in range(3)], axis=1)
+    q = np.einsum("mx,max->ma", across, frame)
+    return SectionForces(frame, n, _turned(moments.mean(axis=1), turn), q, corners)
 
 
 def local_frames(surface: Surface) -> Floats:

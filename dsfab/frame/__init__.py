@@ -1,0 +1,26 @@
+"""The beam model of a structure: its members as beams between nodes, solved and judged against the sheet.
+
+joints     where members are joined     hubs    the middles of discs     beams   straight pieces between nodes
+carried    loads and supports, on nodes     build   all of it together: `Design.frame`
+model      `Frame`                      solve   displacements, reactions, forces        agreement   with the sheet
+forces     what members bear, from the section forces of the sheet    sections   how planes across them cut its faces
+"""
+
+from dsfab.frame.agreement import FrameAgreement, agreement
+from dsfab.frame.build import frame_of
+from dsfab.frame.forces import MemberForces, forces_along, member_forces
+from dsfab.frame.model import BeamMaterial, Frame
+from dsfab.frame.solve import FrameAnswer, solve_frame
+
+__all__ = [
+    "BeamMaterial",
+    "Frame",
+    "FrameAgreement",
+    "FrameAnswer",
+    "MemberForces",
+    "agreement",
+    "forces_along",
+    "frame_of",
+    "member_forces",
+    "solve_frame",
+]
