@@ -14,11 +14,12 @@ from dsfab.errors import DsfabError, ExportError
 from dsfab.render import light, marks, opengl
 from dsfab.render.drawing import edges
 from dsfab.render.lettering import length_label, round_length
+from dsfab.render.marks import tree
 from dsfab.render.palette import PAPER
 from dsfab.render.picture import Look, picture
 from dsfab.render.png import write_png
 from dsfab.render.scene import Body, Scene
-from dsfab.render.stage import person
+from dsfab.render.stage import Annotations, person, set_stage
 from dsfab.render.view import ANGLE, best_side, framed, up_axis
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import cylinder, dome, plate, sphere, tower
@@ -181,6 +182,23 @@ def test_a_person_is_1_75_metres_tall() -> None:
     assert V[:, 2].min() == pytest.approx(1.0)
     assert 0.4 < np.ptp(V[:, 0]) < 0.7
     assert F.max() < len(V)
+
+
+def test_a_tree_stands_on_its_foot_as_tall_as_it_is_said_to_be() -> None:
+    """And keeps left of the structure, which a person would stand right of."""
+    V, F = tree(np.array([3.0, 2.0, 1.0]), Y, 6.0)
+    assert (V[:, 1].min(), V[:, 1].max()) == pytest.approx((2.0, 8.0))
+    assert V[np.argmin(V[:, 1]), [0, 2]] == pytest.approx([3.0, 1.0], abs=0.2)
+    assert np.ptp(V[:, [0, 2]], axis=0) == pytest.approx([3.6, 3.6], abs=0.9)
+    assert F.max() < len(V)
+    ball = sphere(radius=4.0, edge=0.8)
+    side, load = best_side(ball.V, Z), weighed(ball, low(ball))
+    body = Body(ball.V, ball.F, PAPER.of("person"))
+    made = [
+        set_stage(body, side, Z, 0.1, Annotations(ball, load, layers=(one,)), PAPER, SIZE) for one in ("tree", "person")
+    ]
+    tree_at, person_at = (float((stage.bodies[-1].V @ np.cross(Z, side.towards)).mean()) for stage in made)
+    assert tree_at < -4 < 3 < person_at
 
 
 @pytest.mark.parametrize(("radius", "drawn"), [(0.3, False), (2.0, True)])

@@ -76,7 +76,10 @@ class PictureOptions:
     show: Show = "structure"
     layers: Annotated[
         str | None,
-        Parameter(help="Comma list of loads, supports, reactions, person; or all, none [loads,supports,person]."),
+        Parameter(
+            help="Comma list of loads, supports, reactions, person, tree, gradients (of modes); or all, none "
+            "[loads,supports,person]."
+        ),
     ] = None
     ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper"
     output: Annotated[

@@ -1,8 +1,10 @@
 """`dsfab reproduce`: the paper's figures, made again, on one page that opens offline."""
 
 import json
+import math
 import os
 import platform
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,7 +35,13 @@ def reproduce(
     ] = 1.0,
     volumes: Annotated[
         bool,
-        Parameter(negative=(), help="Also compare the sphere with others at seven volumes (minutes)."),
+        Parameter(
+            negative=(), help="Also compare the sphere with others at three volumes (a quarter of an hour, 9 GB)."
+        ),
+    ] = False,
+    small: Annotated[
+        bool,
+        Parameter(negative=(), help="Also write small.html: the page in one file, with pictures of half the size."),
     ] = False,
     output: Annotated[Path, Parameter(name=["-o", "--output"], help="Folder of the page.")] = FOLDER,
     quiet: Quiet = False,
@@ -55,13 +63,13 @@ def reproduce(
     require_rendering()
     reporter = Reporter(quiet)
     try:
-        figures = _write(chosen, output, coarser, reporter, volumes)
+        figures = _write(chosen, output, coarser, reporter, volumes, small)
         reporter.done()
     finally:
         reporter.stop()
     failed = [f"{made.figure.preset} ({made.error})" for made in figures if made.error]
     if not quiet:
-        _summary(figures, output)
+        _summary(figures, output, small)
     if failed:
         raise DsfabError(f"{len(failed)} of {len(figures)} figures could not be made: {'; '.join(failed)}")
     return 0
@@ -81,23 +89,29 @@ def choose(names: tuple[str, ...]) -> "list[PaperFigure]":
 
 
 def _write(
-    chosen: "list[PaperFigure]", folder: Path, coarser: float, reporter: Reporter, volumes: bool = False
+    chosen: "list[PaperFigure]", folder: Path, coarser: float, reporter: Reporter, volumes: bool, small: bool
 ) -> "list[FigurePictures]":
     """Make the figures one by one, then the page; pictures of an earlier page that are gone are removed."""
     from dsfab.report.paper.figures import make_figure
     from dsfab.report.paper.page import PAGE_NAME, PageFacts, page, pictures_of
+    from dsfab.report.paper.small import SMALL_NAME, small_page
 
     figures: list[FigurePictures] = []
+    loads = [_load()]
     with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
         for number, figure in enumerate(chosen, start=1):
             reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
             figures.append(make_figure(figure, partial, coarser))
+            loads.append(_load())
         if volumes:
             from dsfab.report.paper.volumes import sphere_volumes
 
             sphere_volumes(partial, reporter, coarser)
-        text = page(figures, PageFacts(coarser, _machine()), _volumes(partial) or _volumes(folder))
+        lie = partial if volumes else folder
+        text = page(figures, PageFacts(coarser, _machine(), _busy(loads)), _volumes(lie))
         (partial / PAGE_NAME).write_text(text, encoding="utf-8")
+        if small:
+            (partial / SMALL_NAME).write_text(small_page(text, (partial, lie)), encoding="utf-8")
     return figures
 
 
@@ -115,14 +129,34 @@ def _machine() -> str:
     known = versions()
     cores = os.cpu_count() or 1
     return (
-        f"dsfab {known['dsfab']}, Python {known['python']}, solver {known['solver']}, {platform.system()} "
-        f"{platform.machine()}, {cores} {'core' if cores == 1 else 'cores'}"
+        f"dsfab {known['dsfab']}, Python {known['python']}, solver {known['solver']}, {platform.system()}, "
+        f"{cores} {'core' if cores == 1 else 'cores'} of {_processor()}"
     )
 
 
-def _summary(figures: "list[FigurePictures]", folder: Path) -> None:
+def _processor() -> str:
+    """The name of the processor where the system tells it, else its kind."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _load() -> float:
+    """How many programs want a core, in the mean over the last minute; nan where the system does not tell."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
+
+
+def _busy(loads: list[float]) -> str:
+    least, most = min(loads), max(loads)
+    return "" if math.isnan(least) else f"{least:.1f} to {most:.1f} programs wanted a core meanwhile"
+
+
+def _summary(figures: "list[FigurePictures]", folder: Path, small: bool) -> None:
     from dsfab.report.paper.figures import WAYS
     from dsfab.report.paper.measures import COLUMNS, rendition_facts
+    from dsfab.report.paper.small import SMALL_NAME
 
     for made in figures:
         out(f"{made.figure.preset}: {made.carried or 'not made'}")
@@ -132,5 +166,9 @@ def _summary(figures: "list[FigurePictures]", folder: Path) -> None:
             out(f"  {WAYS[way.rendition.name]}: {way.rendition.refused or told}")
             if way.found:
                 out(f"    {way.found}")
-    written = sum(path.stat().st_size for path in folder.iterdir() if path.suffix in (".webp", ".html"))
+    written = sum(
+        path.stat().st_size for path in folder.iterdir() if path.suffix == ".webp" or path.name == "index.html"
+    )
     out(f"  {folder / 'index.html'}  {size(written)} with its pictures")
+    if small:
+        out(f"  {folder / SMALL_NAME}  {size((folder / SMALL_NAME).stat().st_size)}, in one file")

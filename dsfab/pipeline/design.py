@@ -93,9 +93,12 @@ class Design:
         return new
 
     @classmethod
-    def known(cls, preset: Preset, **results: Any) -> "Design":
-        """A design of which some results are there already, by the names of its attributes (see `HELD`)."""
-        new = cls(preset)
+    def known(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
+        """A design of which some results are there already, by the names of its attributes (see `HELD`).
+
+        log : where the stages that are still to be made write down their seconds and notes.
+        """
+        new = cls(preset, log or Log(None))
         vars(new).update(results)
         return new
 

@@ -18,29 +18,30 @@ def silent(_stage: str, _doing: str) -> None:
 
 @dataclass
 class Log:
-    """What a run tells besides its results."""
+    """What a run tells besides its results. clock : what its seconds are measured with."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[Note] = field(default_factory=list)
     file: FileRecord | None = None
     """What was read, repaired and dropped, where the surface is in a file."""
+    clock: Callable[[], float] = time.perf_counter
 
     @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:
         """Tell that a stage begins, and write down its seconds."""
         if self.progress:
             self.progress(name, doing)
-        start = time.perf_counter()
+        start = self.clock()
         yield
-        self.seconds[name] = time.perf_counter() - start
+        self.seconds[name] = self.clock() - start
 
     @contextmanager
     def row(self, name: str) -> Iterator[None]:
         """Add the seconds of what is done inside to a row."""
-        start = time.perf_counter()
+        start = self.clock()
         yield
-        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - start
+        self.seconds[name] = self.seconds.get(name, 0.0) + self.clock() - start
 
     def note(self, stage: str, text: str) -> None:
         """Write down what a person should know."""

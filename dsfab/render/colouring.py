@@ -10,6 +10,7 @@ from dsfab.errors import DsfabError
 from dsfab.render.lettering import round_length
 from dsfab.render.palette import Palette
 from dsfab.render.scene import Bytes
+from dsfab.surface.hats import hat_gradients
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -158,6 +159,13 @@ def _mode(design: "Design", show: str) -> Colouring:
     face = ramp((value[design.surface.F].mean(axis=1) / limit + 1) / 2, _SIGNED)
     eigenvalue = modes.lam[number - 1] * design.surface.area
     return Colouring(face, bar, None, f"{name} mode {number}, eigenvalue {eigenvalue:.4g} / area, uncut sheet")
+
+
+def mode_gradient(design: "Design", show: str) -> Floats:
+    """(m, 3) per metre, the gradient of a mode on each face: stripes lie across it."""
+    surface, name = design.surface, show.removesuffix("_mode")
+    value = getattr(design.diffusion, name).mode(getattr(design.preset.pattern, name).mode)
+    return np.asarray(np.einsum("mia,mi->ma", hat_gradients(surface), value[surface.F]))
 
 
 def banded(limit: float) -> tuple[float, int]:

@@ -1,4 +1,4 @@
-"""What is drawn beside a structure to explain it: load arrows, support cones, a person for scale. Numpy only."""
+"""What is drawn beside a structure to explain it: load arrows, support cones, gradients, a person for scale."""
 
 from dataclasses import dataclass
 
@@ -26,12 +26,13 @@ class Spacing:
 SPREAD_LOAD = Spacing(0.13, 30)
 POINT_LOAD = Spacing(0.07, 16)
 SUPPORTS = Spacing(0.05, 40)
+GRADIENTS = Spacing(0.055, 160)
 
 CONE = 0.026
 """Height of a support cone, share of the structure's size."""
 
-LONGEST_POINT, LONGEST_SPREAD = 0.15, 0.085
-"""Longest arrow of a concentrated and of a spread load, share of the structure's size."""
+LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
+"""Longest arrow of a concentrated load, of a spread load and of a gradient, share of the structure's size."""
 
 
 def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
@@ -131,6 +132,21 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
     return _placed(_arrow(), surface.V[found.at] + start, along, found.long)
 
 
+def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> Mesh:
+    """Slim arrows along a gradient (m, 3), at faces that are evenly apart, longer where it is steeper; none where it
+    vanishes everywhere. lift, eye : as for `load_arrows`."""
+    steep = np.linalg.norm(gradient, axis=1)
+    if not steep.any():
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    at = thinned(surface.centroids, size, GRADIENTS)
+    at = at[steep[at] > 0]
+    share = np.minimum(steep[at] / np.percentile(steep, 90), 1)
+    along, long = gradient[at] / steep[at, None], LONGEST_GRADIENT * size * (0.35 + 0.65 * share)
+    normal = surface.normals[at]
+    away = np.where(normal @ eye < 0, -1.0, 1.0)[:, None] * normal * (1.4 * lift + 0.006 * size)
+    return _placed(_arrow(), surface.centroids[at] + away - along * long[:, None] / 2, along, long)
+
+
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
     """(3,) unit vector along an axis, from the structure to its supports; down when they lie all around it."""
     middle = surface.areas @ surface.centroids / surface.area
@@ -167,6 +183,30 @@ def _arrow() -> Mesh:
 
 def _cone() -> Mesh:
     return _turned([(0.0, 0.0), (0.0, 0.45), (1.0, 0.0)])
+
+
+def _ball() -> Mesh:
+    """Of diameter 1, its lowest point at the origin."""
+    around = np.linspace(0, np.pi, 9)
+    return _turned([((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in enumerate(around)])
+
+
+_CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.34), (-0.02, -0.12, 0.55, 0.34),
+    (0.03, 0.04, 0.64, 0.36))  # fmt: skip
+"""Balls of foliage: right, back and height of their lowest points, and their diameters, of a tree 1 high."""
+
+
+def tree(foot: Floats, up: Floats, height: float) -> Mesh:
+    """A model maker's tree, a trunk and balls of foliage, at `foot` (3,), `height` metres tall along `up` (3,)."""
+    right = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
+    right /= np.linalg.norm(right)
+    balls = np.array(_CROWN)
+    frame = height * np.stack([right, np.cross(up, right), up])
+    trunk = _placed(
+        _turned([(0.0, 0.0), (0.0, 0.05), (0.8, 0.03), (1.0, 0.0)]), foot[None], up[None], np.array([0.6 * height])
+    )
+    crown = _placed(_ball(), foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
+    return np.concatenate([trunk[0], crown[0]]), np.concatenate([trunk[1], crown[1] + len(trunk[0])])
 
 
 def _placed(template: Mesh, start: Floats, along: Floats, long: Floats) -> Mesh:

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.render.scene import Bytes, Colour
 
-MarkName = Literal["load", "support", "reaction", "person", "tension", "compression"]
+MarkName = Literal["load", "support", "reaction", "person", "tension", "compression", "gradient"]
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class Palette:
     person: Colour = (146, 145, 148)
     tension: Colour = (200, 48, 40)
     compression: Colour = (28, 92, 176)
+    gradient: Colour = (20, 112, 44)
     tints: tuple[Colour, Colour, Colour] = ((208, 104, 76), (78, 128, 172), (196, 188, 176))
     text: Colour = (56, 54, 52)
     ink: float = 0.45

@@ -15,7 +15,17 @@ from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
 from dsfab.render import light
-from dsfab.render.colouring import ANSWERS, DEFORMED, MODES, WHOLE_SHEET, Bar, check_show, coloured, with_bar
+from dsfab.render.colouring import (
+    ANSWERS,
+    DEFORMED,
+    MODES,
+    WHOLE_SHEET,
+    Bar,
+    check_show,
+    coloured,
+    mode_gradient,
+    with_bar,
+)
 from dsfab.render.crosses import crosses
 from dsfab.render.drawing import Ground, check_ground, rendered
 from dsfab.render.lettering import lettered
@@ -91,13 +101,16 @@ class Previewer:
         half = design.preset.statics.thickness / 2
         layers = _layers(marks) - ({"person"} if view == "top" else set())
         reaction = design.statics.equilibrium.reaction
+        self._arrows = show in MODES and "gradients" in layers
+        gradient = mode_gradient(design, show) if self._arrows else None
         blue = show in ("stress", "directions")  # is compression there
         drawn = replace(palette, load=palette.text) if blue else palette
         self._palette = drawn
         known = ("kept", *design.preset.pattern.family_names)
         pairs = zip(COLOURED, tints, strict=True) if tints else ()
         self._swatches = tuple((name, tint) for name, tint in pairs if name in known)
-        self._stage = set_stage(body, self._side, up, half, Annotations(shape, load, reaction, layers), drawn, NOMINAL)
+        beside = Annotations(shape, load, reaction, gradient, layers)
+        self._stage = set_stage(body, self._side, up, half, beside, drawn, NOMINAL)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
         if self._side.towards @ up < 0:  # from below one looks through the ground
@@ -143,9 +156,11 @@ class Previewer:
         """Whether `display` draws it: the same geometry under the same loads."""
         old, drawn = self._preset, self._show
         same = preset.first_difference(old) != "surface" and (
-            drawn not in (*DEFORMED, "directions") or preset.statics == old.statics
+            (drawn not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
         )
-        return same and (drawn != "directions" or preset.diffusion == old.diffusion)
+        if self._arrows and getattr(preset.pattern, drawn[:5]).mode != getattr(old.pattern, drawn[:5]).mode:
+            return False
+        return same and (not (self._arrows or drawn == "directions") or preset.diffusion == old.diffusion)
 
     def display(self, preset: Preset) -> None:
         """Draw another preset of the same surface from now on.
@@ -160,6 +175,8 @@ class Previewer:
                 "for it"
             )
         if not self.can_display(preset):
+            if self._arrows:
+                raise DsfabError("another mode has other gradients: make a new Previewer for it")
             why = "has other directions" if self._show == "directions" else f"has another shape of {self._show}"
             raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
         if not only_numbers(self._made.preset, preset):

@@ -15,7 +15,7 @@ from dsfab.render.scene import Body, Colour
 from dsfab.render.view import View, ViewSide, framed
 from dsfab.surface import LoadCase, Surface
 
-EVERY_LAYER = ("loads", "supports", "reactions", "person")
+EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
 """What can be drawn beside a structure to explain it."""
 
 LAYERS = ("loads", "supports", "person")
@@ -30,8 +30,8 @@ BOARD = 0.012
 TOUCHES = 0.05
 """Supports within this share of the height from the lowest point stand on the ground."""
 
-PERSON = 1.75
-"""Height of the person, metres."""
+PERSON, TREE = 1.75, 6.0
+"""Heights of the person and of the tree, metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +40,14 @@ class Annotations:
 
     surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
     reaction      : (n, 3) N, of the supports on the structure.
+    gradient      : (m, 3) of what is shown, on each face; only its direction and relative size are drawn.
     layers        : which of `EVERY_LAYER` are drawn; a person only beside what has a fitting size.
     """
 
     surface: Surface | None = None
     load: LoadCase | None = None
     reaction: Floats | None = None
+    gradient: Floats | None = None
     layers: Collection[str] = LAYERS
 
 
@@ -89,6 +91,8 @@ def set_stage(
         level, stands = float((V @ side.floor).min()) - BOARD * reach, True
     elif "person" in beside.layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
         bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
+    if "tree" in beside.layers and stands:
+        bodies.append(Body(*_tree_beside(V, side, level), palette.of("person")))
     view = on_page(bodies, side, size)
     radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
     return Stage(bodies, view, level if stands else None, centre, radius)
@@ -120,7 +124,7 @@ class _Frame(NamedTuple):
 
 
 def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) -> dict[MarkName, marks.Mesh]:
-    """Load arrows, support cones and reactions, those that are asked for."""
+    """Load arrows, support cones, reactions and gradients, those that are asked for."""
     drawn: dict[MarkName, marks.Mesh] = {}
     if "loads" in beside.layers:
         drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards)
@@ -128,19 +132,32 @@ def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) ->
         drawn["support"] = marks.support_cones(surface, load, at.reach, at.up, at.half)
     if "reactions" in beside.layers and beside.reaction is not None:
         drawn["reaction"] = marks.reaction_arrows(surface, load, beside.reaction, at.reach)
+    if "gradients" in beside.layers and beside.gradient is not None:
+        drawn["gradient"] = marks.gradient_arrows(surface, beside.gradient, at.reach, at.half, at.towards)
     return drawn
 
 
 def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
     """Somebody on the ground to the right of the structure, a little in front of its middle."""
-    up, right = side.up, np.cross(side.up, side.towards)
-    right /= np.linalg.norm(right)
-    level = np.cross(right, up)
-    middle = (V.min(axis=0) + V.max(axis=0)) / 2
-    middle = middle - (middle @ up) * up + foot * up
-    near_foot = V[V @ up < foot + PERSON + 0.6]  # what stands in the way of a person
+    middle, right, level = _ground_frame(V, side, foot)
+    near_foot = V[V @ side.up < foot + PERSON + 0.6]  # what stands in the way of a person
     beside = float(((near_foot - middle) @ right).max()) + 0.55
-    return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, up)
+    return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
+
+
+def _tree_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
+    """A tree on the ground to the left of the structure, a little behind its middle."""
+    middle, right, level = _ground_frame(V, side, foot)
+    beside = float(((middle - V) @ right).max()) + 0.32 * TREE
+    return marks.tree(middle - beside * right - 0.15 * float(np.ptp(V @ level)) * level, side.up, TREE)
+
+
+def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Floats, Floats]:
+    """The middle of a structure on the ground, to the right, and towards the eye along the ground."""
+    right = np.cross(side.up, side.towards)
+    right /= np.linalg.norm(right)
+    middle = (V.min(axis=0) + V.max(axis=0)) / 2
+    return middle + (foot - middle @ side.up) * side.up, right, np.cross(right, side.up)
 
 
 def legend(

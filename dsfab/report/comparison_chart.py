@@ -16,6 +16,7 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
     "design": ("#b4441c", "-", "o"),
     "plain": ("#dd8f5a", "--", "o"),
     "row": ("#dd8f5a", ":", "v"),
+    "letter": ("#c9a58c", ":", "1"),
     "stripes": ("#2c7a4a", "-", "P"),
     "isotropic": ("#3d7fc4", "-", "s"),
     "rotated": ("#9a6fc0", "-", "^"),
@@ -29,7 +30,8 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
 NAMES = {
     "design": "this design",
     "plain": "the same, plain widths",
-    "row": "Table 1's row as it stands",
+    "row": "Table 1's row, labelled by sign",
+    "letter": "Table 1's row to the letter",
     "stripes": "evenly spaced stripes",
     "isotropic": "isotropic, best pair of modes",
     "rotated": "turned by 45°, best pair",
@@ -41,25 +43,35 @@ NAMES = {
 
 TONNE = 1000.0
 
+CROWDED = 6
+"""Names of more rows than these stand below the lines, where they hide none."""
 
-def write_chart(rows: Sequence[Row], title: str, path: Path) -> None:
+
+def write_chart(rows: Sequence[Row], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
     """The chart as `path` with the suffixes .svg and .png.
 
-    rows : of several volumes; those that carry nothing leave a gap in their line.
+    rows  : of several volumes; those that carry nothing leave a gap in their line.
+    names : what each competitor is called in it.
     """
     import matplotlib as mpl
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
     with mpl.rc_context(settings):
-        _save(chart_figure(rows, title), path)
+        _save(chart_figure(rows, title, names), path)
 
 
-def chart_figure(rows: Sequence[Row], title: str) -> "Figure":
-    """The chart itself."""
+def chart_figure(rows: Sequence[Row], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
+    """The chart itself, see `write_chart`."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.6, 4.6), layout="constrained")
-    _draw(figure.add_subplot(), rows, title)
+    many = len({row["name"] for row in rows}) > CROWDED
+    figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
+    axes = figure.add_subplot()
+    _draw(axes, rows, title, names)
+    if many:
+        figure.legend(*axes.get_legend_handles_labels(), frameon=False, fontsize=9, loc="outside lower left", ncols=2)
+    else:
+        axes.legend(frameon=False, fontsize=9)
     return figure
 
 
@@ -68,7 +80,7 @@ def _save(figure: "Figure", path: Path) -> None:
     figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
 
 
-def _draw(axes: "Axes", rows: Sequence[Row], title: str) -> None:
+def _draw(axes: "Axes", rows: Sequence[Row], title: str, names: Mapping[str, str]) -> None:
     full = next(row for row in rows if row["name"] == "full")
     heavy = full["mass_kg"] >= TONNE
     unit, scale = ("t", 1 / TONNE) if heavy else ("kg", 1.0)
@@ -79,9 +91,9 @@ def _draw(axes: "Axes", rows: Sequence[Row], title: str) -> None:
         mass = [whole * row["volume"] for row in mine]
         ratio = [_number(row["ratio_to_full"]) for row in mine]
         wide = 2.4 if name == "design" else 1.5
-        told = NAMES[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
+        told = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
         axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=wide, label=told)
-        if name == "isotropic" and told == NAMES[name]:
+        if name == "isotropic" and told == names[name]:
             low, high = ([_over(row, f"variants_{key}") for row in mine] for key in ("best", "worst"))
             axes.fill_between(
                 mass, low, high, color=colour, alpha=0.13, linewidth=0, label="isotropic, all pairs that carry"
@@ -97,7 +109,6 @@ def _draw(axes: "Axes", rows: Sequence[Row], title: str) -> None:
     share.set_xlabel("share of the surface, %", fontsize=9)
     axes.grid(True, which="both", color="#dddddd", linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False, fontsize=9)
 
 
 def _times(factor: float, x: Any) -> Any:

@@ -3,7 +3,7 @@
 from dsfab.study.alternatives import ALTERNATIVE_WORDS, Alternative, design_alternatives, is_searched, losing_line
 from dsfab.study.comparison import Comparison, compare_at
 from dsfab.study.competitors import Competitor
-from dsfab.study.judges import compare
+from dsfab.study.judges import compare, full_at_many_shares
 from dsfab.study.sweeps import METRICS, Run, sweep
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "compare",
     "compare_at",
     "design_alternatives",
+    "full_at_many_shares",
     "is_searched",
     "losing_line",
     "sweep",

@@ -93,6 +93,15 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
     return Judges(checks.judge(depth, True), checks.judge(depth))
 
 
+def full_at_many_shares(memory: float = BUDGET) -> Judge:
+    """`full` for comparisons at many shares of one surface: the whole sheet of a thickness is judged once.
+
+    memory : bytes that the solver may take.
+    """
+    judge = partial(full, budget=memory)
+    return _full_for_whole_sheets(judge, judge)
+
+
 def _cuts(design: Design) -> bool:
     """Whether its pattern can be cut at all."""
     try:

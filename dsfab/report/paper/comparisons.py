@@ -1,12 +1,15 @@
-"""The comparisons that the paper draws: the anisotropy, the von Mises stress as a source of stripes, Bob's stress."""
+"""The comparisons that the paper draws: towards a truss, the anisotropy, stripes of the von Mises stress, Bob."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dsfab.diffusion import Modes
+from dsfab.errors import DsfabError
 from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
 from dsfab.preset_file import overridden
@@ -31,7 +34,7 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
     """The comparisons that the paper draws on this figure; pictures that are there already are shown again."""
     name = design.preset.name
     if name == "hanging_bar":
-        return [_ratios(design, folder)]
+        return [_michell(design, shown), _ratios(design, folder)]
     if name == "sphere":
         return [_one_family(design, folder, shown)]
     if name == "bob":
@@ -39,6 +42,26 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
         again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
         return [PaperComparison("Bob under his load", words, (again,))]
     return []
+
+
+def _michell(design: Design, shown: Mapping[str, PaperPicture]) -> PaperComparison:
+    """From the principal directions to a truss: the two families, the gradients that they lie across, and both."""
+    name = design.preset.name
+    rows = (("directions", "structure"), ("major-mode", "major"), ("minor-mode", "minor"))
+    pictures = (tuple(shown[file] for one in row if (file := f"{name}-{one}.webp") in shown) for row in rows)
+    told = "what is kept cannot be cut"
+    with suppress(DsfabError):
+        found = design.quality(symmetry=False)
+        told = (
+            f"members lie {found.deviation:.1f} degrees off the principal directions in the mean, of the family that "
+            f"is further off, and cross at {found.crossing_angle:.0f} degrees or more"
+        )
+    words = (
+        "In the stiffest frame of so much material each member lies along a principal direction of the stress, and the "
+        "families cross at right angles [Michell 1904]. Stripes lie across the gradient of their mode, so modes whose "
+        f"gradients follow the directions give such a frame. Here {told}."
+    )
+    return PaperComparison("Towards the Michell truss", words, tuple(pictures))
 
 
 def _ratios(design: Design, folder: Path) -> PaperComparison:
@@ -63,7 +86,7 @@ def _one_family(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
     modes = Modes(np.zeros(1), value[:, None])
     changed = overridden(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})
     along = DiffusionResult(design.diffusion.tensors, modes, modes)
-    kept = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}
+    kept: dict[str, Any] = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}
     striped = Design.known(changed, diffusion=along, **kept)
     name = design.preset.name
     field = shown.get(f"{name}-vonmises.webp")

@@ -23,10 +23,15 @@ VIEWS = {
     "camel_nose": "40,20",
     "camel_ears": "60,35",
     "climbing_hold": "210,25",
-    "mouse": "240,35",
+    "mouse": "40,40",
     "boys_surface": "30,25",
 }
 """From where a figure is seen, if its best side (see `dsfab.render.view`) hides what its caption says."""
+
+MARKS = ("loads", "supports", "person", "gradients")
+"""What is drawn beside a surface; gradients on modes alone."""
+SCALE = {"pavilion": "tree"}
+"""What stands beside a figure in place of a person, as in the paper."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +55,9 @@ def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str
     title = title or _title(design, show)
     file = f"{stem}-{show.replace('_', '-')}.webp"
     try:
-        with Previewer(design, show=show, view=VIEWS.get(design.preset.name, "iso")) as previewer:
+        name = design.preset.name
+        marks = {*MARKS} - {"person"} | {SCALE.get(name, "person")}
+        with Previewer(design, show=show, view=VIEWS.get(name, "iso"), marks=marks) as previewer:
             pixels = previewer.picture(size, quality=LIGHT, words=False)
             words, bar = previewer.words, previewer.bar
     except DsfabError as error:

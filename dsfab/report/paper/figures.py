@@ -1,11 +1,13 @@
 """The figures of the paper, made: numbers and sentences about each, and its pictures."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from statistics import median
 
 from dsfab.errors import DsfabError, SurfaceError
-from dsfab.pipeline import Design, draft
+from dsfab.pipeline import Design, Log, draft
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden
 from dsfab.report.paper.comparisons import PaperComparison, comparisons
@@ -18,6 +20,9 @@ from dsfab.study.renditions import Rendition, renditions
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
 """What is shown of every figure beside its structure, in the order of the method."""
 
+
+RUNS = 3
+"""Seconds are medians of so many runs."""
 
 FINER = 0.8
 """A mesh that is too coarse for a shape is made with edges so many times as long."""
@@ -43,7 +48,7 @@ class RenditionPicture:
 class FigurePictures:
     """A figure as it came out; `error` says why it could not be made, and the rest is empty then.
 
-    seconds : by row of the paper's Table 2.      carried: how the loads reach the supports.
+    seconds : see `processor_seconds`.      carried: how the loads reach the supports.
     coarser : its edges are so many times as long as the preset's own.
     """
 
@@ -79,8 +84,19 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
         ways = tuple(_pictured(figure, one, folder, shown[0]) for one in made)
     except DsfabError as error:
         return FigurePictures(figure, error=str(error))
-    surface = design.surface
-    return FigurePictures(figure, surface.n, surface.m, design.seconds, carried, notes, shown, compared, ways, coarser)
+    surface, seconds = design.surface, processor_seconds(design)
+    return FigurePictures(figure, surface.n, surface.m, seconds, carried, notes, shown, compared, ways, coarser)
+
+
+def processor_seconds(design: Design) -> dict[str, float]:
+    """By row of the paper's Table 2: seconds of the processor, all cores together, the median of `RUNS` runs from the
+    surface to the modes. Other programs on the same cores hardly change them, but the clock of the processor does."""
+    runs = []
+    for _ in range(RUNS):
+        log = Log(None, clock=time.process_time)
+        Design.known(design.preset, log, surface=design.surface).until("diffusion")
+        runs.append(log.seconds)
+    return {row: median(run[row] for run in runs) for row in runs[0]}
 
 
 def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:

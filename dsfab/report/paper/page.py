@@ -1,15 +1,16 @@
 """The page of `dsfab reproduce`: every figure of the paper step by step, its parameters and its seconds."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from dsfab.report.html import html_page, image, why
+from dsfab.report.paper.claim import claim_section
 from dsfab.report.paper.comparisons import PaperComparison
-from dsfab.report.paper.figures import FigurePictures
+from dsfab.report.paper.figures import RUNS, FigurePictures
 from dsfab.report.paper.measures import measured, picture_cell
 from dsfab.study.paper import Parameters, Timings
 
@@ -38,17 +39,18 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class PageFacts:
-    """What the page says about itself: how much coarser than the presets it is, and what made it."""
+    """What the page says about itself: how much coarser than the presets it is, what made it, and how busy that was."""
 
     coarser: float
     machine: str
+    load: str = ""
 
 
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
     """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
     compared = [_comparison(one) for figure in figures for one in figure.comparisons]
     sections = [_section(figure, about.coarser) for figure in figures]
-    body = [_header(about), _overview(figures), *sections, *compared, _claim(volumes)]
+    body = [_header(about), _overview(figures), *sections, *compared, claim_section(volumes)]
     return html_page("The paper's figures, made again", "\n".join(body), STYLE)
 
 
@@ -61,20 +63,22 @@ def pictures_of(folder: Path) -> set[str]:
 
 
 def _header(about: PageFacts) -> str:
+    load = f"; {escape(about.load)}" if about.load else ""
     rough = "" if about.coarser == 1 else f" The meshes are {about.coarser:g} times coarser than the presets' own."
     return (
         "<header><h1>The paper's figures, made again</h1><p>A. Madan, A. Jacobson and D. I. W. Levin, "
         "<i>Diffusion Structures for Architectural Stripe Pattern Generation</i>: every result from its surface to its "
         "structure, with the parameters of the paper's Table 1. Where a surface of the paper cannot be had, one of "
         "dsfab's own stands in. Arrows are loads, cones supports; crosses are red along tension and blue along "
-        "compression; a mode runs from teal through zero to ochre, and stripes lie along its values. Structures are "
-        "drawn before pieces that reach no support are dropped.</p>"
+        "compression; a mode runs from teal through zero to ochre, green arrows lie along its gradient, "
+        "and stripes across. Structures are drawn before pieces that reach no support are dropped.</p>"
         "<p>Every figure is made three ways: the paper to the letter, the preset that dsfab ships, and dsfab's own "
         "stripes; beneath them stands what was measured, where each departs from the paper, and the command that makes "
         "it again. One departure is everywhere: the paper does not say how its modes are scaled, and dsfab's are as "
         "large as on a sphere of radius 1 of the same area. Captions say what was measured.</p>"
         f'<p class="quiet">Made by <code>dsfab reproduce</code>: {escape(about.machine)}.{rough} Seconds are those of '
-        "one run, beside the paper's on a laptop of 2015 (dual-core i5); it gives one row for each mesh.</p></header>"
+        f"the processor, all cores together, the median of {RUNS} runs{load}. The paper's stand above them, those of a "
+        "laptop of 2015 (dual-core i5): it gives one row for each mesh.</p></header>"
     )
 
 
@@ -141,57 +145,6 @@ def _timing(who: str, vertices: int, triangles: int, seconds: dict[str, float | 
     known = [value for value in seconds.values() if value is not None]
     cells = "".join("<td>n/a</td>" if value is None else f"<td>{value:.3f}</td>" for value in seconds.values())
     return f"<tr><th>{who}</th><td>{vertices:,}</td><td>{triangles:,}</td>{cells}<td>{sum(known):.3f}</td></tr>"
-
-
-RIVALS = {
-    "row": "Table 1's row as it stands (but labelled by sign)",
-    "plain": "tuned modes and phases, plain widths",
-    "design": "tuned modes and phases, graded widths",
-    "stripes": "dsfab's evenly spaced stripes",
-    "isotropic": "best pair of isotropic modes",
-    "thinner": "whole sheet, uniformly thinner",
-    "full": "whole sheet, uncut (heavier)",
-}
-"""Whose compliance is told of the sphere, and what each is called."""
-
-
-def _claim(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The chart of compliance over mass on the sphere, the numbers, and what they say in words."""
-    if not rows:
-        return ""
-    known = {(row["name"], row["volume"]): row["compliance_J"] for row in rows}
-    shares = sorted({row["volume"] for row in rows})
-    head = "".join(f"<th>{share:.0%}</th>" for share in shares)
-    lines = []
-    for name in (name for name in RIVALS if any(key[0] == name for key in known)):
-        values = [known.get((name, share)) for share in shares]
-        cells = "".join(f"<td>{f'{1000 * value:.3g}' if value else 'not carried'}</td>" for value in values)
-        lines.append(f"<tr><th>{escape(RIVALS[name])}</th>{cells}</tr>")
-    words = (
-        "The paper's claim, tested: how stiff a sphere of one mass is, held at one pole and pressed at the other. "
-        f"{' '.join(_claim_words(known, shares))} Every number is of one solve on the cut mesh, typically within 2 %, "
-        "nine in ten within 5 % (whole sheets: a third at most); none is a verdict of finer and finer meshes. They "
-        'are in <a href="sphere_volumes.json">its data</a>, by <code>dsfab reproduce sphere --volumes</code>.'
-    )
-    table = (
-        f'<table class="measured"><caption>Compliance, mJ, of the share of the surface that is kept</caption>'
-        f"<tr><th></th>{head}</tr>{''.join(lines)}</table>"
-    )
-    image = '<img src="sphere_volumes.svg" alt="Compliance over mass on the sphere" style="max-width: 54rem">'
-    return f'<section id="volumes"><h2>Compliance over mass</h2><p>{words}</p>{table}{image}</section>'
-
-
-def _claim_words(known: Mapping[tuple[str, float], float | None], shares: Sequence[float]) -> Iterator[str]:
-    """Sentences: each design of ours over isotropic stripes and over a thinner sheet, whoever wins."""
-    for name in ("row", "design", "stripes"):
-        for other, called in (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet")):
-            told = []
-            for share in shares:
-                own, rival = known.get((name, share)), known.get((other, share))
-                if own and rival:
-                    told.append(f"{rival / own:.3g} times at {share:.0%}")
-            if told:
-                yield f"Stiffness of {RIVALS[name]} over that of {called}: {', '.join(told)}."
 
 
 def _comparison(one: PaperComparison) -> str:

@@ -94,12 +94,26 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
 
 @shape
 def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
-    """A computer mouse with two buttons and a wheel, genus 0: the buttons in front at +x, the left one at +y."""
+    """A computer mouse with two buttons and a wheel, genus 0: the buttons in front at +x, the left one, at +y, down."""
     shell = blended([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
-    slot = limb([(0.08, 0, 0.35), (0.3, 0, 0.27), (0.55, 0, 0.1)], [0.03, 0.05, 0.05])
-    wheel = ellipsoid((0.28, 0, 0.195), (0.075, 0.03, 0.07))
-    body = blended([without(shell, slot, 0.05), wheel], 0.03)
-    return _figure(_above_ground(body, 0.06), (-0.6, -0.4, -0.1), (0.6, 0.4, 0.5), length, edge)
+    well = ellipsoid((0.27, 0, 0.26), (0.15, 0.07, 0.09))
+    wheel = ellipsoid((0.27, 0, 0.17), (0.1, 0.045, 0.1))
+    body = without(lambda P: shell(P) + _buttons(P), well, 0.05)
+    return _figure(_above_ground(blended([body, wheel], 0.04), 0.06), (-0.6, -0.4, -0.1), (0.6, 0.4, 0.5), length, edge)
+
+
+def _buttons(P: Floats) -> Floats:
+    """(k,) how much lower than the shell it is: in the seams around two buttons, and on the left one, pressed down."""
+    x, y, z = P.T
+    front = x + 0.9 * y**2 - 0.03  # before the seam across
+    top, before = _rising((z - 0.07) / 0.04), _rising(front / 0.04)
+    seams = np.maximum(np.exp(-((y / 0.035) ** 2)) * before, np.exp(-((front / 0.035) ** 2)))
+    return np.asarray(top * (0.018 * seams + 0.012 * before * _rising(y / 0.03)))
+
+
+def _rising(t: Floats) -> Floats:
+    """From 0 to 1, smoothly, about t = 0."""
+    return np.asarray(0.5 * (1 + np.tanh(t)))
 
 
 @shape
