@@ -10,7 +10,7 @@ drawings, tables      outlines, cut lists                              files    
 
 from dsfab.workshop.course import StripCourse, member_course
 from dsfab.workshop.development import Development
-from dsfab.workshop.drawings import file_stem
+from dsfab.workshop.drawings import drawing_files, file_stem
 from dsfab.workshop.files import write_workshop
 from dsfab.workshop.layering import Layering
 from dsfab.workshop.limits import StripLimits, strip_limits
@@ -35,6 +35,7 @@ __all__ = [
     "WorkshopPlan",
     "cut_list",
     "cut_list_workbook",
+    "drawing_files",
     "file_stem",
     "is_strip",
     "layer_numbers",
