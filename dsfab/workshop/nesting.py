@@ -13,7 +13,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
-from dsfab.workshop.parts import FlatPart
+from dsfab.workshop.parts import FlatPart, turning
 
 COLUMN = 0.01
 """Metres; or the longest sheet over `MOST`, if that is less."""
@@ -180,7 +180,7 @@ def _shapes(part: FlatPart, ask: _Raster, boxes: bool) -> list[_Shape]:
     """A part along the sheet and turned round, and across it where it is short enough; of a box two turns are two."""
     found = list[_Shape]()
     for turn in (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2):
-        outline = part.moved(turn, np.zeros(2)).outline
+        outline = part.outline @ turning(turn)
         low, size = outline.min(axis=0), np.ptp(outline, axis=0)
         if found and size[1] > ask.tallest:
             continue
