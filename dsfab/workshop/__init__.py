@@ -4,7 +4,7 @@ course, development   an axis laid open, and a layer over it rolled out    layer
 strips, splices       parts of lying strips                                plates, sheet   discs; flat designs
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 model, ground, base   models in card, with feet in a plate
-nesting               parts on sheets                                      plan       all of it: `workshop_plan`
+nesting, hints        parts on sheets; what would save some               plan       all of it: `workshop_plan`
 drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """
 
