@@ -5,6 +5,7 @@ strips, splices       parts of lying strips                                plate
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 model, ground, base   models in card, with feet in a plate
 nesting, hints        parts on sheets; what would save some               plan       all of it: `workshop_plan`
+refolding             strips bent back into space
 drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """
 
@@ -18,6 +19,7 @@ from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
 from dsfab.workshop.plates import layer_numbers
+from dsfab.workshop.refolding import RefoldedPlan, RefoldedStrip, refolded
 from dsfab.workshop.sheet import sheet_parts
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
 from dsfab.workshop.tables import cut_list, cut_list_workbook, node_table
@@ -29,6 +31,8 @@ __all__ = [
     "Layering",
     "NestedPart",
     "NestedSheet",
+    "RefoldedPlan",
+    "RefoldedStrip",
     "StripCourse",
     "StripLimits",
     "StripParts",
@@ -42,6 +46,7 @@ __all__ = [
     "member_course",
     "nested",
     "node_table",
+    "refolded",
     "sheet_parts",
     "strip_limits",
     "strip_parts",
