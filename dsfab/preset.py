@@ -445,7 +445,8 @@ class Fabrication(Section):
 
 FormatName = Literal[
     "stl", "3mf", "step", "stpz", "brep", "ifc", "obj", "ply", "off", "glb", "3dm", "dxf", "svg",
-    "lines.step", "csv", "json", "members.json", "members.csv", "nodes.csv", "vtu", "forces.vtu", "forces.csv",
+    "lines.step", "csv", "json", "members.json", "members.csv", "nodes.csv",
+    "members.3dm", "members.ifc", "members.glb", "members.dxf", "vtu", "forces.vtu", "forces.csv",
     "member_forces.csv", "saf.xlsx",
 ]  # fmt: skip
 

@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -10,11 +11,13 @@ import pytest
 
 from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
+from dsfab.render import PAPER
 from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
-from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, painted
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces, painted
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
-from dsfab.workshop import Layering, layer_numbers, workshop_plan
+from dsfab.report.assembly.refolding import refolded_pages, strip_quads
+from dsfab.workshop import Layering, layer_numbers, refolded, workshop_plan
 from tests.browser import browser, opened
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -192,3 +195,59 @@ def test_a_click_on_a_member_shows_its_parts_and_sheets_and_nothing_is_fetched(p
         assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(27, 27, 29)"
         assert tab.errors == []
         assert [url for url in tab.requests if not url.startswith(("file:", "data:"))] == []
+
+
+# --- parts bent back into space
+
+
+def longer(plan, factor):
+    """With parts that are so much longer and wider than they should be."""
+    parts = tuple(
+        replace(
+            part,
+            outline=factor * part.outline,
+            axis=factor * part.axis,
+            holes=tuple(replace(hole, at=factor * hole.at) for hole in part.holes),
+        )
+        for part in plan.parts
+    )
+    return replace(plan, parts=parts)
+
+
+def test_holes_are_on_the_lines_of_their_bolts_and_parts_that_are_too_long_are_found_out(plan):
+    found = refolded(plan)
+    assert [strip.id for strip in found.strips] == [part.id for part in plan.parts if len(part.axis)]
+    nodes = {node.id for node in plan.graph.nodes}
+    assert len(found.off) == sum(hole.bolt in nodes for part in plan.parts for hole in part.holes) > 50
+    assert found.off.max() < 1e-4
+    wrong = refolded(longer(plan, 1.003)).off.max()
+    assert 2e-3 < wrong < 2e-2
+
+
+def test_strips_are_as_wide_as_their_parts_and_pieces_go_on_where_others_end(plan):
+    strips, parts = {strip.id: strip for strip in refolded(plan).strips}, {part.id: part for part in plan.parts}
+    for name, strip in strips.items():
+        wide = np.linalg.norm(parts[name].outline - parts[name].outline[::-1], axis=1)[: len(strip.edges)]
+        assert np.linalg.norm(np.diff(strip.edges, axis=1)[:, 0], axis=1) == pytest.approx(wide, abs=1e-9)
+    spliced = [name for name in strips if name.endswith(".1")]
+    assert spliced
+    for name in spliced:
+        after = strips[f"{name[:-1]}2"]
+        assert np.abs(strips[name].edges[-1] - after.edges[0]).max() < 5e-5
+
+
+def test_the_page_tells_how_far_holes_are_off_and_models_have_none(plan):
+    faces = member_faces(plan.graph, PAPER, plan.layering)
+    ((title, draw),) = refolded_pages(plan, faces, UP)
+    paper = Recorder()
+    draw(paper)
+    said = " ".join(words for words, *_ in paper.words)
+    assert title == "Parts bent back into space"
+    assert f"{len(refolded(plan).off)} holes at nodes are up to 0.0" in said
+    assert "plate" not in said
+    assert refolded_pages(replace(plan, model=50.0), faces, UP) == []
+    strip = refolded(plan).strips[0]
+    quads = strip_quads(strip, 0.2)
+    assert np.array_equal(quads[0, [0, 3]], strip.edges[0])
+    assert np.array_equal(quads[-1, [1, 2]], strip.edges[-1])
+    assert np.array_equal(quads[1:, 0], quads[:-1, 1])

@@ -32,6 +32,7 @@ GROUPS = {
     "lines": "lines and drawings",
     "fields": "fields",
     "members": "members",
+    "bodies": "members",
     "forces": "section forces",
     "frame": "beam models",
     "bars": "forces of members",
@@ -41,10 +42,11 @@ GROUPS = {
 TO = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
     "edges and centre lines. Lines by family: dxf (with plan and elevations), svg (a drawing to scale), lines.step "
-    "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv. Fields on the uncut "
-    "surface: vtu. Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv; N, V and "
-    "M along each member: member_forces.csv. A beam "
-    "model for SCIA, RFEM and others: saf.xlsx, or saf for short. A check: calculix. [as the suffix of -o]"
+    "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv; as "
+    "objects on layers members.3dm, members.ifc, members.glb, members.dxf (lines). Fields on the uncut surface: vtu. "
+    "Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv; N, V and M along each member: "
+    "member_forces.csv. A beam model for SCIA, RFEM and others: saf.xlsx, or saf for short. A check: calculix. "
+    "[as the suffix of -o]"
 )
 
 Which = Literal["uncut", "cut"]

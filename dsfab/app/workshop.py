@@ -1,6 +1,7 @@
 """`dsfab workshop`: the members of a design as flat parts, nested on the stock."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,12 +10,35 @@ from cyclopts import Parameter
 from dsfab.app.export import built_design, source_of
 from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import PresetError
+from dsfab.errors import PatternError, PresetError
 from dsfab.units import METRES_PER
 from dsfab.wording import length
 
 if TYPE_CHECKING:
+    from dsfab.pipeline import Design
+    from dsfab.preset import Preset
     from dsfab.workshop import WorkshopPlan
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class WorkshopFlags:
+    """What is cut from what, and whether building models want it too."""
+
+    model: Annotated[
+        str | None, Parameter(help="A model in card at this scale, 1:50: its stock is A3, of 1 mm, unless you say so.")
+    ] = None
+    stock: Annotated[
+        str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")
+    ] = None
+    thickness: Annotated[str | None, Parameter(help="Of one layer: 1mm, 0.012m.")] = None
+    ifc: Annotated[
+        bool, Parameter(help="Also members.ifc: each member with its quantities and its drawings.", negative=())
+    ] = False
+
+
+AS_GIVEN = WorkshopFlags()
+"""As the preset says."""
 
 
 def workshop(
@@ -24,13 +48,7 @@ def workshop(
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME/workshop].")
     ] = None,
-    model: Annotated[
-        str | None, Parameter(help="A model in card at this scale, 1:50: its stock is A3, of 1 mm, unless you say so.")
-    ] = None,
-    stock: Annotated[
-        str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")
-    ] = None,
-    thickness: Annotated[str | None, Parameter(help="Of one layer: 1mm, 0.012m.")] = None,
+    flags: WorkshopFlags = AS_GIVEN,
     source: Source = UNCHANGED,
     quiet: Quiet = False,
 ) -> int:
@@ -46,19 +64,18 @@ def workshop(
     """
     from dsfab.pipeline import Design
     from dsfab.render import up_axis
-    from dsfab.report.assembly import assembly_page, assembly_pdf
     from dsfab.workshop import workshop_plan, write_workshop
 
-    given, folder = source_of(preset, options_source(source, model, stock, thickness))
+    given, folder = source_of(preset, options_source(source, flags.model, flags.stock, flags.thickness))
+    if flags.ifc:
+        _check_ifc(given)
     reporter = Reporter(quiet)
     try:
         design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
         reporter("export", "developing and nesting")
         load = design.load if design.has("statics") else None
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
-        documents = {"assembly.pdf": assembly_pdf(plan, design)}
-        if plan.graph is not None:
-            documents["index.html"] = assembly_page(plan, design).encode()
+        documents = _documents(plan, design, flags.ifc)
         reporter.done()
     finally:
         reporter.stop()
@@ -69,6 +86,48 @@ def workshop(
     if not quiet:
         _say_files(plan, where, documents)
     return 0
+
+
+def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, bytes]:
+    """The files besides drawings and tables, by their names."""
+    from dsfab.report.assembly import assembly_page, assembly_pdf
+
+    found = {"assembly.pdf": assembly_pdf(plan, design)}
+    if plan.graph is not None:
+        found["index.html"] = assembly_page(plan, design).encode()
+    return found | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
+
+
+MEMBERS = "members.ifc"
+"""Of the files: the members for building models."""
+
+
+def _check_ifc(given: "Preset") -> None:
+    """Raise before any work where such a file cannot be written."""
+    from dsfab.export import FORMATS
+
+    FORMATS[f".{MEMBERS}"].ready()
+    if given.workshop.model:
+        raise PresetError("--ifc is for full size, and this is a model in card; leave out --ifc or --model")
+
+
+def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
+    """Each member as the design has it, with references to the drawings of its parts. Raises PatternError for a flat
+    sheet, whose parts are of no member."""
+    from dsfab.delivery import body_details
+    from dsfab.export import temporary_folder, write
+    from dsfab.workshop import drawing_files
+
+    if plan.graph is None:
+        raise PatternError(
+            "a flat design is cut as one sheet, and its parts are of no member; leave out --ifc, or write the members "
+            "with: dsfab export ... --to members.ifc"
+        )
+    details, files = body_details(design), drawing_files(plan)
+    details = replace(details, records={**details.records, "files": files})
+    with temporary_folder("dsfab") as folder:
+        sheet = design.sheet.surface
+        return write(sheet, Path(folder) / MEMBERS, name=design.preset.name, details=details).read_bytes()
 
 
 def _say_files(plan: "WorkshopPlan", where: Path, documents: Mapping[str, bytes]) -> None:

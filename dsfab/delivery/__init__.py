@@ -2,10 +2,11 @@
 
 files     one file of a design            lines, fields, curved   what drawings, ParaView and smooth STEP take of it
 archive   `design.npz`: a design kept     archive_even            and its evenly spaced stripes
-member_records  its members and nodes, for files    beam_records, bar_records   its beam model, and what members bear
+member_records, member_shapes  its members and nodes, for files: what is known of them; as bodies
+beam_records, bar_records      its beam model, and what members bear
 """
 
-from dsfab.delivery.files import to_build123d, write
+from dsfab.delivery.files import body_details, to_build123d, write
 from dsfab.delivery.lines import design_lines
 
-__all__ = ["design_lines", "to_build123d", "write"]
+__all__ = ["body_details", "design_lines", "to_build123d", "write"]

@@ -15,6 +15,7 @@ from dsfab.delivery.fields import design_fields
 from dsfab.delivery.forces import force_records
 from dsfab.delivery.lines import design_lines
 from dsfab.delivery.member_records import graph_records
+from dsfab.delivery.member_shapes import member_shapes
 from dsfab.errors import ExportError
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
@@ -29,8 +30,7 @@ from dsfab.slicing import Sheet, cut
 from dsfab.slicing.corners import outline_corners, outline_labels
 from dsfab.surface import Surface, pieces
 from dsfab.surface.cover import one_sided_pieces
-from dsfab.thickening import Solid, offsets
-from dsfab.thickening.offset import SHIFT, Side
+from dsfab.thickening import SHIFT, Side, Solid, offsets
 
 if TYPE_CHECKING:
     import build123d
@@ -72,7 +72,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
     The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines, of
-    members, of section forces and of beams; the uncut surface for fields, which are known there.
+    members, also as bodies, of section forces and of beams; the uncut surface for fields, which are known there.
     """
     ask, takes = design.preset.export, FORMATS[suffix].takes
     if takes == "fields":
@@ -80,6 +80,8 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         return design.surface, {"details": Details(values=values)}
     if takes == "members":
         return design.sheet.surface, {"details": Details(records=graph_records(design.members))}
+    if takes == "bodies":
+        return design.sheet.surface, {"details": body_details(design)}
     if takes == "forces":
         return design.sheet.surface, {"details": Details(records=force_records(design))}
     if takes == "bars":
@@ -95,6 +97,13 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
     details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
     return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
+
+
+def body_details(design: Design) -> Details:
+    """Members as bodies, with what is known of them and what they are made of."""
+    tolerance = design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness
+    records = graph_records(design.members) | {"material": design.preset.statics.material}
+    return Details(tolerance=tolerance, measures=_measures(design), records=records, shapes=member_shapes(design))
 
 
 def step_options(ask: Export) -> StepOptions:

@@ -5,6 +5,7 @@ from dsfab.export.estimate import Estimate
 from dsfab.export.flat import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf, flat_dxf, flat_svg
 from dsfab.export.folder import complete, require_writable, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
+from dsfab.export.member_shape import MemberShape
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
 from dsfab.export.program import Ahead, ProgramError, meanwhile
@@ -20,6 +21,7 @@ __all__ = [
     "FlatCircle",
     "FlatDrawing",
     "FlatLine",
+    "MemberShape",
     "ProgramError",
     "StepOptions",
     "Written",

@@ -43,25 +43,31 @@ def prepare(part: Part) -> Part:
 def encode(part: Part) -> Iterator[bytes]:
     """The drawing as text; no date and no random identifier in it."""
     with same_bytes():
-        import ezdxf
-
-        document = ezdxf.new("R2010", setup=["linetypes"])
-        document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1
-        document.header["$LWDISPLAY"] = 1
-        document.header["$LTSCALE"] = float(np.ptp(part.box, axis=0).max()) / 1000
-        document.header.custom_vars.append("program", f"dsfab {__version__}")
-        document.header.custom_vars.append("unit", "millimetre")
-        document.header.custom_vars.append("curves within", f"{within(part):.2g} mm")
-        document.appids.add(APPLICATION)
+        document = new_document(part)
         space = document.modelspace()
         flat = bool((part.V[:, 2] == part.V[0, 2]).all())
         for line in part.details.lines:
-            for entity in _curves(space, line, flat, _layer(document, line), within(part)):
+            for entity in drawn_curves(space, line.points, flat, _layer(document, line), within(part)):
                 entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
         if not flat:
             _beside(document, part)
         data = dxf_bytes(document)
     yield data
+
+
+def new_document(part: Part) -> Any:
+    """An empty drawing of ezdxf in millimetres, for things as large as a part."""
+    import ezdxf
+
+    document = ezdxf.new("R2010", setup=["linetypes"])
+    document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1
+    document.header["$LWDISPLAY"] = 1
+    document.header["$LTSCALE"] = float(np.ptp(part.box, axis=0).max()) / 1000
+    document.header.custom_vars.append("program", f"dsfab {__version__}")
+    document.header.custom_vars.append("unit", "millimetre")
+    document.header.custom_vars.append("curves within", f"{within(part):.2g} mm")
+    document.appids.add(APPLICATION)
+    return document
 
 
 def dxf_bytes(document: Any) -> bytes:
@@ -82,14 +88,14 @@ def _beside(document: Any, part: Part) -> None:
         at = at + [view.extent[0] + 2 * gap, 0.0]
 
 
-def _curves(space: Any, line: StructureLine, flat: bool, layer: str, tolerance: float) -> Iterator[Any]:
-    """What a line is drawn with, its splines and its straight runs."""
-    for run in joined(curves_along(line.points, tolerance)):
+def drawn_curves(space: Any, points: Floats, flat: bool, layer: str, tolerance: float) -> Iterator[Any]:
+    """What a line through points (k, 3) is drawn with within a tolerance: its splines and its straight runs."""
+    for run in joined(curves_along(points, tolerance)):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
             yield space.add_open_spline(poles, run.degree, knots, dxfattribs={"layer": layer})
         else:
-            yield _drawn(space, run, flat, layer)
+            yield drawn_polyline(space, run, flat, layer)
 
 
 def _placed(document: Any, view: DrawingView, shift: Floats, height: float, tolerance: float, name: str) -> None:
@@ -97,14 +103,14 @@ def _placed(document: Any, view: DrawingView, shift: Floats, height: float, tole
     for line, run in view.runs:
         run = simplified_line(run, tolerance)
         flat = np.c_[run + shift, np.zeros(len(run))]
-        _drawn(space, flat, True, _layer(document, line, prefix))
+        drawn_polyline(space, flat, True, _layer(document, line, prefix))
     if prefix + "TEXT" not in document.layers:
         document.layers.add(prefix + "TEXT")
     text = space.add_text(f"{name}: {view.title.lower()}", height=height, dxfattribs={"layer": prefix + "TEXT"})
     text.set_placement(tuple(view.low + shift - [0.0, 2.5 * height]))
 
 
-def _drawn(space: Any, points: Floats, flat: bool, layer: str) -> Any:
+def drawn_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     points = points[:-1] if closed else points
     if not flat:
@@ -147,11 +153,11 @@ def check(part: Part, path: Path) -> ReadBack:
     found = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
         if entity.has_xdata(APPLICATION):
-            found[entity.get_xdata(APPLICATION)[0].value].append(_points(entity))
+            found[entity.get_xdata(APPLICATION)[0].value].append(points_along(entity))
     return check_curves(part, found)
 
 
-def _points(entity: Any) -> Floats:
+def points_along(entity: Any) -> Floats:
     """(k, 3) points along a spline or a polyline of either kind, its first one again at the end if it is closed."""
     if entity.dxftype() == "SPLINE":
         curve = entity.construction_tool()

@@ -37,13 +37,18 @@ from dsfab.export import (
 from dsfab.export import step as step_format
 from dsfab.export.atomic import replacing, write_chunks
 from dsfab.export.estimate import Estimate, estimates
+from dsfab.export.members import dxf as members_dxf
+from dsfab.export.members import gltf as members_gltf
+from dsfab.export.members import ifc as members_ifc
+from dsfab.export.members import rhino as members_rhino
+from dsfab.export.members.shapes import with_shapes, with_single_shapes
 from dsfab.export.part import Details, Part, Route, StepOptions, part_of
 from dsfab.export.readback import ReadBack
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
 
-Takes = Literal["mesh", "lines", "both", "fields", "members", "forces", "frame", "bars"]
+Takes = Literal["mesh", "lines", "both", "fields", "members", "bodies", "forces", "frame", "bars"]
 
 
 @dataclass(frozen=True)
@@ -64,8 +69,8 @@ class Format:
     refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
     """What to raise when all ways were refused."""
     takes: Takes = "mesh"
-    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; its members; its forces; its
-    beam model; or what its members bear."""
+    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; its members; these as
+    bodies; its forces; its beam model; or what its members bear."""
     curves: bool = False
     """Whether it draws lines as smooth curves, and so wants them exact."""
     ready: Callable[[], None] = lambda: None
@@ -127,6 +132,14 @@ FORMATS: dict[str, Format] = {
     ".nodes.csv": Format(
         members_json.prepare, members_table.encode_nodes, members_table.check_nodes, sheets=True, takes="members"
     ),
+    ".members.3dm": Format(
+        with_single_shapes, members_rhino.encode, members_rhino.check, sheets=True, takes="bodies", ready=rhino.ready
+    ),
+    ".members.ifc": Format(
+        with_shapes, members_ifc.encode, members_ifc.check, sheets=True, takes="bodies", ready=ifc.ready
+    ),
+    ".members.glb": Format(with_single_shapes, members_gltf.encode, members_gltf.check, sheets=True, takes="bodies"),
+    ".members.dxf": Format(with_shapes, members_dxf.encode, members_dxf.check, sheets=True, takes="bodies"),
     ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
     ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
     ".forces.csv": Format(forces.prepare, forces.encode, forces.check, sheets=True, takes="forces"),

@@ -18,7 +18,8 @@ from dsfab.export.readback import ReadBack, check_mesh, read_with_trimesh
 from dsfab.export.text import one_line
 from dsfab.units import MM_PER_M
 
-_FLOAT, _UINT, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
+FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
+"""Numbers that the standard gives to kinds of arrays."""
 
 
 def prepare(part: Part) -> Part:
@@ -28,9 +29,13 @@ def prepare(part: Part) -> Part:
 
 def encode(part: Part) -> Iterator[bytes]:
     """Header of 12 bytes, a chunk of JSON that describes the buffer, then the buffer: vertices and faces."""
-    points = _upright(part.V / MM_PER_M).astype("<f4")
-    buffer = points.tobytes() + part.F.astype("<u4").tobytes()
-    text = json.dumps(_scene(part, points), separators=(",", ":")).encode()
+    points = upright(part.V / MM_PER_M).astype("<f4")
+    yield from chunked(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
+
+
+def chunked(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
+    """The file of a scene and of its buffer, whose length is a multiple of four."""
+    text = json.dumps(scene, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     yield b"glTF" + np.array([2, 28 + len(text) + len(buffer)], dtype="<u4").tobytes()
     yield len(text).to_bytes(4, "little") + b"JSON" + text
@@ -40,10 +45,15 @@ def encode(part: Part) -> Iterator[bytes]:
 def check(part: Part, path: Path) -> ReadBack:
     """Read back with trimesh, and back to millimetres."""
     V, F = read_with_trimesh(path)
-    return check_mesh(part, V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M, F)
+    return check_mesh(part, millimetres(V), F)
 
 
-def _upright(V: Floats) -> Floats:
+def millimetres(V: Floats) -> Floats:
+    """(n, 3) of a file's vertices (n, 3): z upwards again."""
+    return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
+
+
+def upright(V: Floats) -> Floats:
     """From z upwards to y upwards: a quarter turn about x."""
     return V[:, [0, 2, 1]] * [1, 1, -1]
 
@@ -64,12 +74,12 @@ def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[st
             {"doubleSided": not part.is_solid, "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.8}}
         ],
         "accessors": [
-            {"bufferView": 0, "componentType": _FLOAT, "count": len(points), "type": "VEC3", "min": low, "max": high},
-            {"bufferView": 1, "componentType": _UINT, "count": count, "type": "SCALAR"},
+            {"bufferView": 0, "componentType": FLOAT, "count": len(points), "type": "VEC3", "min": low, "max": high},
+            {"bufferView": 1, "componentType": UINT, "count": count, "type": "SCALAR"},
         ],
         "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": size, "target": _VERTICES},
-            {"buffer": 0, "byteOffset": size, "byteLength": 4 * count, "target": _INDICES},
+            {"buffer": 0, "byteOffset": 0, "byteLength": size, "target": VERTICES},
+            {"buffer": 0, "byteOffset": size, "byteLength": 4 * count, "target": INDICES},
         ],
         "buffers": [{"byteLength": size + 4 * count}],
     }

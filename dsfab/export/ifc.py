@@ -7,7 +7,7 @@ ifcopenshell (extra `ifc`) reads it back.
 
 import importlib.util
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +56,7 @@ def encode(part: Part) -> Iterator[bytes]:
         name = piece_name(part.name, i, len(solids))
         made = element(new, at, (name, i), (V, F + 1), amounts, lambda what: identifier(part.name, what))
         elements.append(made)
-        yield from _flushed(new)
+        yield from flushed(new)
     listed = ",".join(f"#{k}" for k in elements)
     contained = identifier(part.name, "contained")
     new.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{contained}',$,$,$,({listed}),#{at.building})")
@@ -65,11 +65,11 @@ def encode(part: Part) -> Iterator[bytes]:
     if at.properties:
         defined = identifier(part.name, "properties of all")
         new.add(f"IFCRELDEFINESBYPROPERTIES('{defined}',$,$,$,({listed}),#{at.properties})")
-    yield from _flushed(new)
+    yield from flushed(new)
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-def _flushed(new: Numbered) -> Iterator[bytes]:
+def flushed(new: Numbered) -> Iterator[bytes]:
     yield "".join(new.text).encode("ascii")
     new.text.clear()
 
@@ -83,6 +83,14 @@ def identifier(name: str, what: str) -> str:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read back with ifcopenshell: lengths in millimetres, every triangle, closed, the part's volume."""
+    V, F = _arrays(millimetre_model(part, path))
+    if not len(F):
+        raise differs(part, "triangles", len(part.F), 0)
+    return check_mesh(part, V, F)
+
+
+def millimetre_model(part: Part, path: Path) -> Any:
+    """A file as ifcopenshell reads it; raises ExportError unless it can, and finds lengths in millimetres."""
     import ifcopenshell
     import ifcopenshell.util.unit
 
@@ -93,16 +101,18 @@ def check(part: Part, path: Path) -> ReadBack:
         raise ExportError(f"ifcopenshell cannot read the IFC file of {part.name!r}: {error}") from error
     if abs(scale * MM_PER_M - 1) > 1e-9:
         raise ExportError(f"the IFC file of {part.name!r} does not read back in millimetres; write .step instead")
-    V, F = _arrays(model)
-    if not len(F):
-        raise differs(part, "triangles", len(part.F), 0)
-    return check_mesh(part, V, F)
+    return model
 
 
 def _arrays(model: Any) -> tuple[Floats, Ints]:
     """All face sets as one mesh."""
+    return joined_face_sets(model.by_type("IfcTriangulatedFaceSet"))
+
+
+def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
+    """Face sets of ifcopenshell as one mesh."""
     points, faces, at = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    for item in model.by_type("IfcTriangulatedFaceSet"):
+    for item in items:
         points.append(np.array(item.Coordinates.CoordList, dtype=np.float64))
         faces.append(np.array(item.CoordIndex, dtype=np.int64) - 1 + at)
         at += len(points[-1])

@@ -35,7 +35,9 @@ def beginning(name: str, version: str) -> str:
     )
 
 
-def building(new: Numbered, name: str, measures: Mapping[str, float], naming: Naming) -> Place:
+def building(
+    new: Numbered, name: str, measures: Mapping[str, float], naming: Naming, material: str = "material"
+) -> Place:
     """Units, project, site and building around the elements, and what all of these share."""
     title = quoted(one_line(name))
     units = ",".join(f"#{k}" for k in _units(new))
@@ -50,10 +52,17 @@ def building(new: Numbered, name: str, measures: Mapping[str, float], naming: Na
     house = new.add(f"IFCBUILDING('{naming('building')}',$,'Building',$,$,#{placement},$,$,.ELEMENT.,$,$,$)")
     new.add(f"IFCRELAGGREGATES('{naming('sites')}',$,$,$,#{project},(#{site}))")
     new.add(f"IFCRELAGGREGATES('{naming('buildings')}',$,$,$,#{site},(#{house}))")
-    colour = new.add("IFCCOLOURRGB($,0.62,0.66,0.7)")
-    shading = new.add(f"IFCSURFACESTYLESHADING(#{colour},0.)")
-    style = new.add(f"IFCSURFACESTYLE('structure',.BOTH.,(#{shading}))")
-    return Place(body, house, placement, _material(new, measures), _properties(new, measures, naming), style)
+    style = surface_style(new, "structure", (0.62, 0.66, 0.7))
+    made_of = _material(new, measures, material)
+    return Place(body, house, placement, made_of, _properties(new, measures, naming), style)
+
+
+def surface_style(new: Numbered, name: str, colour: tuple[float, float, float]) -> int:
+    """A colour, 0 to 1, by a name."""
+    red, green, blue = map(real, colour)
+    rgb = new.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
+    shading = new.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
+    return new.add(f"IFCSURFACESTYLE('{quoted(name)}',.BOTH.,(#{shading}))")
 
 
 def _units(new: Numbered) -> Iterator[int]:
@@ -68,7 +77,7 @@ def _units(new: Numbered) -> Iterator[int]:
     yield new.add(f"IFCDERIVEDUNIT((#{parts[0]},#{parts[1]}),.MASSDENSITYUNIT.,$)")
 
 
-def _material(new: Numbered, measures: Mapping[str, float]) -> int:
+def _material(new: Numbered, measures: Mapping[str, float], called: str) -> int:
     """The material and its numbers; 0 if none is known."""
     kinds = {
         "density": ("Pset_MaterialCommon", "MassDensity", "IFCMASSDENSITYMEASURE"),
@@ -78,10 +87,10 @@ def _material(new: Numbered, measures: Mapping[str, float]) -> int:
     sets: dict[str, list[int]] = {}
     for key, (group, name, kind) in kinds.items():
         if measures.get(key, 0) > 0:
-            sets.setdefault(group, []).append(_single(new, name, kind, measures[key]))
+            sets.setdefault(group, []).append(single_value(new, name, kind, measures[key]))
     if not sets:
         return 0
-    material = new.add("IFCMATERIAL('material',$,$)")
+    material = new.add(f"IFCMATERIAL('{quoted(one_line(called))}',$,$)")
     for group, values in sets.items():
         new.add(f"IFCMATERIALPROPERTIES('{group}',$,({','.join(f'#{k}' for k in values)}),#{material})")
     return material
@@ -91,11 +100,11 @@ def _properties(new: Numbered, measures: Mapping[str, float], naming: Naming) ->
     """The thickness; 0 if it is not known."""
     if measures.get("thickness", 0) <= 0:
         return 0
-    value = _single(new, "Thickness", "IFCPOSITIVELENGTHMEASURE", measures["thickness"] * MM_PER_M)
+    value = single_value(new, "Thickness", "IFCPOSITIVELENGTHMEASURE", measures["thickness"] * MM_PER_M)
     return new.add(f"IFCPROPERTYSET('{naming('properties')}',$,'Dsfab_Sheet',$,(#{value}))")
 
 
-def _single(new: Numbered, name: str, kind: str, value: float) -> int:
+def single_value(new: Numbered, name: str, kind: str, value: float) -> int:
     return new.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
 
 
@@ -110,11 +119,7 @@ def element(
     """One piece, of V (n, 3), millimetres, and triangles (m, 3) whose corners count from 1, its colour and its
     quantities; returns its number."""
     (name, i), (V, corners) = which, mesh
-    points = "".join(listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),", *V.T))
-    listed = new.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
-    triangles = "".join(listed_rows("(%d,%d,%d),", *corners.T))
-    faces = new.add(f"IFCTRIANGULATEDFACESET(#{listed},$,.T.,({triangles}),$)")
-    new.add(f"IFCSTYLEDITEM(#{faces},(#{at.style}),$)")
+    faces = face_set(new, V, corners, at.style)
     shape = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',(#{faces}))")
     product = new.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{shape}))")
     made = new.add(
@@ -128,6 +133,16 @@ def element(
     quantities = new.add(f"IFCELEMENTQUANTITY('{naming(f'quantities {i}')}',$,'{title}',$,$,({numbers}))")
     new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'measured {i}')}',$,$,$,(#{made}),#{quantities})")
     return made
+
+
+def face_set(new: Numbered, V: Floats, corners: Ints, style: int) -> int:
+    """Triangles of a closed body in a style, as `element` takes them."""
+    points = "".join(listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),", *V.T))
+    listed = new.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
+    triangles = "".join(listed_rows("(%d,%d,%d),", *corners.T))
+    faces = new.add(f"IFCTRIANGULATEDFACESET(#{listed},$,.T.,({triangles}),$)")
+    new.add(f"IFCSTYLEDITEM(#{faces},(#{style}),$)")
+    return faces
 
 
 def real(value: float) -> str:

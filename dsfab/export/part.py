@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from dsfab.arrays import Floats, Ints, first, lock
 from dsfab.errors import ExportError
+from dsfab.export.member_shape import MemberShape
 from dsfab.export.smooth.source import Curved
 from dsfab.limits import READ_BACK
 from dsfab.surface import Surface, box, signed_volume, total_area
@@ -38,6 +39,7 @@ class Details:
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
     records   : notes, members and nodes, see `dsfab.delivery.member_records`, in millimetres; or section forces or
                 beams, see `dsfab.delivery.forces` and `beam_records`, in SI units.
+    shapes    : members as bodies, metres.
     """
 
     lines: tuple[StructureLine, ...] = ()
@@ -46,11 +48,13 @@ class Details:
     facts: tuple[str, ...] = ()
     measures: Mapping[str, float] = field(default_factory=dict)
     records: Mapping[str, Any] = field(default_factory=dict)
+    shapes: tuple[MemberShape, ...] = ()
 
     def scaled(self, factor: float) -> "Details":
-        """The same with `lines` and `tolerance` in another unit of length."""
+        """The same with `lines`, `shapes` and `tolerance` in another unit of length."""
         lines = tuple(replace(x, points=factor * x.points, length=factor * x.length) for x in self.lines)
-        return replace(self, lines=lines, tolerance=factor * self.tolerance)
+        shapes = tuple(shape.scaled(factor) for shape in self.shapes)
+        return replace(self, lines=lines, shapes=shapes, tolerance=factor * self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)

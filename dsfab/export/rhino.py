@@ -15,12 +15,13 @@ import importlib.util
 import struct
 import uuid
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsfab import __version__
 from dsfab.arrays import Floats, Ints
@@ -67,35 +68,57 @@ def encode(part: Part) -> Iterator[bytes]:
     """The archive as rhino3dm writes it in memory (to a file it would write the file's name too), its times unset."""
     import rhino3dm
 
-    model, ids = rhino3dm.File3dm(), _ids(part)
-    model.ApplicationName, model.ApplicationDetails = "dsfab", f"dsfab {__version__}"
-    model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
-    model.Settings.ModelAbsoluteTolerance = 0.001
-    layers = {MESH: _layer(model, ids, MESH, GREY)}
+    model, ids = empty_model(), _ids(part)
+    layers = {MESH: new_layer(model, ids, MESH, GREY)}
     for line in part.details.lines:
         if line.layer not in layers:
-            layers[line.layer] = _layer(model, ids, line.layer, COLOURS.get(line.family, BLACK))
+            layers[line.layer] = new_layer(model, ids, line.layer, COLOURS.get(line.family, BLACK))
     about = rhino3dm.ObjectAttributes()
     about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
     model.Objects.AddMesh(rhino_mesh(part.V, part.F), about)
     for number, line in enumerate(part.details.lines):
         about = _about(line, layers[line.layer], within(part))
         about.Id = ids(f"line {number}")
-        model.Objects.AddCurve(_curve(line, within(part)), about)
+        model.Objects.AddCurve(rhino_curve(line.points, within(part)), about)
+    yield archive(model)
+
+
+def empty_model() -> Any:
+    """A model of rhino3dm in millimetres."""
+    import rhino3dm
+
+    model = rhino3dm.File3dm()
+    model.ApplicationName, model.ApplicationDetails = "dsfab", f"dsfab {__version__}"
+    model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
+    model.Settings.ModelAbsoluteTolerance = 0.001
+    return model
+
+
+def archive(model: Any) -> bytes:
+    """The file of a model, its times unset."""
+    import rhino3dm
+
     how = rhino3dm.File3dmWriteOptions()
     how.Version = VERSION
-    yield without_times(base64.b64decode(model.Encode(how)))
+    return without_times(base64.b64decode(model.Encode(how)))
 
 
-def _ids(part: Part) -> Callable[[str], uuid.UUID]:
-    """Ids by name, that differ between parts that differ: those of two designs may meet in one model."""
+Ids = Callable[[str], uuid.UUID]
+
+
+def _ids(part: Part) -> Ids:
+    return ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
+
+
+def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
+    """Ids by name, that differ between files that differ: those of two designs may meet in one model."""
     held = hashlib.sha256()
-    for array in (part.V, part.F, *(line.points for line in part.details.lines)):
+    for array in arrays:
         held.update(np.ascontiguousarray(array).tobytes())
-    return partial(uuid.uuid5, uuid.uuid5(uuid.NAMESPACE_URL, f"dsfab {part.name} {held.hexdigest()}"))
+    return partial(uuid.uuid5, uuid.uuid5(uuid.NAMESPACE_URL, f"dsfab {name} {held.hexdigest()}"))
 
 
-def _layer(model: Any, ids: Callable[[str], uuid.UUID], name: str, colour: tuple[int, int, int, int]) -> int:
+def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]) -> int:
     """The index of a new layer."""
     import rhino3dm
 
@@ -105,15 +128,15 @@ def _layer(model: Any, ids: Callable[[str], uuid.UUID], name: str, colour: tuple
     return index
 
 
-def without_times(archive: bytes) -> bytes:
+def without_times(written: bytes) -> bytes:
     """An archive whose history says `_TIME` in place of when it was made and changed, its checksum right.
 
     The history: a byte of version; who made it (a count of letters of two bytes each, and these) and when (8 numbers);
     who changed it, and when; how often; CRC-32 of all this. Raises ExportError for an archive without it.
     """
-    content = bytearray(archive)
-    properties = _chunk(archive, _HEADER, len(archive), _PROPERTIES)
-    history = _chunk(archive, *properties, _HISTORY) if properties else None
+    content = bytearray(written)
+    properties = _chunk(written, _HEADER, len(written), _PROPERTIES)
+    history = _chunk(written, *properties, _HISTORY) if properties else None
     if history is None:
         raise ExportError("rhino3dm writes .3dm files in another way than dsfab knows; write .dxf and .stl instead")
     start, end = history
@@ -126,10 +149,10 @@ def without_times(archive: bytes) -> bytes:
     return bytes(content)
 
 
-def _chunk(archive: bytes, start: int, end: int, wanted: int) -> tuple[int, int] | None:
+def _chunk(written: bytes, start: int, end: int, wanted: int) -> tuple[int, int] | None:
     """Where the content of the first chunk of that code begins and ends, of the chunks from `start` to `end`."""
     while start + 12 <= end:
-        code, size = struct.unpack_from("<Iq", archive, start)
+        code, size = struct.unpack_from("<Iq", written, start)
         size = 0 if code & _SHORT else size
         start += 12
         if not 0 <= size <= end - start:
@@ -160,12 +183,12 @@ def rhino_polyline(points: Floats) -> Any:
     return rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*point) for point in points.tolist()]))
 
 
-def _curve(line: StructureLine, tolerance: float) -> Any:
-    """A NURBS curve, a polyline, or one after the other."""
+def rhino_curve(points: Floats, tolerance: float) -> Any:
+    """Through points (k, 3) within a tolerance: a NURBS curve, a polyline, or one after the other."""
     import rhino3dm
 
     made = list[Any]()
-    for run in joined(curves_along(line.points, tolerance)):
+    for run in joined(curves_along(points, tolerance)):
         if isinstance(run, Curve):
             curve = rhino3dm.NurbsCurve(3, False, run.degree + 1, len(run.poles))
             for i, pole in enumerate(run.poles.tolist()):

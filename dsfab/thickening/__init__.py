@@ -2,12 +2,14 @@
 
 from dsfab.thickening.extras import Base, Extra, Feet, Holes, Ring, SplitBodies, Trim, with_extras
 from dsfab.thickening.notes import Repairs
-from dsfab.thickening.offset import Offsets, Side, offsets
+from dsfab.thickening.offset import SHIFT, Offsets, Side, offsets
 from dsfab.thickening.parts import parts
 from dsfab.thickening.separation_proof import OffsetLayer, apart
+from dsfab.thickening.skin import closed_skin
 from dsfab.thickening.solid import Solid, thicken
 
 __all__ = [
+    "SHIFT",
     "Base",
     "Extra",
     "Feet",
@@ -21,6 +23,7 @@ __all__ = [
     "SplitBodies",
     "Trim",
     "apart",
+    "closed_skin",
     "offsets",
     "parts",
     "thicken",

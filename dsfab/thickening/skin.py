@@ -13,6 +13,13 @@ TIE = 1e-9
 """Diagonals whose squared lengths differ by less than this share count as equal, so that rounding chooses nothing."""
 
 
+def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
+    """Vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet with half-thickness
+    vectors D (n, 3) as it is: neither proven nor repaired where it crosses itself. `shift` as `Skin` has it."""
+    skin = Skin.of(surface, shift)
+    return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
+
+
 @dataclass(frozen=True, eq=False)
 class Skin:
     """Connectivity of the solid around a sheet of n vertices; the sheet lies to the left of every rim edge p -> q.

@@ -4,13 +4,14 @@ course, development   an axis laid open, and a layer over it rolled out    layer
 strips, splices       parts of lying strips                                plates, sheet   discs; flat designs
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 model, ground, base   models in card, with feet in a plate
-nesting               parts on sheets                                      plan       all of it: `workshop_plan`
+nesting, hints        parts on sheets; what would save some               plan       all of it: `workshop_plan`
+refolding             strips bent back into space
 drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """
 
 from dsfab.workshop.course import StripCourse, member_course
 from dsfab.workshop.development import Development
-from dsfab.workshop.drawings import file_stem
+from dsfab.workshop.drawings import drawing_files, file_stem
 from dsfab.workshop.files import write_workshop
 from dsfab.workshop.layering import Layering
 from dsfab.workshop.limits import StripLimits, strip_limits
@@ -18,6 +19,7 @@ from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
 from dsfab.workshop.plates import layer_numbers
+from dsfab.workshop.refolding import RefoldedPlan, RefoldedStrip, refolded
 from dsfab.workshop.sheet import sheet_parts
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
 from dsfab.workshop.tables import cut_list, cut_list_workbook, node_table
@@ -29,18 +31,22 @@ __all__ = [
     "Layering",
     "NestedPart",
     "NestedSheet",
+    "RefoldedPlan",
+    "RefoldedStrip",
     "StripCourse",
     "StripLimits",
     "StripParts",
     "WorkshopPlan",
     "cut_list",
     "cut_list_workbook",
+    "drawing_files",
     "file_stem",
     "is_strip",
     "layer_numbers",
     "member_course",
     "nested",
     "node_table",
+    "refolded",
     "sheet_parts",
     "strip_limits",
     "strip_parts",

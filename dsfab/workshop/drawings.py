@@ -31,6 +31,15 @@ def file_stem(part: str) -> str:
     return part.replace(" ", "_").replace("/", "_")
 
 
+def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
+    """The drawings of the parts of each member, by its name."""
+    found: dict[str, list[str]] = {}
+    for group in plan.same:
+        for k in group:
+            found.setdefault(plan.parts[k].member, []).append(f"{file_stem(plan.parts[group[0]].id)}.dxf")
+    return {member: list(dict.fromkeys(sorted(files))) for member, files in found.items()}
+
+
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
     """Outline, openings and engraved lines of a part."""
     yield FlatLine("CUT", _closed(part.outline), closed=True)

@@ -13,7 +13,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
-from dsfab.workshop.parts import FlatPart
+from dsfab.workshop.parts import FlatPart, turning
 
 COLUMN = 0.01
 """Metres; or the longest sheet over `MOST`, if that is less."""
@@ -57,6 +57,7 @@ class _Shape:
     """A part turned so: lower and upper edges (k,) in columns of `step`, half of the gap beyond its own; metres.
 
     low : its own lowest (2,) corner.    size : (2,) of its own box.
+    top, total : the highest of its upper edge, and the sum of its lower one.
     """
 
     part: FlatPart
@@ -65,6 +66,8 @@ class _Shape:
     size: Floats
     lower: Floats
     upper: Floats
+    top: float
+    total: float
 
 
 @dataclass(frozen=True)
@@ -80,12 +83,14 @@ class _Raster:
 class _Open:
     """A sheet that is being filled: the height (k,) up to which each column is taken, and the area that is left.
 
+    lowest  : of the skyline.
     refused : length, width and area of parts that found no room: larger ones are not tried again.
     """
 
     size: tuple[float, float]
     skyline: Floats
     left: float
+    lowest: float
     refused: list[tuple[float, float, float]] = field(default_factory=list)
     parts: list[NestedPart] = field(default_factory=list)
 
@@ -95,17 +100,30 @@ def nested(parts: Sequence[FlatPart], stock: Sequence[tuple[float, float]], gap:
 
     Raises PatternError for a part that fits on no sheet.
     """
-    step = min(COLUMN, max(max(size) for size in stock) / MOST)
-    ask = _Raster(gap, step, max(min(size) for size in stock) - 2 * gap + NEAR)
+    ask = _raster(stock, gap)
     best: list[NestedSheet] | None = None
     shapes = {boxes: [_shapes(part, ask, boxes) for part in parts] for boxes in (False, True)}
     for first in range(len(stock)):
         order = [stock[first], *(size for k, size in enumerate(stock) if k != first)]
         for boxes in (False, True):
-            tried = _filled(shapes[boxes], order, ask)
-            if best is None or _cost(tried) < _cost(best):
+            tried = _filled(shapes[boxes], order, ask, len(parts))
+            if tried is not None and (best is None or _cost(tried) < _cost(best)):
                 best = tried
     return best or []
+
+
+def stacked(
+    parts: Sequence[FlatPart], stock: Sequence[tuple[float, float]], gap: float, most: int
+) -> list[NestedSheet] | None:
+    """As `nested`, by piling them up alone, the first stock first: sooner, and on more sheets at times. None where they
+    are more than `most`."""
+    ask = _raster(stock, gap)
+    return _filled([_shapes(part, ask, False) for part in parts], stock, ask, most)
+
+
+def _raster(stock: Sequence[tuple[float, float]], gap: float) -> _Raster:
+    step = min(COLUMN, max(max(size) for size in stock) / MOST)
+    return _Raster(gap, step, max(min(size) for size in stock) - 2 * gap + NEAR)
 
 
 def _cost(sheets: list[NestedSheet]) -> float:
@@ -121,8 +139,10 @@ def _filled(
     shapes: list[list[_Shape]],
     stock: Sequence[tuple[float, float]],
     ask: _Raster,
-) -> list[NestedSheet]:
-    """Sheets filled in an order: each part on the first sheet that has room, where its upper edge is lowest."""
+    most: int,
+) -> list[NestedSheet] | None:
+    """Sheets filled in an order: each part on the first sheet that has room, where its upper edge is lowest. None where
+    these are more than `most`."""
     opened = list[_Open]()
     for turns in sorted(shapes, key=lambda some: (_by_length(some[0]), some[0].part.id)):
         if not any(_placed(sheet, turns, ask) for sheet in opened):
@@ -134,12 +154,14 @@ def _filled(
                     f"{ask.gap:g} m to its edges; give a larger workshop.stock"
                 )
             opened.append(new)
+            if len(opened) > most:
+                return None
     return [NestedSheet(sheet.size, tuple(sheet.parts)) for sheet in opened]
 
 
 def _empty(size: tuple[float, float], ask: _Raster) -> _Open:
     columns = int(np.ceil((size[0] - ask.gap) / ask.step))  # the last one may be beyond the edge, where no part is put
-    return _Open(size, np.full(columns, ask.gap / 2), size[0] * size[1])
+    return _Open(size, np.full(columns, ask.gap / 2), size[0] * size[1], ask.gap / 2)
 
 
 def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
@@ -151,12 +173,12 @@ def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
         return False
     for shape in turns:
         k = len(shape.lower)
-        if k > len(sheet.skyline) or sheet.skyline.min() + shape.size[1] + gap > top + step:
+        if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
         windows = np.lib.stride_tricks.sliding_window_view(sheet.skyline, k)
         rise = (windows - shape.lower).max(axis=1)
-        height = rise + shape.upper.max()
-        lost = (rise * k + shape.lower.sum() - windows.sum(axis=1)) / k
+        height = rise + shape.top
+        lost = (rise * k + shape.total - windows.sum(axis=1)) / k
         right = gap + step * np.arange(len(windows)) + shape.size[0]
         inside = (height <= top + NEAR) & (right <= sheet.size[0] - gap + NEAR)
         score = np.where(inside, height + lost, np.inf)
@@ -171,6 +193,7 @@ def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
     sheet.skyline[columns] = np.maximum(sheet.skyline[columns], rise_at + shape.upper)
     left = gap / 2 + at * step + gap / 2
     shift = left - float(shape.low[0]), rise_at - float(shape.low[1])
+    sheet.lowest = float(sheet.skyline.min())
     sheet.left = float(sheet.size[0] * top - step * sheet.skyline.sum())
     sheet.parts.append(NestedPart(shape.part, shape.turn, shift))
     return True
@@ -180,12 +203,12 @@ def _shapes(part: FlatPart, ask: _Raster, boxes: bool) -> list[_Shape]:
     """A part along the sheet and turned round, and across it where it is short enough; of a box two turns are two."""
     found = list[_Shape]()
     for turn in (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2):
-        outline = part.moved(turn, np.zeros(2)).outline
+        outline = part.outline @ turning(turn)
         low, size = outline.min(axis=0), np.ptp(outline, axis=0)
         if found and size[1] > ask.tallest:
             continue
         lower, upper = _box_columns(size, ask) if boxes else _columns(outline - low, size, ask)
-        found.append(_Shape(part, turn, low, size, lower, upper))
+        found.append(_Shape(part, turn, low, size, lower, upper, float(upper.max()), float(lower.sum())))
     return found
 
 

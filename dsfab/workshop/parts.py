@@ -69,8 +69,7 @@ class FlatPart:
 
     def moved(self, turn: float, shift: Floats) -> "FlatPart":
         """Turned by an angle, radians, then shifted by (2,) metres."""
-        c, s = np.cos(turn), np.sin(turn)
-        R = np.array([[c, s], [-s, c]])
+        R = turning(turn)
         return replace(
             self,
             outline=self.outline @ R + shift,
@@ -86,6 +85,12 @@ class FlatPart:
         way = line[-1] - line[0]
         part = self.moved(-float(np.arctan2(way[1], way[0])), np.zeros(2))
         return part.moved(0.0, -(part.outline.min(axis=0) + part.outline.max(axis=0)) / 2)
+
+
+def turning(angle: float) -> Floats:
+    """(2, 2) what rows of points (k, 2) are multiplied by to turn them, radians."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s], [-s, c]])
 
 
 def polygon_area(P: Floats) -> float:
@@ -112,16 +117,16 @@ def congruent(one: FlatPart, two: FlatPart) -> bool:
     difference."""
     if shape_key(one) != shape_key(two) or len(one.slots) != len(two.slots):
         return False
-    for turned in (two, two.moved(np.pi, np.zeros(2))):
-        if _near(one.outline, turned.outline) and _near(_middles(one), _middles(turned)):
-            slots = (np.concatenate(part.slots) if part.slots else np.zeros((0, 2)) for part in (one, turned))
-            if _near(*slots):
-                return True
-    return False
+    if (np.abs(one.size - two.size) > 2 * SAME).any():
+        return False
+    pairs = list(zip(_corners(one), _corners(two), strict=True))
+    return any(all(_near(P, turn * Q) for P, Q in pairs) for turn in (1, -1))
 
 
-def _middles(part: FlatPart) -> Floats:
-    return np.array([hole.at for hole in part.holes]).reshape(-1, 2)
+def _corners(part: FlatPart) -> tuple[Floats, Floats, Floats]:
+    """(k, 2) corners of the outline, middles of the holes, and corners of the slots."""
+    slots = np.concatenate(part.slots) if part.slots else np.zeros((0, 2))
+    return part.outline, np.array([hole.at for hole in part.holes]).reshape(-1, 2), slots
 
 
 def _near(one: Floats, two: Floats) -> bool:

@@ -13,6 +13,7 @@ from dsfab.pipeline import Design
 from dsfab.wording import length
 from dsfab.workshop.base import base_notes, base_parts
 from dsfab.workshop.ground import Ground
+from dsfab.workshop.hints import sheet_hints
 from dsfab.workshop.layering import OWN, Layering
 from dsfab.workshop.limits import strip_limits
 from dsfab.workshop.model import CARD, LETTERS, model_notes, packing_parts, scaled_graph, scaled_surface
@@ -82,6 +83,7 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     graph, layering = (None, None) if flat else _built_graph(design)
     parts, notes = _curved(design, graph, layering, room, up) if graph and layering else _flat(design, room)
     sheets = nested(parts, ask.stock, ask.gap)
+    notes = notes if flat else [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap)]
     thickness = layering.thickness if layering else ask.thickness or design.preset.statics.thickness / _scale(design)
     route = "sheet" if flat else "strips"
     if ask.route == "auto":

@@ -16,6 +16,7 @@ from dsfab.report.assembly.families import family_pages
 from dsfab.report.assembly.flat_parts import cut_list_pages, nest_pages, node_pages
 from dsfab.report.assembly.overview import cover, named_view
 from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, MM, PAGE, QUIET, WIDE, Paper
+from dsfab.report.assembly.refolding import refolded_pages
 from dsfab.report.assembly.sequence import assembly_steps
 from dsfab.report.assembly.steps import step_pages
 from dsfab.report.compliance.pdf_style import fonts
@@ -68,6 +69,7 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
         ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
         *model_pages(plan),
         *_views(faces, up),
+        *refolded_pages(plan, faces, up),
         *family_pages(plan),
         *flat,
         *node_pages(plan),

@@ -1,0 +1,144 @@
+"""IFC4: an IfcMember, or IfcPlate, for each member: name, triangles, material, quantities, and its drawings.
+
+Lengths are in millimetres, areas, volumes and masses in m2, m3 and kg. Families are presentation layers.
+`Dsfab_MemberQuantities` has length, width and thickness by these names, for plates too, where the standard's set has
+others. `files` of the records, by the names of members, become document references.
+"""
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from dsfab import __version__
+from dsfab.export.ifc import MM2, MM3, flushed, identifier, joined_face_sets, millimetre_model
+from dsfab.export.ifc_text import Naming, Place, beginning, building, face_set, real, surface_style
+from dsfab.export.member_shape import MemberShape
+from dsfab.export.members.shapes import check_shapes, layer_colour, member_entries, member_facts
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack
+from dsfab.export.step_pieces import Numbered, quoted
+from dsfab.surface import signed_volume
+from dsfab.units import MM_PER_M
+
+KINDS = {"Length": "LENGTH", "Width": "LENGTH", "Thickness": "LENGTH", "NetArea": "AREA", "NetVolume": "VOLUME"}
+KINDS |= {"NetWeight": "WEIGHT"}
+"""Kinds of quantities by their names."""
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """Project, site and building, then a member after the other; the same part gives the same bytes."""
+    new, details = Numbered(1), part.details
+    naming = partial(identifier, f"{part.name} members")
+    yield beginning(part.name, __version__).encode()
+    at = building(new, part.name, details.measures, naming, details.records.get("material") or "material")
+    entries, drawings = member_entries(part), details.records.get("files", {})
+    layers = dict.fromkeys(shape.layer for shape in details.shapes)
+    styles = {name: surface_style(new, name, _tint(name)) for name in layers}
+    shown: dict[str, list[int]] = {name: [] for name in layers}
+    elements = []
+    for name, group in groupby(details.shapes, key=lambda shape: shape.id):
+        shapes = list(group)
+        style = styles[shapes[0].layer]
+        items = ",".join(f"#{face_set(new, shape.V, shape.F + 1, style)}" for shape in shapes)
+        body = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',({items}))")
+        shown[shapes[0].layer].append(body)
+        made = _element(new, at, shapes[0], body, naming)
+        _measured(new, made, _amounts(shapes, entries[name], details.measures), shapes[0], naming)
+        _described(new, made, entries[name], naming)
+        _documented(new, made, (name, drawings.get(name, ())), naming)
+        elements.append(made)
+        yield from flushed(new)
+    _together(new, at, elements, naming)
+    for name, bodies in shown.items():
+        new.add(f"IFCPRESENTATIONLAYERASSIGNMENT('{quoted(name)}',$,({_listed(bodies)}),$)")
+    yield from flushed(new)
+    yield b"ENDSEC;\nEND-ISO-10303-21;\n"
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back with ifcopenshell: each member by its name, its triangles closed, its volume."""
+    model = millimetre_model(part, path)
+    found = {}
+    for element in model.by_type("IfcBuildingElement"):
+        if element.is_a() in ("IfcMember", "IfcPlate"):
+            found[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
+    return check_shapes(part, found)
+
+
+def _tint(layer: str) -> tuple[float, float, float]:
+    red, green, blue = (round(x / 255, 3) for x in layer_colour(layer))
+    return red, green, blue
+
+
+def _listed(numbers: list[int]) -> str:
+    return ",".join(f"#{k}" for k in numbers)
+
+
+def _element(new: Numbered, at: Place, shape: MemberShape, body: int, naming: Naming) -> int:
+    product = new.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{body}))")
+    kind, defined = ("IFCPLATE", "SHEET") if shape.plate else ("IFCMEMBER", "MEMBER")
+    name = quoted(shape.id)
+    return new.add(
+        f"{kind}('{naming(f'member {shape.id}')}',$,'{name}',$,'{quoted(shape.layer)}',#{at.placement},#{product},"
+        f"'{name}',.{defined}.)"
+    )
+
+
+def _amounts(shapes: list[MemberShape], entry: Mapping[str, Any], measures: Mapping[str, float]) -> dict[str, float]:
+    """Of one member: millimetres, m2, m3, kg."""
+    volume = sum(signed_volume(shape.V, shape.F) for shape in shapes) / MM3
+    found = {"Length": entry["length"], "Width": entry["width"]["median"]}
+    found = {key: value for key, value in found.items() if value}
+    if measures.get("thickness", 0) > 0:
+        found["Thickness"] = MM_PER_M * measures["thickness"]
+    found |= {"NetArea": entry["area"] / MM2, "NetVolume": volume}
+    return found | ({"NetWeight": volume * measures["density"]} if measures.get("density", 0) > 0 else {})
+
+
+def _measured(new: Numbered, made: int, amounts: Mapping[str, float], shape: MemberShape, naming: Naming) -> None:
+    """The standard's set of quantities, and all of them by plain names."""
+    title = "Qto_PlateBaseQuantities" if shape.plate else "Qto_MemberBaseQuantities"
+    usual = {key: amounts[key] for key in ("NetVolume", "NetWeight") if key in amounts}
+    if shape.plate:
+        usual |= {"NetArea": amounts["NetArea"]}
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # so the standard calls it
+    elif "Length" in amounts:
+        usual |= {"Length": amounts["Length"]}
+    for name, some in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
+        values = [new.add(f"IFCQUANTITY{KINDS[key]}('{key}',$,$,{real(value)},$)") for key, value in some.items()]
+        held = naming(f"{name} of {shape.id}")
+        one = new.add(f"IFCELEMENTQUANTITY('{held}',$,'{name}',$,$,({_listed(values)}))")
+        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'measured {name} of {shape.id}')}',$,$,$,(#{made}),#{one})")
+
+
+def _described(new: Numbered, made: int, entry: Mapping[str, Any], naming: Naming) -> None:
+    """What it is, and what it meets."""
+    facts = {key: value for key, value in member_facts(entry).items() if not key.endswith("_mm")}
+    values = []
+    for key, value in facts.items():
+        text = f"IFCTEXT('{quoted(value)}')" if key == "nodes" else f"IFCLABEL('{quoted(value)}')"
+        values.append(new.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
+    name = entry["id"]
+    one = new.add(f"IFCPROPERTYSET('{naming(f'facts of {name}')}',$,'Dsfab_Member',$,({_listed(values)}))")
+    new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'described {name}')}',$,$,$,(#{made}),#{one})")
+
+
+def _documented(new: Numbered, made: int, drawings: tuple[str, Any], naming: Naming) -> None:
+    """A reference to each drawing of a member; the same drawing may be that of several."""
+    name, files = drawings
+    for file in files:
+        held = quoted(file)
+        one = new.add(f"IFCDOCUMENTREFERENCE('{held}','{quoted(Path(file).stem)}','{held}','flat part',$)")
+        new.add(f"IFCRELASSOCIATESDOCUMENT('{naming(f'drawing {file} of {name}')}',$,$,$,(#{made}),#{one})")
+
+
+def _together(new: Numbered, at: Place, elements: list[int], naming: Naming) -> None:
+    """What all members share: the building, the material, the thickness."""
+    listed = _listed(elements)
+    new.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{naming('contained')}',$,$,$,({listed}),#{at.building})")
+    if at.material:
+        new.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,({listed}),#{at.material})")
+    if at.properties:
+        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{at.properties})")
