@@ -1,6 +1,7 @@
 """What of a design goes into a file of which format: the solid, the sheet with its lines, or the fields."""
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +20,7 @@ from dsfab.delivery.member_shapes import member_shapes
 from dsfab.errors import ExportError
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
-from dsfab.export.formats import FORMATS, format_of, suffix_of
+from dsfab.export.formats import FORMATS, Takes, format_of, suffix_of
 from dsfab.export.smooth.source import Curved, DividedSheet, StripedSheet
 from dsfab.limits import OUTLINE
 from dsfab.members import striped_cells
@@ -78,16 +79,8 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     if takes == "fields":
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
-    if takes == "members":
-        return design.sheet.surface, {"details": Details(records=graph_records(design.members))}
-    if takes == "bodies":
-        return design.sheet.surface, {"details": body_details(design)}
-    if takes == "forces":
-        return design.sheet.surface, {"details": Details(records=force_records(design))}
-    if takes == "bars":
-        return design.sheet.surface, {"details": Details(records=bar_records(design))}
-    if takes == "frame":
-        return design.sheet.surface, {"details": Details(records=beam_records(design))}
+    if told := _OF_SHEET.get(takes):
+        return design.sheet.surface, {"details": told(design)}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
         details = Details(measures=_measures(design))
@@ -104,6 +97,16 @@ def body_details(design: Design) -> Details:
     tolerance = design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness
     records = graph_records(design.members) | {"material": design.preset.statics.material}
     return Details(tolerance=tolerance, measures=_measures(design), records=records, shapes=member_shapes(design))
+
+
+_OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
+    "members": lambda design: Details(records=graph_records(design.members)),
+    "bodies": body_details,
+    "forces": lambda design: Details(records=force_records(design)),
+    "bars": lambda design: Details(records=bar_records(design)),
+    "frame": lambda design: Details(records=beam_records(design)),
+}
+"""What formats of the kept sheet take of a design, but for those of lines."""
 
 
 def step_options(ask: Export) -> StepOptions:
