@@ -1,5 +1,6 @@
 """Members as objects with names on layers: found by the readers of each format, as bodies of their own."""
 
+import csv
 from dataclasses import replace
 
 import ezdxf
@@ -169,6 +170,11 @@ def test_the_workshop_names_drawings_in_its_ifc_file(tmp_path, capsys):
     assert "members.ifc" in capsys.readouterr().out
     assert faults(tmp_path / "members.ifc") == []
     model = ifcopenshell.open(str(tmp_path / "members.ifc"))  # keep it: elements do not
+    with open(tmp_path / "cutlist.csv", encoding="utf-8", newline="") as file:
+        area = sum(float(row["area_m2"]) * int(row["count"]) for row in csv.DictReader(file))
+    found = [amounts(one) for one in (*model.by_type("IfcMember"), *model.by_type("IfcPlate"))]
+    (thickness,) = {one["Thickness"] for one in found}
+    assert sum(one["NetVolume"] for one in found) == pytest.approx(area * thickness / 1000, rel=1e-3)
     for one in model.by_type("IfcMember"):
         drawings = [x.RelatingDocument for x in one.HasAssociations if x.is_a("IfcRelAssociatesDocument")]
         assert drawings

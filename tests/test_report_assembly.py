@@ -9,6 +9,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from dsfab.export import MemberShape
+from dsfab.export.part import open_edges
 from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
 from dsfab.render import PAPER
@@ -17,7 +19,10 @@ from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_fac
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
 from dsfab.report.assembly.refolding import refolded_pages, strip_quads
-from dsfab.workshop import Layering, layer_numbers, refolded, workshop_plan
+from dsfab.surface import Surface, signed_volume
+from dsfab.thickening import closed_skin
+from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded, workshop_plan
+from dsfab.workshop.built import strip_body
 from tests.browser import browser, opened
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -251,3 +256,22 @@ def test_the_page_tells_how_far_holes_are_off_and_models_have_none(plan):
     assert np.array_equal(quads[0, [0, 3]], strip.edges[0])
     assert np.array_equal(quads[-1, [1, 2]], strip.edges[-1])
     assert np.array_equal(quads[1:, 0], quads[:-1, 1])
+
+
+def test_the_body_of_a_strip_is_closed_and_as_large_as_its_part_is_thick(plan):
+    """Between the chords of its bend a part of thickness t is within (t / 2R)^2 of its area times t."""
+    for strip, part in zip(refolded(plan).strips, [one for one in plan.parts if len(one.axis)], strict=True):
+        V, F = strip_body(strip, plan.thickness)
+        assert open_edges(F) == 0
+        assert signed_volume(V, F) == pytest.approx(part.area * plan.thickness, rel=2e-3)
+
+
+def test_plates_lie_below_all_whatever_side_the_sheet_is_thick_on(plan):
+    plate = Surface(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    part = FlatPart("disc 1", "disc 1", (0.0, 0.0), plate.V[:, :2])
+    low = plan.layering.height(plan.layering.plates)
+    for shift in (-1, 0, 1):
+        V, F = closed_skin(plate, np.tile([0, 0, 0.1], (3, 1)), shift)
+        (shape,) = built_shapes(replace(plan, parts=(part,)), [MemberShape("disc 1", "keep", V, F)], shift)
+        assert np.unique(shape.V[:, 2]) == pytest.approx([low - plan.thickness / 2, low + plan.thickness / 2])
+        assert built_shapes(replace(plan, parts=(part,)), [MemberShape("fill 1", "fill", V, F)], shift) == ()

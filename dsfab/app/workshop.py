@@ -112,19 +112,25 @@ def _check_ifc(given: "Preset") -> None:
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
-    """Each member as the design has it, with references to the drawings of its parts. Raises PatternError for a flat
-    sheet, whose parts are of no member."""
+    """Each member as it is built, with references to the drawings of its parts. Raises PatternError for a flat sheet,
+    whose parts are of no member."""
     from dsfab.delivery import body_details
     from dsfab.export import temporary_folder, write
-    from dsfab.workshop import drawing_files
+    from dsfab.thickening import SHIFT
+    from dsfab.workshop import built_shapes, drawing_files
 
     if plan.graph is None:
         raise PatternError(
             "a flat design is cut as one sheet, and its parts are of no member; leave out --ifc, or write the members "
             "with: dsfab export ... --to members.ifc"
         )
-    details, files = body_details(design), drawing_files(plan)
-    details = replace(details, records={**details.records, "files": files})
+    details = body_details(design)
+    details = replace(
+        details,
+        shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
+        records={**details.records, "files": drawing_files(plan)},
+        measures={**details.measures, "thickness": plan.thickness},
+    )
     with temporary_folder("dsfab") as folder:
         sheet = design.sheet.surface
         return write(sheet, Path(folder) / MEMBERS, name=design.preset.name, details=details).read_bytes()

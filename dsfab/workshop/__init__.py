@@ -5,10 +5,11 @@ strips, splices       parts of lying strips                                plate
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 model, ground, base   models in card, with feet in a plate
 nesting, hints        parts on sheets; what would save some               plan       all of it: `workshop_plan`
-refolding             strips bent back into space
+refolding, built      strips bent back into space; members as bodies of their parts
 drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """
 
+from dsfab.workshop.built import built_shapes
 from dsfab.workshop.course import StripCourse, member_course
 from dsfab.workshop.development import Development
 from dsfab.workshop.drawings import drawing_files, file_stem
@@ -37,6 +38,7 @@ __all__ = [
     "StripLimits",
     "StripParts",
     "WorkshopPlan",
+    "built_shapes",
     "cut_list",
     "cut_list_workbook",
     "drawing_files",

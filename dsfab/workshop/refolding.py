@@ -14,12 +14,13 @@ from dsfab.workshop.plan import WorkshopPlan
 
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
-    """A part by its name and its member's: right and left edges (k, 2, 3), station by station, and the middles of its
-    holes (h, 3), metres, with the names of their bolts (h,)."""
+    """A part by its name and its member's: right and left edges (k, 2, 3), station by station, with unit normals
+    (k, 3), and the middles of its holes (h, 3), metres, with the names of their bolts (h,)."""
 
     id: str
     member: str
     edges: Floats
+    normals: Floats
     holes: Floats
     bolts: tuple[str, ...]
 
@@ -63,13 +64,15 @@ def _refolded(part: FlatPart, layer: Development) -> RefoldedStrip:
     outline = part.outline.reshape(2, len(part.axis), 2)
     right, left = outline[0], outline[1, ::-1]
     s = np.interp(along, layer.length, course.s)
-    P, _, B, _ = layer.frame(s)
+    P, _, B, N = layer.frame(s)
     y = np.stack([-np.linalg.norm(right - part.axis, axis=1), np.linalg.norm(left - part.axis, axis=1)], axis=1)
     holes = np.array([hole.at for hole in part.holes]).reshape(-1, 2)
     at, aside = _beside(part.axis, along, holes)
     Q, _, C, _ = layer.frame(np.interp(at, layer.length, course.s))
     edges = P[:, None] + y[..., None] * B[:, None]
-    return RefoldedStrip(part.id, part.member, edges, Q + aside[:, None] * C, tuple(hole.bolt for hole in part.holes))
+    return RefoldedStrip(
+        part.id, part.member, edges, N, Q + aside[:, None] * C, tuple(hole.bolt for hole in part.holes)
+    )
 
 
 def _beside(axis: Floats, along: Floats, places: Floats) -> tuple[Floats, Floats]:

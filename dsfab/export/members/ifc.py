@@ -7,11 +7,13 @@ others. `files` of the records, by the names of members, become document referen
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dsfab import __version__
+from dsfab.arrays import Floats, Ints
 from dsfab.export.ifc import MM2, MM3, flushed, identifier, joined_face_sets, millimetre_model
 from dsfab.export.ifc_text import Naming, Place, beginning, building, face_set, real, surface_style
 from dsfab.export.member_shape import MemberShape
@@ -19,7 +21,7 @@ from dsfab.export.members.shapes import check_shapes, layer_colour, member_entri
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack
 from dsfab.export.step_pieces import Numbered, quoted
-from dsfab.surface import signed_volume
+from dsfab.surface import connected, signed_volume
 from dsfab.units import MM_PER_M
 
 KINDS = {"Length": "LENGTH", "Width": "LENGTH", "Thickness": "LENGTH", "NetArea": "AREA", "NetVolume": "VOLUME"}
@@ -38,14 +40,13 @@ def encode(part: Part) -> Iterator[bytes]:
     styles = {name: surface_style(new, name, _tint(name)) for name in layers}
     shown: dict[str, list[int]] = {name: [] for name in layers}
     elements = []
-    for name, group in groupby(details.shapes, key=lambda shape: shape.id):
-        shapes = list(group)
-        style = styles[shapes[0].layer]
-        items = ",".join(f"#{face_set(new, shape.V, shape.F + 1, style)}" for shape in shapes)
+    for shape in details.shapes:
+        name, style = shape.id, styles[shape.layer]
+        items = _listed([face_set(new, V, F + 1, style) for V, F in _shells(shape)])
         body = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',({items}))")
-        shown[shapes[0].layer].append(body)
-        made = _element(new, at, shapes[0], body, naming)
-        _measured(new, made, _amounts(shapes, entries[name], details.measures), shapes[0], naming)
+        shown[shape.layer].append(body)
+        made = _element(new, at, shape, body, naming)
+        _measured(new, made, _amounts(shape, entries[name], details.measures), shape, naming)
         _described(new, made, entries[name], naming)
         _documented(new, made, (name, drawings.get(name, ())), naming)
         elements.append(made)
@@ -67,6 +68,17 @@ def check(part: Part, path: Path) -> ReadBack:
     return check_shapes(part, found)
 
 
+def _shells(shape: MemberShape) -> Iterator[tuple[Floats, Ints]]:
+    """Its bodies that do not hang together, each V (n, 3) and F (m, 3)."""
+    F = shape.F
+    count, of = connected(len(shape.V), F.ravel(), np.roll(F, -1, axis=1).ravel())
+    for k in range(count):
+        mine = F[of[F[:, 0]] == k]
+        if len(mine):
+            used, corner = np.unique(mine, return_inverse=True)
+            yield shape.V[used], corner.reshape(-1, 3)
+
+
 def _tint(layer: str) -> tuple[float, float, float]:
     red, green, blue = (round(x / 255, 3) for x in layer_colour(layer))
     return red, green, blue
@@ -86,9 +98,9 @@ def _element(new: Numbered, at: Place, shape: MemberShape, body: int, naming: Na
     )
 
 
-def _amounts(shapes: list[MemberShape], entry: Mapping[str, Any], measures: Mapping[str, float]) -> dict[str, float]:
+def _amounts(shape: MemberShape, entry: Mapping[str, Any], measures: Mapping[str, float]) -> dict[str, float]:
     """Of one member: millimetres, m2, m3, kg."""
-    volume = sum(signed_volume(shape.V, shape.F) for shape in shapes) / MM3
+    volume = signed_volume(shape.V, shape.F) / MM3
     found = {"Length": entry["length"], "Width": entry["width"]["median"]}
     found = {key: value for key, value in found.items() if value}
     if measures.get("thickness", 0) > 0:
