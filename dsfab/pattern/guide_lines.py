@@ -65,7 +65,8 @@ class GuideLine:
         """
         surface = frames.surface
         at = np.unique(surface.F[self.faces])
-        found = nearest(surface.V[at], self.points, np.stack([np.arange(len(self.points) - 1)] * 2, axis=1) + [0, 1])
+        first = np.arange(len(self.points) - 1)
+        found = nearest(surface.V[at], self.points, np.stack([first, first + 1], axis=1))
         piece = found.simplex
         left = np.cross(frames.normal[at], unit(np.diff(self.points, axis=0))[piece])
         away = dots(surface.V[at] - found.place, left) * np.where(dots(left, g[at]) < 0, -1.0, 1.0)

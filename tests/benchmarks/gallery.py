@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline, LinearNDInterpolator
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.source import Opened
+from dsfab.arrays import from_segments
 from dsfab.pipeline.log import silent
 from dsfab.preset_file import overridden
 from dsfab.render.caption import caption
@@ -170,6 +171,8 @@ def options() -> None:
 
 CURVE = [[-5.0, -3.6], [-3.9, -2.9], [-2.5, -2.0], [-1.2, -1.35], [0.0, -1.2], [1.2, -1.5], [2.5, -2.2], [5.0, -3.8]]
 """In plan over the canopy, metres."""
+NEAR = 0.16
+"""Metres from it that are red in the picture."""
 
 
 def guides() -> None:
@@ -179,10 +182,13 @@ def guides() -> None:
     plan = CubicSpline(range(len(CURVE)), CURVE)(np.linspace(0, len(CURVE) - 1, 30))
     curve = np.column_stack([plan, LinearNDInterpolator(V[:, :2], V[:, 2])(plan)]).round(3).tolist()
     member = {"curve": curve, "family": "minor", "member": True}
-    for words, guide in (("no guide", []), ("a guide with member = true: an arch in front of both openings", [member])):
+    start, end = (np.array(part) for part in (curve[:-1], curve[1:]))
+    for words, guide in (("a curve (red) and no guide", []), ("a guide on it with member = true", [member])):
         design = dsfab.run(overridden(canopy, {"pattern.guide": guide}))
-        look = Look((960, 600), up=upwards(design))
-        told.append(picture(design.solid.V, design.solid.F, caption=words, look=look))
+        V, F = design.solid.V, design.solid.F
+        near = (from_segments(V[F].mean(axis=1)[:, None], start, end).min(axis=1) < NEAR).astype(np.int64)
+        look = Look((960, 600), palette=replace(PAPER, families=PAPER.tints), up=upwards(design))
+        told.append(picture(V, F, family=1 - near, caption=words, look=look))
     write(np.concatenate(told, axis=1), "guides")
 
 
