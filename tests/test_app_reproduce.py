@@ -456,6 +456,15 @@ def test_the_small_page_is_one_file_with_every_picture_in_half_its_size(folder):
             assert np.abs(np.asarray(half.convert("RGB"), float) - np.asarray(pixels, float)).mean() < 12
 
 
+def test_the_recorded_small_page_shows_all_figures_and_the_claim():
+    path = OUTPUTS / "small.html"
+    text = path.read_text(encoding="utf-8")
+    assert path.stat().st_size < 3e6
+    assert re.findall(r'<section id="(\w+)">', text) == [*(figure.preset for figure in FIGURES), "volumes"]
+    assert "Not made" not in text
+    assert "http:" not in text
+
+
 def test_seconds_are_the_medians_of_the_processors(monkeypatch):
     design, ticks = draft(load_preset("hanging_bar", {"surface.edge": 0.2})), iter(np.arange(1e3) ** 2.0)
     monkeypatch.setattr(figures.time, "process_time", lambda: float(next(ticks)))
