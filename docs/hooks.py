@@ -43,6 +43,9 @@ SECTIONS = {
 REPOSITORY = {"outputs/gallery/README.md": "gallery.md", "README.md": "index.md"}
 """Files of the repository that are pages of the site."""
 
+PAPER = ("small.html", "sphere_volumes.json")
+"""The paper's figures, made again, and the data that their page leads to."""
+
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """The files of the site, with those that are made here."""
@@ -59,13 +62,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for picture in sorted(gallery.rglob("*.png")):
         where = f"gallery/{picture.relative_to(gallery).as_posix()}"
         files.append(File.generated(config, where, abs_src_path=str(picture)))
+    for name in PAPER:
+        files.append(File.generated(config, f"paper/{name}", abs_src_path=str(ROOT / "outputs" / "paper" / name)))
     return files
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """A page's text with the links of the site."""
     text = re.sub(r"\]\((?:\.\./)?outputs/gallery/README\.md\)", "](gallery.md)", markdown)
-    text = re.sub(r"\]\((?:\.\./)?outputs/gallery/", "](gallery/", text)
+    text = re.sub(r"\]\((?:\.\./)?outputs/(gallery|paper)/", r"](\1/", text)
     if page.file.src_uri == "gallery.md":
         text = re.sub(r"\]\((\w+\.png)\)", r"](gallery/\1)", text)
     if page.meta.get("math"):

@@ -418,12 +418,14 @@ def claim(*values):
 def test_the_claim_is_told_whoever_wins_and_what_is_not_known_is_said():
     design, row = ("design", 0.004, 0.01, "pass"), ("row", None, None, "fail")
     text = claim_section(claim(design, row, ("isotropic", 0.02, 0.08, "unknown"), ("thinner", 0.00404, 0.01, "pass")))
-    assert "best isotropic stripes: 5 times at 50%." in text
-    assert "a thinner sheet: 1.01 times at 50%, too close to tell." in text
+    assert "Tuned modes and phases, graded widths against the best isotropic stripes: 5 times as stiff at 50%." in text
+    assert "a thinner sheet: 1.01 times as stiff at 50% (too close to tell)." in text
     assert "2 of 3 numbers are verdicts that pass, of finer and finer meshes, known to 1.0 to 1.0 %" in text
     assert "Without a verdict, in italics: best pair of isotropic modes at 50%." in text
     assert '<td title="why"><i>20 ± 8 %</i></td>' in text
     assert "not carried" in text
+    softer = claim_section(claim(("row", 0.04, 0.01, "pass"), ("thinner", 0.01, 0.01, "pass")))
+    assert "Table 1's row, labelled by sign against a thinner sheet: 4 times as soft at 50%." in softer
     assert "one solve on the cut mesh" in claim_section(claim(("design", 0.004, 0.05, "unknown")))
 
 
@@ -437,7 +439,7 @@ def test_the_page_shows_the_chart_on_the_sphere_where_its_data_lie():
         next(row["compliance_J"] for row in rows if row["name"] == name and row["volume"] == 0.5)
         for name in ("design", "isotropic")
     )
-    assert f"{iso / own:.3g} times at 50%" in text
+    assert f"{iso / own:.3g} times as stiff at 50%" in text
     assert _volumes(OUTPUTS / "nowhere") == []
     assert "sphere_volumes" not in page([], PageFacts(1.0, "a machine"))
 
@@ -454,6 +456,15 @@ def test_the_small_page_is_one_file_with_every_picture_in_half_its_size(folder):
             assert int(width) == whole.width
             pixels = whole.convert("RGB").resize(half.size)
             assert np.abs(np.asarray(half.convert("RGB"), float) - np.asarray(pixels, float)).mean() < 12
+
+
+def test_the_recorded_small_page_shows_all_figures_and_the_claim():
+    path = OUTPUTS / "small.html"
+    text = path.read_text(encoding="utf-8")
+    assert path.stat().st_size < 3e6
+    assert re.findall(r'<section id="(\w+)">', text) == [*(figure.preset for figure in FIGURES), "volumes"]
+    assert "Not made" not in text
+    assert "http:" not in text
 
 
 def test_seconds_are_the_medians_of_the_processors(monkeypatch):

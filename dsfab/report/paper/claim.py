@@ -27,16 +27,16 @@ def claim_section(rows: Sequence[Row]) -> str:
         cells = "".join(_cell(known.get((name, share))) for share in shares)
         lines.append(f"<tr><th>{escape(RIVALS[name])}</th>{cells}</tr>")
     words = (
-        "The paper's claim, tested: how stiff a sphere of one mass is, held at one pole and pressed at the other. "
-        f"{' '.join(_words(known, shares))} {_verdicts(rows)} The numbers are in "
-        '<a href="sphere_volumes.json">its data</a>, again by <code>dsfab reproduce sphere --volumes</code>.'
+        "<p>The paper's claim, tested: how stiff is a sphere of one mass, held at a pole and pressed at the other?</p>"
+        f"<ul>{''.join(f'<li>{line}</li>' for line in _words(known, shares))}</ul><p>{_verdicts(rows)} The numbers are "
+        'in <a href="sphere_volumes.json">its data</a>, again by <code>dsfab reproduce sphere --volumes</code>.</p>'
     )
     table = (
         '<table class="measured"><caption>Compliance, mJ, of the share of the surface that is kept, with its bound'
         f"</caption><tr><th></th>{head}</tr>{''.join(lines)}</table>"
     )
     image = '<img src="sphere_volumes.svg" alt="Compliance over mass on the sphere" style="max-width: 54rem">'
-    return f'<section id="volumes"><h2>Compliance over mass</h2><p>{words}</p>{table}{image}</section>'
+    return f'<section id="volumes"><h2>Compliance over mass</h2>{words}{table}{image}</section>'
 
 
 def stiffness(own: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
@@ -62,17 +62,18 @@ def _cell(row: Row | None) -> str:
 
 
 def _words(known: Mapping[tuple[str, float], Row], shares: Sequence[float]) -> Iterator[str]:
-    """A sentence for each of ours over isotropic stripes and over a thinner sheet, whoever wins."""
+    """A line for each of ours over isotropic stripes and over a thinner sheet, whoever wins."""
     for name in OURS:
         for other, called in OTHERS:
             told = []
             for share in shares:
                 if found := stiffness(known.get((name, share)), known.get((other, share))):
                     ratio, least, most = found
-                    alike = ", too close to tell" if least <= 1 <= most else ""
-                    told.append(f"{ratio:.3g} times at {share:.0%}{alike}")
+                    alike = " (too close to tell)" if least <= 1 <= most else ""
+                    how = f"{ratio:.3g} times as stiff" if ratio >= 1 else f"{1 / ratio:.3g} times as soft"
+                    told.append(f"{how} at {share:.0%}{alike}")
             if told:
-                yield f"Stiffness of {RIVALS[name]} over that of {called}: {', '.join(told)}."
+                yield f"{RIVALS[name][0].upper()}{RIVALS[name][1:]} against {called}: {', '.join(told)}."
 
 
 def _verdicts(rows: Sequence[Row]) -> str:
