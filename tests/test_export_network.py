@@ -15,11 +15,13 @@ from dsfab.export import StepOptions, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import use_check
 from dsfab.export.network.build import member_draft
-from dsfab.export.network.curves import ChainCurve, bernstein
+from dsfab.export.network.curves import ChainCurve, SampledChain, bernstein
 from dsfab.export.network.fillets import without_fillets
-from dsfab.export.network.graph import VOID, net_of
+from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
+from dsfab.export.network.joining import joined_outlines
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.patches import coons, least_jacobian
+from dsfab.export.network.quads import quad_net
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
 from dsfab.export.smooth.plan import SmoothPlan
@@ -171,6 +173,44 @@ def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
     assert draft.text.count("B_SPLINE_SURFACE") == draft.faces == draft.text.count("=ADVANCED_FACE(")
     edges, used = draft.text.count("=EDGE_CURVE("), draft.text.count("=ORIENTED_EDGE(")
     assert used == 2 * edges
+
+
+def rectangle_net(arc: bool) -> tuple[ChainNet, np.ndarray]:
+    """A region of 2 x 1, its bottom in three chains, one of its sides shared with another region; the middle chain of
+    the bottom ends where an arc does, if asked."""
+    P = np.array([[0, 0], [0.5, 0], [1, 0], [1.5, 0], [2, 0], [2, 1], [0, 1], [0.25, 0], [1.25, 0.0], [1.75, 0]])
+    if arc:
+        P[[2, 8], 1] = 0.3, 0.15
+    ways = [[0, 7, 1], [1, 2, 8, 3], [3, 9, 4], [4, 5], [5, 6], [6, 0]]
+    chains = {k: Chain(np.array(way), 0, 1 if k == 5 else VOID) for k, way in enumerate(ways)}
+    loops = {0: [[(k, True) for k in chains]], 1: [[(5, False)]]}
+    return ChainNet(csr_array(eye_array(len(P))), chains, loops, frozenset(), np.zeros(0, dtype=np.int64)), P
+
+
+def test_outlines_are_joined_but_where_they_begin_to_be_round():
+    net, P = rectangle_net(arc=False)
+    done = joined_outlines(net, P)
+    assert done.loops == {0: [[(0, True), (3, True), (4, True), (5, True)]], 1: [[(5, False)]]}
+    assert done.chains[0].points.tolist() == [0, 7, 1, 2, 8, 3, 9, 4]
+    net, P = rectangle_net(arc=True)
+    assert joined_outlines(net, P).loops == net.loops
+
+
+def test_a_side_takes_its_breaks_from_the_opposite_one():
+    """Arcs of .1 at both ends of a bottom of length 1, and a top of one span."""
+    ends = {0: ([0, 0], [0.1, 0]), 1: ([0.1, 0], [0.9, 0]), 2: ([0.9, 0], [1, 0]), 4: ([1, 1], [0, 1])}
+    ends |= {3: ([1, 0], [1, 1]), 5: ([0, 1], [0, 0])}
+    lines = {k: np.array([[*a, 1, *a, 0], [*b, 1, *b, 0]], dtype=float) for k, (a, b) in ends.items()}
+    curves = {
+        k: ChainCurve(np.array([0.0, 1]), (q[0] + np.arange(4)[:, None] / 3 * (q[1] - q[0]))[None])
+        for k, q in lines.items()
+    }
+    net, _ = rectangle_net(arc=False)
+    chains = {k: SampledChain(q, True) for k, q in lines.items()}
+    found = quad_net(net, chains, curves, 0.01)
+    assert [quad.region for quad in found.quads] == [0]
+    np.testing.assert_allclose(found.curves[4].breaks, [0, 0.1, 0.9, 1])
+    assert all(len(found.curves[k].spans) == 1 for k in (0, 1, 2, 3, 5))
 
 
 @pytest.mark.slow

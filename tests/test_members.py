@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from dsfab import preset_for
 from dsfab.members import member_graph
 from dsfab.members.order import along_structure
+from dsfab.members.regions import _without_slivers
 from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
 from dsfab.results import PatternResult
@@ -19,6 +20,7 @@ from dsfab.surface import CornerField, Surface
 from tests.analytic import SURFACES, WIDTH, grid
 from tests.meshes import FOLDER
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
+from tests.zoo import grid as plain_grid
 
 CALM = 0.6
 """Metres from the ends of an axis, where a spline knows less."""
@@ -398,3 +400,12 @@ def test_a_surface_that_is_all_material_is_one_plate():
     graph = graph_of(surface, pattern)
     assert [(one.id, one.kind, one.axis) for one in graph.members] == [("plate 1", "plate", None)]
     assert graph.members[0].area == pytest.approx(1.0)
+
+
+def test_slivers_beside_one_stripe_belong_to_it_and_corners_between_two_to_none():
+    plate = plain_grid(4, 1, 4.0, 1.0)
+    column = plate.centroids[:, 0].astype(int)  # a sliver, stripe 1, a corner, stripe 2
+    sheet = cut(plate, [plate.V[:, 0]], [[-1.0]])
+    cells = _without_slivers(sheet, np.array([0, 1, 0, 2])[column], column % 2 == 0)
+    assert (cells.label == np.array([1, 1, 0, 2])[column]).all()
+    assert (cells.loose == (column == 2)).all()

@@ -3,6 +3,7 @@
 lifting     : points of the smooth skins over points of the mesh.
 graph       : the sheet's regions, and the chains of edges between them.
 fillets     : round corners of openings taken into the members beside them.
+joining     : chains of an outline that are one.
 curves      : the chains as cubics, one for both skins.
 quads       : which regions have four sides, and how many spans these need.
 patches     : their patches; trimmed : the surfaces of all other regions.

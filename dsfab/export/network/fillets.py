@@ -56,9 +56,8 @@ class _Fillets:
         behind = [int(self._points(step)[-1]) for step in inner[:-1]]
         if any(p in self.place or p in self.outline for p in behind):
             return
-        if sum(self._length(self._points(step)) for step in inner) > (
-            DETOUR if len(inner) > 2 else FLATTER
-        ) * self._length(points):
+        most = DETOUR if len(inner) > 2 else FLATTER
+        if sum(self._length(self._points(step)) for step in inner) > most * self._length(points):
             return
         others = [self._other(step) for step in inner]
         if len(inner) == 1 or len(set(others)) == 1:

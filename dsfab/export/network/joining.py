@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.network.graph import ROUND, VOID, ChainNet, Loop
+from dsfab.export.network.graph import ROUND, TURN, VOID, Chain, ChainNet, Loop
 
 FEWEST = 4
 """Chains that a loop keeps."""
@@ -15,40 +15,45 @@ def joined_outlines(net: ChainNet, P: Floats) -> ChainNet:
     """The net without nodes in the middle of round corners and of straight walls; P (p, d) are its points."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
-    chains, loops = dict(net.chains), dict[int, list[Loop]]()
-
-    def one(loop: Loop) -> Loop:
-        if all(chains[k].right == VOID for k, _ in loop):
-            return loop
-        found = list(loop)
-        at = 0
-        while at < len(found) and len(found) > FEWEST:
-            (j, _), (k, _) = found[at - 1], found[at]
-            a, b = chains[j], chains[k]
-            outer = a.right == VOID and b.right == VOID and j != k
-            if outer and degree[b.points[0]] == 2 and not _round_end(P, a.points, b.points):
-                chains[j] = replace(a, points=np.concatenate([a.points, b.points[1:]]))
-                del chains[k], found[at]
-            else:
-                at += 1
-        return found
-
-    for region, some in net.loops.items():
-        loops[region] = [one(loop) for loop in some]
+    chains = dict(net.chains)
+    loops = {region: [_joined(loop, chains, P, degree) for loop in some] for region, some in net.loops.items()}
     return replace(net, chains=chains, loops=loops)
 
 
-def _round_end(P: Floats, one: Ints, two: Ints) -> bool:
-    """Whether the first of two chains' points in a row ends, and the other begins, where an outline begins or ends to
-    be round."""
-    bent = _bent(P[np.concatenate([one[-3:], two[1:3]])])
-    middle = len(one[-3:]) - 2
-    beside = [bent[i] for i in (middle - 1, middle + 1) if 0 <= i < len(bent)]
-    return bent[middle] and not all(beside)
+def _joined(loop: Loop, chains: dict[int, Chain], P: Floats, degree: Ints) -> Loop:
+    """A loop with fewer chains; `chains` loses those that have become part of others."""
+    if all(chains[k].right == VOID for k, _ in loop):
+        return loop
+    found, at = list(loop), 0
+    while at < len(found) and len(found) > FEWEST:
+        (j, _), (k, _) = found[at - 1], found[at]
+        a, b = chains[j], chains[k]
+        outer = a.right == VOID and b.right == VOID and j != k
+        if outer and degree[b.points[0]] == 2 and not _ends(P[_around(found, at, chains)]):
+            chains[j] = replace(a, points=np.concatenate([a.points, b.points[1:]]))
+            del chains[k], found[at]
+        else:
+            at += 1
+    return found
 
 
-def _bent(line: Floats) -> list[bool]:
-    """Whether a line (k, d) turns where its inner points are."""
+def _around(loop: Loop, at: int, chains: dict[int, Chain]) -> Ints:
+    """(5,) points of the outline around that where a chain of a loop begins; (0,) where it is not that long."""
+    parts = [chains[loop[(at + i) % len(loop)][0]] for i in (-2, -1, 0, 1)]
+    before, after = parts[1].points, parts[2].points
+    if parts[0].right == VOID:
+        before = np.concatenate([parts[0].points[:-1], before])
+    if parts[3].right == VOID:
+        after = np.concatenate([after, parts[3].points[1:]])
+    return np.concatenate([before[-3:-1], after[:3]]) if min(len(before), len(after)) > 2 else after[:0]
+
+
+def _ends(line: Floats) -> bool:
+    """Whether something ends in the middle of five points (5, d): a sharp corner, or that an outline is round; and
+    where there are fewer."""
+    if len(line) < 5:
+        return True
     way = np.diff(line, axis=0)
     way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
-    return (np.einsum("ki,ki->k", way[1:], way[:-1]) < ROUND).tolist()
+    before, here, after = np.einsum("ki,ki->k", way[1:], way[:-1])
+    return bool(here < TURN or (here < ROUND and max(before, after) >= ROUND))

@@ -184,14 +184,11 @@ class _Matching:
         chain."""
         mine, there = self._shares(side), 1 - self._shares(other)
         away = np.abs(there[:, None] - mine).min(axis=1)
-        share, start = float(there[away.argmax()]), 0.0
-        total = sum(self.chains[k].way[-1] for k, _ in side)
-        for k, ahead in side:  # the last one where rounding leaves none
-            end = start + self.chains[k].way[-1] / total
-            if share < end:
-                break
-            start = end
-        x = (share - start) / (end - start)
+        share = float(there[away.argmax()])
+        ends = np.cumsum([self.chains[k].way[-1] for k, _ in side])
+        i = min(int(np.searchsorted(ends, share * ends[-1], side="right")), len(side) - 1)
+        k, ahead = side[i]
+        x = 1 - (ends[i] - share * ends[-1]) / self.chains[k].way[-1]
         x = x if ahead else 1 - x
         if (np.abs(self.curves[k].breaks - x) < APART).any() or not 0 < x < 1:
             return self._halve(side)
