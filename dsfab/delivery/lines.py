@@ -6,8 +6,8 @@ import numpy as np
 
 from dsfab.pipeline.design import Design
 from dsfab.slicing.lines import STRIPES, CornerLines, Phase, centre_lines, chart_lines, edge_lines
+from dsfab.surface import StructureLine, simplified_line
 from dsfab.surface.corner_field import CornerField
-from dsfab.surface.lines import StructureLine, simplified_line
 
 FULL = 0.5
 """Half-width in periods at which the stripes of a family touch everywhere: one sheet, without members."""

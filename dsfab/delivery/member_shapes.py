@@ -5,7 +5,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export import MemberShape
 from dsfab.members import Member
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.surface import Surface
 from dsfab.thickening import SHIFT, closed_skin, offsets
 

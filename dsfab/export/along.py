@@ -16,7 +16,7 @@ from dsfab.export.curves import SHARP, Curve, fitted
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, differs
 from dsfab.limits import READ_BACK
-from dsfab.surface.lines import polyline_length
+from dsfab.surface import polyline_length
 
 CLOSEST = 1e-3
 """Millimetres: curves are not asked to be nearer than this when the lines are exact."""

@@ -24,7 +24,7 @@ from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, with_lines
 from dsfab.export.text import one_line
 from dsfab.export.views import DrawingView, views
-from dsfab.surface.lines import StructureLine, simplified_line
+from dsfab.surface import StructureLine, simplified_line
 
 APPLICATION = "DSFAB"
 GAP = 0.15

@@ -14,8 +14,7 @@ from dsfab.errors import ExportError
 from dsfab.export.member_shape import MemberShape
 from dsfab.export.smooth.source import Curved
 from dsfab.limits import READ_BACK
-from dsfab.surface import Surface, box, signed_volume, total_area
-from dsfab.surface.lines import StructureLine
+from dsfab.surface import StructureLine, Surface, box, signed_volume, total_area
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M

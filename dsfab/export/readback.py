@@ -10,8 +10,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.part import Part, open_edges
 from dsfab.limits import READ_BACK
-from dsfab.surface import box, signed_volume, total_area
-from dsfab.surface.lines import polyline_length
+from dsfab.surface import box, polyline_length, signed_volume, total_area
 
 
 @dataclass(frozen=True)

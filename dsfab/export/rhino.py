@@ -31,7 +31,7 @@ from dsfab.export.curves import Curve
 from dsfab.export.part import Part, in_single_precision
 from dsfab.export.readback import ReadBack, check_mesh
 from dsfab.export.text import one_line
-from dsfab.surface.lines import StructureLine
+from dsfab.surface import StructureLine
 
 VERSION = 7
 """Of Rhino: the oldest in wide use; newer ones read it."""

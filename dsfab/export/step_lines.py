@@ -16,7 +16,7 @@ from dsfab.export.readback import ReadBack, differs, with_lines
 from dsfab.export.step import inspection
 from dsfab.export.step_pieces import quoted
 from dsfab.export.step_text import header
-from dsfab.surface.lines import StructureLine
+from dsfab.surface import StructureLine
 
 COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
 """By family; others are black."""

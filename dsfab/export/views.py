@@ -12,7 +12,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.part import Part
-from dsfab.surface.lines import StructureLine, simplified_line
+from dsfab.surface import StructureLine, simplified_line
 from dsfab.surface.mesh import Surface
 
 CELLS = 800

@@ -16,8 +16,7 @@ from dsfab.errors import PatternError
 from dsfab.pattern.corners import CornerPhase
 from dsfab.pattern.frames import Frames, dots, unit
 from dsfab.pattern.guides import Guide
-from dsfab.surface.mesh import Surface
-from dsfab.surface.nearest import nearest
+from dsfab.surface import Surface, nearest
 
 FINE = 8
 """Points of a curve for each mean edge of the mesh: few faces that it passes are missed, by a corner."""

@@ -10,7 +10,7 @@ from dsfab.errors import DsfabError
 from dsfab.render.lettering import round_length
 from dsfab.render.palette import Palette
 from dsfab.render.scene import Bytes
-from dsfab.surface.hats import hat_gradients
+from dsfab.surface import hat_gradients
 
 if TYPE_CHECKING:
     from PIL.Image import Image

@@ -13,7 +13,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.slicing.chart import SAME, Chart
 from dsfab.slicing.clip import Spans, clipped
 from dsfab.slicing.sheet import Sheet
-from dsfab.surface.lines import chains
+from dsfab.surface import chains
 from dsfab.surface.topology import EdgeTable, edge_table
 
 NEAR = 1e-5

@@ -11,7 +11,7 @@ from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.formats.ply import ply_chunks
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
 from dsfab.surface.hats import hat_gradients
-from dsfab.surface.lines import chains, simplified_line
+from dsfab.surface.lines import StructureLine, chains, polyline_length, simplified_line
 from dsfab.surface.load_parts import LoadParts
 from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
 from dsfab.surface.mend import MendedMesh, mended
@@ -86,6 +86,7 @@ __all__ = [
     "Side",
     "SizeField",
     "Snow",
+    "StructureLine",
     "Support",
     "Surface",
     "SurfaceInFile",
@@ -117,6 +118,7 @@ __all__ = [
     "normalized",
     "pieces",
     "ply_chunks",
+    "polyline_length",
     "raw_mesh",
     "read_surface",
     "refined",

@@ -28,7 +28,7 @@ from dsfab.export.member_shape import MemberShape
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, differs
 from dsfab.limits import READ_BACK
-from dsfab.surface.lines import polyline_length, simplified_line
+from dsfab.surface import polyline_length, simplified_line
 
 LETTER = 0.008
 """Height of names, as a share of the longest side of the structure."""
