@@ -24,7 +24,7 @@ from dsfab.render.light import QUICK
 from dsfab.render.marks import _arrow, gradient_arrows
 from dsfab.render.palette import PAPER
 from dsfab.render.previewer import TRIAL, Previewer
-from dsfab.report.paper import drawing, figures
+from dsfab.report.paper import drawing, figures, volumes
 from dsfab.report.paper.claim import claim_section, stiffness
 from dsfab.report.paper.comparisons import as_mode
 from dsfab.report.paper.figures import _reached
@@ -364,16 +364,17 @@ def test_a_mode_with_its_gradients_needs_a_new_previewer_for_another_one(dome):
 
 
 @pytest.mark.slow
-def test_the_claim_on_the_sphere_is_judged_and_written_as_data_and_a_chart(tmp_path):
-    """In rough; the recorded files in outputs/paper are those of a finer mesh."""
-    sphere_volumes(tmp_path, Reporter(quiet=True), coarser=3.5, shares=(0.5,))
+def test_the_claim_on_the_sphere_is_judged_and_written_as_data_and_a_chart(tmp_path, monkeypatch):
+    """In rough, in one gigabyte; the recorded files in outputs/paper are those of a finer mesh."""
+    monkeypatch.setattr(volumes, "MEMORY", 1e9)
+    sphere_volumes(tmp_path, Reporter(quiet=True), coarser=3.0, shares=(0.5,))
     told = json.loads((tmp_path / "sphere_volumes.json").read_text())
     names = ["full", "design", "isotropic", "thinner", "plain", "row", "letter", "stripes"]
     assert [row["name"] for row in told["competitors"]] == names
     assert told["competitors"][2]["ratio_to_full"] is None or told["competitors"][2]["ratio_to_design"] > 1
     judged = [row for row in told["competitors"] if row["compliance_J"]]
-    assert all(row["level"] == "full" and 0 < row["bound"] < 0.2 for row in judged)
-    assert sum(row["verdict"] == "pass" for row in judged) > len(judged) / 2
+    assert all(row["level"] == "full" and 0 < row["bound"] < 0.5 for row in judged)
+    assert {row["verdict"] for row in judged} <= {"pass", "unknown"}
     chart = (tmp_path / "sphere_volumes.svg").read_text()
     assert "tuned modes and phases, plain widths" in chart
     assert (tmp_path / "sphere_volumes.png").read_bytes().startswith(b"\x89PNG")
