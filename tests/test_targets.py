@@ -24,7 +24,8 @@ def over_full(design) -> float:
         ("cantilever", 0.5, 1.85, 1.80),
         pytest.param("cantilever_light", 0.3, 3.4, 3.20, marks=pytest.mark.slow),
         pytest.param(SPHERE_GRADED_MODES, 0.5, 2.8, 1.713, marks=pytest.mark.slow, id="sphere_graded_modes"),
-        pytest.param("sphere_graded", 0.5, 1.5, 1.376, marks=pytest.mark.slow),
+        # 1.366 before walls were divided where they bend: finer cells give way a little more
+        pytest.param("sphere_graded", 0.5, 1.5, 1.397, marks=pytest.mark.slow),
     ],
 )
 def test_presets_reach_their_targets(name, share, target, recorded):
