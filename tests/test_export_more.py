@@ -262,12 +262,12 @@ def test_what_goes_into_which_format(design):
     for suffix, form in FORMATS.items():
         thing, how = deliverable(design, suffix)
         expected = {"mesh": design.solid, "both": design.solid, "fields": design.surface}
-        expected |= dict.fromkeys(("lines", "members", "bodies", "forces"), design.sheet.surface)
+        expected |= dict.fromkeys(("lines", "members", "bodies", "forces", "frame", "bars"), design.sheet.surface)
         assert thing is expected[form.takes], suffix
         details = how.get("details", Details())
         assert bool(details.lines) == (form.takes in ("lines", "both"))
         assert bool(details.values) == (form.takes == "fields")
-        assert bool(details.records) == (form.takes in ("members", "bodies", "forces"))
+        assert bool(details.records) == (form.takes in ("members", "bodies", "forces", "frame", "bars"))
         assert bool(details.shapes) == (form.takes == "bodies")
         if details.lines:
             assert isinstance(details.lines[0], StructureLine)
