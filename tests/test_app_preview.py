@@ -19,8 +19,8 @@ from dsfab.render.palette import PAPER
 from dsfab.render.picture import Look, picture
 from dsfab.render.png import write_png
 from dsfab.render.scene import Body, Scene
-from dsfab.render.stage import Annotations, person, set_stage
-from dsfab.render.view import ANGLE, best_side, framed, up_axis
+from dsfab.render.stage import Annotations, on_page, person, set_stage
+from dsfab.render.view import ANGLE, best_side, framed, named_side, up_axis
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import cylinder, dome, plate, sphere, tower
 
@@ -99,6 +99,16 @@ def test_a_structure_is_whole_on_the_page_and_fills_it(name: str) -> None:
     fill = max((bottom - top) / 240, (right - left) / 320)
     assert 0.5 < fill < 0.98
     assert members(image).mean() > 0.03
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_scale_of_colours_lies_below_the_structure(name: str) -> None:
+    """The names of its ends reach up to 8 of the 46 letters that a page is high."""
+    V, F = SHAPES[name]()
+    body, up = Body(V, F, np.array(PAPER.members, dtype=np.uint8)), np.array([0.0, 0.0, 1.0])
+    for height, side in ((1200, "iso"), (600, "front")):
+        view = on_page([body], named_side(V, up, side), (800, height), scale=True)
+        assert view.seen(V)[:, 1].min() > -1 + 2 * 8 / 46
 
 
 def test_a_ball_is_lit_from_the_upper_left() -> None:

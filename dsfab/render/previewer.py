@@ -236,7 +236,7 @@ class Previewer:
     def _view(self, size: tuple[int, int], words: bool) -> View:
         """The camera for a page: found once for each."""
         if (size, words) not in self._views:
-            self._views[size, words] = on_page(self._stage.bodies, self._side, size, words)
+            self._views[size, words] = on_page(self._stage.bodies, self._side, size, words, self._bar is not None)
         return self._views[size, words]
 
     def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:

@@ -98,10 +98,11 @@ def set_stage(
     return Stage(bodies, view, level if stands else None, centre, radius)
 
 
-def on_page(bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True) -> View:
-    """The view in which the bodies fill a page with a strip for words below, or without one."""
+def on_page(bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False) -> View:
+    """The view in which the bodies fill a page with a strip for words below, or without one; a higher one for words
+    below a scale of colours."""
     aspect = size[0] / size[1]
-    wide, bottom, top = (0.86, -0.70, 0.88) if words else (0.92, -0.86, 0.92)
+    wide, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return framed(np.concatenate([one.V for one in bodies]), side, (-wide * aspect, wide * aspect, bottom, top))
 
 
