@@ -35,6 +35,8 @@ def test_rings_and_spokes_are_counted_where_they_are_known(plate):
     assert found.family == "major"
     assert found.crossed == tuple(int(2 * (np.abs(j) < r).sum()) for r in radii)
     assert found.is_web
+    assert f"crossed by {min(found.crossed)} to {max(found.crossed)} spokes" in found.sentence
+    assert Web("minor", (10, 10)).sentence.endswith("each crossed by 10 spokes")
     other = web(plate.surface, np.column_stack([lines, rings]), plate.load, plate.held)
     assert (other.family, other.crossed) == ("minor", found.crossed)
 
@@ -126,6 +128,7 @@ def test_loads_on_loose_pieces_are_not_carried():
     assert letter.carried < 0.01
     assert letter.over_uncut == np.inf
     assert rendition_facts(letter)[3] == "not carried"
+    assert finding("web", letter).endswith("; it carries 0% of the load")
 
 
 def test_what_could_not_be_made_is_told_and_claims_nothing():

@@ -39,9 +39,10 @@ class Web:
         """What was measured, as the end of a caption."""
         rings = [count for count in self.crossed if count >= SPOKES]
         if self.is_web:
+            spokes = f"{min(rings)} to {max(rings)}" if min(rings) < max(rings) else f"{rings[0]}"
             return (
                 f"a radial web: {len(rings)} rings of the {self.family} family around the load, each crossed by "
-                f"{min(rings)} to {max(rings)} spokes"
+                f"{spokes} spokes"
             )
         if not self.crossed:
             return "no web here, because no line of either family closes around the load"

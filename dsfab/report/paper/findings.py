@@ -10,6 +10,9 @@ from dsfab.study.webs import design_phases, links, loaded_patches, nearby, web
 ANGLE, EVENNESS = 60.0, 3.0
 """A grid's members cross at so many degrees at least, and the P95 of their spacing is so many times the P5 at most."""
 
+MOST = 0.995
+"""A structure that brings less than so much of its load to a support is not praised without a word on that."""
+
 
 def finding(claim: str, made: Rendition) -> str:
     """What was measured of a claim (see `PaperFigure`), as a clause; '' where nothing is claimed or nothing was made.
@@ -23,8 +26,10 @@ def finding(claim: str, made: Rendition) -> str:
     design = made.design
     phases, loads = design_phases(design), loaded_patches(design.surface, design.load.loaded)
     if claim == "web":
-        return web(design.surface, phases, loads[0], design.load.held).sentence
-    return _beams(design, phases, loads, between=claim == "beams")
+        told = web(design.surface, phases, loads[0], design.load.held).sentence
+    else:
+        told = _beams(design, phases, loads, between=claim == "beams")
+    return f"{told}; it carries {made.carried:.0%} of the load" if made.carried < MOST else told
 
 
 def _beams(design: Design, phases: Floats, loads: list[Bools], between: bool) -> str:
