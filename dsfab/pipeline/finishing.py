@@ -181,7 +181,8 @@ def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalle
     if smallest.neck and merge != "none":
         cells, bridged = bridged_necks(cells, smallest.neck)
     if merge != "none":
-        cells = divided_walls(faired_walls(cells))
+        cells, more = filled_slits(divided_walls(faired_walls(cells)), merge)  # hairs decide of some
+        merged += more
     return Unrounded(cells, pinched.count, filled, merged, bridged)
 
 

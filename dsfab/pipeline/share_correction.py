@@ -12,7 +12,7 @@ SHARE_TOLERANCE = 4e-4
 CORRECTIONS = 3
 """Rounds at most in which it is corrected by what round corners and filled openings add."""
 
-HALVINGS = 6
+HALVINGS = 8
 """Rounds at most in which it is looked for where that leads astray, since openings close."""
 
 
@@ -82,4 +82,4 @@ def _between(tries: Sequence[_Try], wanted: float) -> float:
     """
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in tries for b in tries if a.total < wanted < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
-    return middle if gap > SHARE_TOLERANCE else 0.0
+    return middle if gap > SHARE_TOLERANCE / 16 else 0.0
