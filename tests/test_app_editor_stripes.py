@@ -170,7 +170,7 @@ def test_the_browser_sees_what_the_previewer_sees(page, dome):
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("width.solid_fraction", 0.6),
+        ("width.solid_fraction", 0.5),
         pytest.param("width.rule", "graded", marks=pytest.mark.slow),
         pytest.param("rim", 0.8, marks=pytest.mark.slow),
         pytest.param("width", {"rule": "constant", "member": 0.2, "solid_fraction": 0.0}, marks=pytest.mark.slow),

@@ -12,7 +12,7 @@ from dsfab.frame import forces_along
 from dsfab.members import Member, MemberAxis, MemberGraph
 from dsfab.statics import Material
 from dsfab.surface import Surface
-from tests.test_section_forces import forces_of, strip
+from tests.test_section_forces import forces_of, short_tube, strip
 from tests.test_statics_modes import hold
 from tests.zoo import grid, jittered
 
@@ -85,13 +85,7 @@ def test_a_strip_in_torsion_has_its_torque():
 
 def test_a_ring_beam_under_radial_load():
     """N = -p b R [Barlow], and nothing else."""
-    around = grid(64, 3, 2 * np.pi, 0.2)
-    V = np.stack([np.cos(around.V[:, 0]), np.sin(around.V[:, 0]), around.V[:, 1]], axis=1)
-    _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
-    s = Surface(V[first], of.reshape(-1)[around.F])
-    fixed = hold(s, (np.abs(s.V[:, 1]) < 1e-9, "y"), (np.abs(s.V[:, 0]) < 1e-9, "x"), (s.V[:, 2] < 1e-9, "z"))
-    out = s.centroids * (1, 1, 0)
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    s, fixed, out = short_tube()
     found = forces_of(s, fixed, face=-1e4 * out)
     a = np.linspace(0, 2 * np.pi, 129)
     circle = np.stack([np.cos(a), np.sin(a), 0 * a + 0.1], axis=1)

@@ -81,14 +81,20 @@ def test_a_supported_plate_has_naviers_moments_and_edge_shear():
     assert shears[-1] < 0.025 < shears[0]
 
 
-def test_a_tube_under_pressure_has_p_r_around_it():
+def short_tube():
+    """A tube of radius 1 m, .2 m long, held against moving as a whole alone; its unit normals, outwards."""
     around = grid(64, 3, 2 * np.pi, 0.2)
     V = np.stack([np.cos(around.V[:, 0]), np.sin(around.V[:, 0]), around.V[:, 1]], axis=1)
     _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
     s = Surface(V[first], of.reshape(-1)[around.F])
     fixed = hold(s, (np.abs(s.V[:, 1]) < 1e-9, "y"), (np.abs(s.V[:, 0]) < 1e-9, "x"), (s.V[:, 2] < 1e-9, "z"))
     out = s.centroids * (1, 1, 0)
-    found = forces_of(s, fixed, face=1e4 * out / np.linalg.norm(out, axis=1, keepdims=True))
+    return s, fixed, out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def test_a_tube_under_pressure_has_p_r_around_it():
+    s, fixed, out = short_tube()
+    found = forces_of(s, fixed, face=1e4 * out)
     hoop = found.principal("n")
     assert_allclose(hoop.values, np.tile([1e4, 0.0], (s.m, 1)), atol=500)
     assert np.average(hoop.values[:, 0], weights=s.areas) == pytest.approx(1e4, rel=2e-3)
