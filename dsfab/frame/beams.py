@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.frame.joints import AxisJoints
+from dsfab.frame.joints import AxisJoints, fitting
 from dsfab.members import Member
 
 TURN = 5.0
@@ -25,8 +25,6 @@ SPREAD = 0.5
 """Within a joint a beam is wider than its member by this share of the other's width: that is material too, and forces
 spread into it by 45 degrees. Against the sheet, tower, vaults and gridshell: 0 gives compliances of 1.10, 1.02 and 1.06
 times the sheet's, 1 gives .96, 1.00 and .98."""
-CLEAR = 0.2
-"""At least this share of a bay is no joint."""
 LEAST = 0.05
 """AxisJoints that reach less far than this share of the width are none."""
 
@@ -152,8 +150,7 @@ def _divided(
     fine = np.linspace(s, t, 17)
     bent = np.interp(fine % member.length if axis.closed else fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
     count = max(least, min(int(np.ceil(np.degrees(bent) / TURN)), int((t - s) / (FINEST * member.mean_width))))
-    half = np.array(other) / 2
-    half *= min(1.0, (1 - CLEAR) * (t - s) / max(half.sum(), 1e-30))
+    half = fitting(np.array(other) / 2, t - s)
     half[half < LEAST * member.mean_width] = 0.0
     at = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)

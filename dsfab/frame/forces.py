@@ -16,14 +16,13 @@ from types import MappingProxyType
 import numpy as np
 
 from dsfab.arrays import Floats, group_sums, lock, locked
+from dsfab.frame.joints import fitting
 from dsfab.frame.sections import PLANES, Sections, sections
 from dsfab.members import Member, MemberGraph, Node
 from dsfab.statics import SectionForces
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where the forces of a bay are told: shares of its clear length, between the joints at its ends."""
-CLEAR = 0.2
-"""At least this share of a bay is no joint."""
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 """x along the axis, z along the normal of the surface, y to the left; on a section that x points out of."""
 
@@ -126,7 +125,7 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
         one, other = nodes[k], nodes[(k + 1) % len(nodes)]
         begin = one.at[one.members.index(member.id)]
         half = np.array([_half(graph, member, node) for node in (one, other)]) + graph.sheet.surface.mean_edge / 2
-        half *= min(1.0, (1 - CLEAR) * length / max(half.sum(), 1e-30))
+        half = fitting(half, length)
         if length > member.mean_width:
             s.append(begin + half[0] + np.array(SHARES) * (length - half.sum()))
             names += [f"{one.id} {other.id}"] * len(SHARES)

@@ -17,6 +17,13 @@ SAME = 0.25
 """Axes that are nearer to each other than this share of the narrower width are joined in one node, others by a link."""
 REACH = 2.0
 """An end is joined to an axis that is at most so many widths away."""
+CLEAR = 0.2
+"""At least this share of a bay is no joint."""
+
+
+def fitting(halves: Floats, length: float) -> Floats:
+    """(2,) how far the joints at both ends of a bay reach into it, metres: less than asked where that is nearly all."""
+    return halves * min(1.0, (1 - CLEAR) * length / max(float(halves.sum()), 1e-30))
 
 
 @dataclass(eq=False)
