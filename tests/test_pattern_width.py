@@ -546,7 +546,7 @@ def test_a_share_holds_where_members_are_wider_than_openings(name, edge, asked):
     The dome's close by rings, each of over 1 % of it: .706 is the nearest to .7.
     """
     made = dsfab.run(dsfab.load_preset(name, {"surface.edge": edge, "pattern.width.solid_fraction": asked}))
-    assert made.sheet.surface.area / made.surface.area == pytest.approx(asked, abs=0.0065)
+    assert made.sheet.surface.area / made.surface.area == pytest.approx(asked, abs=0.0065 if name == "dome" else 0.006)
 
 
 def test_bridges_are_in_the_share_too():
