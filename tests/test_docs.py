@@ -28,7 +28,7 @@ PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 }
-README, LESSON = PAGES["README.md"], "docs/ten-minutes.md"
+README, LESSON, CASES = PAGES["README.md"], "docs/ten-minutes.md", "docs/case-studies.md"
 
 
 def blocks(language: str, page: str) -> list[str]:
@@ -47,7 +47,7 @@ ELSEWHERE = (*WAITS, *REPEATS)
 COMMANDS = dict.fromkeys(
     line.partition("#")[0].strip()
     for page in PAGES
-    if page != LESSON
+    if page not in (LESSON, CASES)
     for block in blocks("sh", page)
     for line in block.splitlines()
     if line.startswith("dsfab ") and not line.startswith(ELSEWHERE)
@@ -103,17 +103,20 @@ def test_ci_finds_the_commands_it_runs():
 
 @pytest.mark.slow
 def test_the_python_example_runs(desk):
-    code, _ = blocks("python", "docs/python.md")
+    code, _, notebook = blocks("python", "docs/python.md")
     names: dict[str, object] = {}
     exec(code, names)
     assert names["finer"].surface is names["design"].surface
     assert (desk / "dome.step").stat().st_size > 1000
     assert names["roof"].m == len(names["mesh"].faces)
+    exec(notebook, names)
+    assert names["design"]._repr_png_().startswith(b"\x89PNG")
+    assert names["looks"][0.8].surface is names["design"].surface
 
 
 @pytest.mark.slow
 def test_a_mesh_in_memory_becomes_a_file_as_the_readme_says(desk):
-    _, code = blocks("python", "docs/python.md")
+    _, code, _ = blocks("python", "docs/python.md")
     names: dict[str, object] = {}
     exec(code, names)
     assert names["design"].surface.n == names["mesh"].n_points
@@ -256,6 +259,24 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
     for name in ("my_roof/my_roof.step", "my_roof/compliance/report.pdf", "my_roof/workshop/nest.dxf"):
         assert (tmp_path / "outputs" / name).stat().st_size > 10_000, name
     assert next(shown, None) is None
+
+
+@pytest.mark.slow
+def test_the_case_studies_print_what_they_show(tmp_path, monkeypatch, capsys):
+    """But the last: what it compares takes minutes, and what it says of the dome is within what one solve tells."""
+    monkeypatch.chdir(tmp_path)
+    commands = [line for block in blocks("sh", CASES) for line in block.splitlines()]
+    shown = [block.strip().splitlines() for block in blocks("text", CASES)]
+    assert commands.pop() == "dsfab compare dome"
+    *lines, (verdict, *_) = shown
+    for command, expected in zip(commands, lines, strict=True):
+        assert main(shlex.split(command)[1:]) == 0, command
+        out = capsys.readouterr().out.splitlines()
+        assert [row for row in expected if row not in out] == []
+    found = dsfab.compare(dsfab.run(dsfab.load_preset("dome")), against=("thinner",), level="quick")
+    told = re.search(r"compliance ([\d.]+) J .* ([\d.]+) t;", verdict)
+    assert float(told[1]) == pytest.approx(found.design.compliance, rel=QUICK[1])
+    assert float(told[2]) == pytest.approx(found.design.mass / 1000, abs=0.05)
 
 
 def test_the_gallery_shows_what_it_says_how_to_build():

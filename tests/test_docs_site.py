@@ -1,5 +1,6 @@
 """The site of docs/: it builds, needs no other host, is found by search, and can be read by all."""
 
+import importlib.util
 import os
 import re
 import subprocess
@@ -37,6 +38,46 @@ def test_the_site_asks_no_other_host_for_anything(site):
         for picture in re.findall(r'<img[^>]*?src="([^"]+)"', text):
             assert (site / picture).is_file(), (page.name, picture)
         assert all('alt=""' not in image and "alt=" in image for image in re.findall(r"<img[^>]*>", text)), page.name
+
+
+@pytest.fixture(scope="module")
+def glossary():
+    """The module that links words to the glossary."""
+    spec = importlib.util.spec_from_file_location("glossary", ROOT / "docs" / "glossary.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_first_use_of_a_term_leads_to_the_glossary(glossary):
+    text = "# Mesh\n\n`mesh` ![a mesh](mesh.png) two meshes of one mesh, dead ends, boundaries: a keeper in each case\n"
+    found = glossary.linked(text)
+    assert re.findall(r"\[([^]]+)\]\(concepts\.md#([a-z-]+)\)", found) == [
+        ("meshes", "mesh"),
+        ("dead ends", "dead-end"),
+        ("boundaries", "boundary"),
+    ]
+    assert re.sub(r"\[([^]]+)\]\(concepts\.md#[a-z-]+\)\{ \.term \}", r"\1", found) == text
+
+
+def test_every_page_for_beginners_has_its_words_linked(glossary):
+    """But those that are made from the code, or for engineers and contributors."""
+    others = {"concepts.md", "examples.md", "theory.md", "contributing.md"}
+    there = {path.name for path in (ROOT / "docs").glob("*.md")} | {"index.md", "gallery.md"}
+    assert there - others == glossary.PAGES
+    assert set(glossary.TERMS) > glossary.EVERYDAY
+
+
+@pytest.mark.slow
+def test_links_to_the_glossary_arrive(site):
+    terms = set(re.findall(r'<strong id="([a-z-]+)"', (site / "concepts.html").read_text(encoding="utf-8")))
+    used = {
+        term
+        for page in site.glob("*.html")
+        for term in re.findall(r'href="concepts\.html#([a-z-]+)"', page.read_text(encoding="utf-8"))
+    }
+    assert len(used) > 10
+    assert used <= terms
 
 
 FOUND = "document.querySelectorAll('.md-search-result__item').length"

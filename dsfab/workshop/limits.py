@@ -21,6 +21,9 @@ Measured on surfaces in closed form and by unrolling: at .2 mm off, bays are rig
 USUAL = 0.95
 """Curvatures that are passed by less than one in twenty places are not what a mesh is judged by."""
 
+ALIKE = 0.999
+"""Of two members that mirror each other, which differ by round-off, the first is named."""
+
 
 @dataclass(frozen=True)
 class StripLimits:
@@ -85,7 +88,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         bends.append(float(kn.max(initial=0.0)))
         near = np.asarray(tree.query(member.axis.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[near]))) * member.mean_width**2 / 12 if len(near) else 0.0)
-    worst = int(np.argmax(bends))
+    worst = int(np.argmax(np.array(bends) >= ALIKE * max(bends)))
     bend = float(np.quantile(np.concatenate(usual), USUAL)) if strips else 0.0
     wanted = float(np.sqrt(8 * DRILL * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"

@@ -133,15 +133,28 @@ def report() -> None:
 
 def workshop() -> None:
     """The page of a gridshell's workshop, with a member chosen."""
+    _page_of_parts(["workshop", "gridshell"], "B10", "workshop")
+
+
+def card() -> None:
+    """The page of a dome's card model, with a ring chosen."""
+    _page_of_parts(CARD.split(), "A03", "card")
+
+
+CARD = "workshop dome --model 1:50 --stock A3 --thickness 1mm"
+
+
+def _page_of_parts(command: list[str], member: str, name: str) -> None:
     width, height = 1440, 900
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "browser", (width, height)) as tab:
-        main(["workshop", "gridshell", "-o", folder])
+        main([*command, "-o", folder])
         tab.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        tab.open((Path(folder) / "index.html").as_uri(), "document.querySelectorAll('button').length > 10")
-        tab.run("[...document.querySelectorAll('button')].find(one => one.innerText === 'B10').click()")
+        (page,) = Path(folder).rglob("index.html")
+        tab.open(page.as_uri(), "document.querySelectorAll('button').length > 10")
+        tab.run(f"[...document.querySelectorAll('button')].find(one => one.innerText === '{member}').click()")
         time.sleep(1.0)
         tab.picture(Path(folder) / "page.png")
-        write(Image.open(Path(folder) / "page.png").convert("RGB"), "workshop")
+        write(Image.open(Path(folder) / "page.png").convert("RGB"), name)
 
 
 OPTIONS = {
@@ -196,6 +209,7 @@ PAGES = {
     "options": options,
     "guides": guides,
     "workshop": workshop,
+    "card": card,
     "editor": editor,
     "explore": explore,
     "report": report,
