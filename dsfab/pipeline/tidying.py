@@ -9,8 +9,7 @@ from dsfab.pattern import Layer
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import DiffusionResult, StressedSurface
 from dsfab.slicing import Tidy
-from dsfab.surface import Surface
-from dsfab.surface.hats import hat_gradients
+from dsfab.surface import Surface, hat_gradients
 
 ASTRAY = float(np.cos(np.radians(45)))
 """Stripes go astray where they run nearer to the other direction of the stress than to their own."""

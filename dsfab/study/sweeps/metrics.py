@@ -17,7 +17,7 @@ from dsfab.statics import Equilibrium, FaceStiffness, buckling, elements_of, mod
 from dsfab.study.alternatives import design_alternatives
 from dsfab.study.sweeps.cut_sheet import cut_equilibria, verdict
 from dsfab.study.verdict.stresses import quantile
-from dsfab.surface.hats import hat_gradients
+from dsfab.surface import hat_gradients
 
 Metric = Callable[[Design], float]
 """A function of a design."""
