@@ -23,10 +23,10 @@ SOFT = 1e-9
 def integrated_design(design: Design) -> Design:
     """A design on modes with both of them replaced by integrated fields, with as many stripes for each metre."""
     surface, found = design.surface, design.diffusion
-    stripes = design.preset.pattern.major, design.preset.pattern.minor
-    modes = []
-    for D, family, own in zip(
-        (found.tensors.major, found.tensors.minor), (found.major, found.minor), stripes, strict=True
+    pattern, modes = design.preset.pattern, []
+    for D, family, own in (
+        (found.tensors.major, found.major, pattern.major),
+        (found.tensors.minor, found.minor, pattern.minor),
     ):
         field = integrated_field(surface, across(D), ~found.tensors.isotropic)
         value = family.mode(own.mode)
@@ -34,6 +34,11 @@ def integrated_design(design: Design) -> Design:
         modes.append(Modes(np.zeros(own.mode), np.tile(field[:, None], own.mode)))
     kept = {"surface": surface, "statics": design.statics}
     return Design.known(design.preset, diffusion=DiffusionResult(found.tensors, *modes), **kept)
+
+
+def along(D: Floats) -> Floats:
+    """(m, 3) unit directions in which tensors D (m, 3, 3) let the most through: stripes run along them."""
+    return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
 def across(D: Floats) -> Floats:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,22 +12,13 @@ from dsfab.errors import DsfabError
 from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
 from dsfab.preset_file import overridden
-from dsfab.report.paper.drawing import PaperPicture, paper_picture
+from dsfab.report.paper.drawing import PaperComparison, PaperPicture, paper_picture
+from dsfab.report.paper.earlier import beside_earlier
 from dsfab.results import DiffusionResult
 from dsfab.study.baselines.striped import as_mode
-from dsfab.study.integration import integrated_design
 
 RATIOS = (1.0, 10.0, 100.0)
 """The anisotropies that are compared."""
-
-
-@dataclass(frozen=True, eq=False)
-class PaperComparison:
-    """Pictures side by side, in rows, as the paper compares them."""
-
-    title: str
-    words: str
-    rows: tuple[tuple[PaperPicture, ...], ...]
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
@@ -39,7 +29,7 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
     if name == "sphere":
         return [_one_family(design, folder, shown)]
     if name == "bridge":
-        return [_earlier(design, folder, shown)]
+        return [beside_earlier(design, folder, shown)]
     if name == "bob":
         words = "What the statics find on Bob: the stress gathers between the head and the feet."
         again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
@@ -81,35 +71,6 @@ def _ratios(design: Design, folder: Path) -> PaperComparison:
         "and with them stripes, keep to the principal directions."
     )
     return PaperComparison("The effect of the anisotropy r", words, tuple(rows))
-
-
-def _earlier(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """The same number of stripes by diffusion, and by a direction on every face and one field over all of them."""
-    name = design.preset.name
-    other = integrated_design(design)
-    rows = []
-    for show, title in (("major", "Major stripes"), ("minor", "Minor stripes"), ("structure", "Structure")):
-        drawn = paper_picture(other, folder, show, f"{name}-integrated", f"{title}, integrated")
-        rows.append(tuple(one for one in (shown.get(f"{name}-{show}.webp"), drawn) if one))
-    words = (
-        "Earlier methods choose a direction on every face and integrate one field over all of them. Where directions "
-        "part or turn round a point no choice is right everywhere: stripes are squeezed, break off, or run askew. "
-        f"Diffusion makes no choice. Measured on both: by diffusion {_regular(design)}; integrated {_regular(other)}."
-    )
-    return PaperComparison("Beside earlier work: one integrated field", words, tuple(rows))
-
-
-def _regular(design: Design) -> str:
-    try:
-        found = design.quality(symmetry=False)
-    except DsfabError as error:
-        return f"nothing can be measured ({error})"
-    major, minor = found.major, found.minor
-    return (
-        f"members lie {major.deviation:.0f} and {minor.deviation:.0f} degrees off the stress (major and minor, in the "
-        f"mean), cross at {found.crossing_angle:.0f} degrees or more, P95/P5 of their spacing is {major.evenness:.1f} "
-        f"and {minor.evenness:.1f}, and {found.dead_ends} ends lie in the air"
-    )
 
 
 def _one_family(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:

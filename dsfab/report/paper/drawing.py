@@ -49,6 +49,15 @@ class PaperPicture:
     size: tuple[int, int] = SMALL
 
 
+@dataclass(frozen=True, eq=False)
+class PaperComparison:
+    """Pictures side by side, in rows, as the paper compares them."""
+
+    title: str
+    words: str
+    rows: tuple[tuple[PaperPicture, ...], ...]
+
+
 def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
     """One picture of a design, in a file named by `stem` and what it shows."""
     size = LARGE if show == "structure" and not title else SMALL
@@ -62,11 +71,12 @@ def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str
             words, bar = previewer.words, previewer.bar
     except DsfabError as error:
         return PaperPicture("", title, str(error))
-    _save(pixels, folder / file)
+    save_picture(pixels, folder / file)
     return PaperPicture(file, title, words, bar, size)
 
 
-def _save(pixels: Bytes, path: Path) -> None:
+def save_picture(pixels: Bytes, path: Path) -> None:
+    """As WebP, small and without a seam to be seen."""
     from PIL import Image
 
     Image.fromarray(pixels).save(path, format="WEBP", quality=82, method=6)

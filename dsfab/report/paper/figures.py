@@ -10,8 +10,8 @@ from dsfab.errors import DsfabError, SurfaceError
 from dsfab.pipeline import Design, Log, draft
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden
-from dsfab.report.paper.comparisons import PaperComparison, comparisons
-from dsfab.report.paper.drawing import PaperPicture, paper_picture
+from dsfab.report.paper.comparisons import comparisons
+from dsfab.report.paper.drawing import PaperComparison, PaperPicture, paper_picture
 from dsfab.report.paper.findings import finding
 from dsfab.results import Piece
 from dsfab.study.paper import PaperFigure

@@ -9,7 +9,7 @@ from typing import Any
 
 from dsfab.report.html import html_page, image, why
 from dsfab.report.paper.claim import claim_section
-from dsfab.report.paper.comparisons import PaperComparison
+from dsfab.report.paper.drawing import PaperComparison
 from dsfab.report.paper.figures import RUNS, FigurePictures
 from dsfab.report.paper.measures import measured, picture_cell
 from dsfab.study.paper import Parameters, Timings
