@@ -21,7 +21,7 @@ SOFT = 1e-9
 
 
 def integrated_design(design: Design) -> Design:
-    """A design on modes with both of them replaced by integrated fields, with as many stripes for each metre."""
+    """A design on modes that are given by number, both replaced by integrated fields, with as many stripes a metre."""
     surface, found = design.surface, design.diffusion
     pattern, modes = design.preset.pattern, []
     for D, family, own in (
@@ -29,11 +29,11 @@ def integrated_design(design: Design) -> Design:
         (found.tensors.minor, found.minor, pattern.minor),
     ):
         field = integrated_field(surface, across(D), ~found.tensors.isotropic)
-        value = family.mode(own.mode)
-        field *= typical_slope(surface, value) / typical_slope(surface, field)
-        modes.append(Modes(np.zeros(own.mode), np.tile(field[:, None], own.mode)))
-    kept = {"surface": surface, "statics": design.statics}
-    return Design.known(design.preset, diffusion=DiffusionResult(found.tensors, *modes), **kept)
+        number = int(own.mode)
+        field *= typical_slope(surface, family.mode(number)) / typical_slope(surface, field)
+        modes.append(Modes(np.zeros(number), np.repeat(field[:, None], number, axis=1)))
+    made = DiffusionResult(found.tensors, *modes)
+    return Design.known(design.preset, surface=surface, statics=design.statics, diffusion=made)
 
 
 def along(D: Floats) -> Floats:
@@ -60,7 +60,7 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
     pull = np.einsum("mik,mk->mi", hats, wanted) * surface.areas[:, None]
     K = assemble(surface, blocks)
     K = assemble(surface, blocks, np.full(surface.n, SOFT * K.diagonal().mean()))
-    b = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n)
+    b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))
 
 

@@ -48,14 +48,14 @@ class StressLine:
 
 
 def traced(design: Design) -> tuple[list[StressLine], list[StressLine]]:
-    """The lines of both families of a design on modes, as far apart as its stripes are in the median."""
+    """The lines of both families, as far apart as the stripes are in the median, of a design on modes by number."""
     surface, found, pattern = design.surface, design.diffusion, design.preset.pattern
     lines = []
     for D, family, own in (
         (found.tensors.major, found.major, pattern.major),
         (found.tensors.minor, found.minor, pattern.minor),
     ):
-        apart = 1 / (own.frequency * typical_slope(surface, family.mode(own.mode)))
+        apart = 1 / (own.frequency * typical_slope(surface, family.mode(int(own.mode))))
         lines.append(stress_lines(surface, along(D), ~found.tensors.isotropic, apart))
     return lines[0], lines[1]
 

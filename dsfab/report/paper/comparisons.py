@@ -9,8 +9,7 @@ import numpy as np
 
 from dsfab.diffusion import Modes
 from dsfab.errors import DsfabError
-from dsfab.pipeline import draft
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design, draft
 from dsfab.preset_file import overridden
 from dsfab.report.paper.drawing import PaperComparison, PaperPicture, paper_picture
 from dsfab.report.paper.earlier import beside_earlier

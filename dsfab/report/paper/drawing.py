@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsfab.errors import DsfabError
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.render.colouring import Bar
 from dsfab.render.light import LightQuality
 from dsfab.render.previewer import Previewer

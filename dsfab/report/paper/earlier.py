@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from dsfab.errors import DsfabError
-from dsfab.pipeline.design import Design
-from dsfab.render.palette import PAPER
+from dsfab.pipeline import Design
+from dsfab.render import PAPER
 from dsfab.render.picture import Look, picture
 from dsfab.report.paper.drawing import (
     SMALL,
