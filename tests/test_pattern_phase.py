@@ -19,11 +19,13 @@ from dsfab.pattern import (
     density,
     halving,
     log_density,
+    signs_with_short_seams,
     through_peaks,
 )
 from dsfab.pattern.corners import _carry
 from dsfab.pattern.density import weighted_quantile
 from dsfab.pattern.phase import krylov_power
+from dsfab.pattern.twisted import FEW
 from dsfab.surface import Surface
 from dsfab.surface.hats import hat_gradients
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
@@ -100,11 +102,11 @@ def test_a_phase_that_is_symmetric_stays_under_projection_whatever_the_mesh():
     for angle, period in ((0.0, 1.7), (np.pi / 2, 1.7)):  # across the mirror, and along it
         g = np.tile([np.cos(angle), np.sin(angle), 0.0], (plate.n, 1)) * signs(plate.n)
         z = np.where(g @ [np.cos(angle), np.sin(angle), 0.0] > 0, 1, -1) * period * (plate.V @ np.abs(g[0]))
-        psi = np.concatenate([np.cos(2 * np.pi * z), np.sin(2 * np.pi * z)])
+        psi = np.exp(2j * np.pi * z)
         inside = np.abs(plate.V - (T @ plate.V) @ mirror).max(axis=1) < 1e-9  # the boundary is not straight
-        off = np.abs(images.projection(plate.V, g, np.full(plate.n, period))(psi) - psi).reshape(2, -1)
+        off = np.abs(images.projection(plate.V, g, np.full(plate.n, period))(psi) - psi)
         assert inside.sum() > plate.n / 2
-        assert off[:, inside].max() < 1e-9
+        assert off[inside].max() < 1e-9
 
 
 def test_phases_are_read_at_images_as_by_the_blocks_of_a_matrix():
@@ -115,16 +117,17 @@ def test_phases_are_read_at_images_as_by_the_blocks_of_a_matrix():
     T = _point_map(plate, face_tree(plate), plate.V @ mirror)[1]
     rng = np.random.default_rng(0)
     growth = rng.normal(size=(plate.n, 3)) * [1.0, 1.0, 0.0]
-    blocks = np.zeros((2 * plate.n, 2 * plate.n))
+    x = rng.normal(size=plate.n) + 1j * rng.normal(size=plate.n)
+    read = np.zeros(plate.n, dtype=complex)
     for i, j in zip(*T.nonzero(), strict=True):
         seen, here = mirror @ growth[i], growth[j]
         sign = -1.0 if seen @ here < 0 else 1.0
-        turn = np.pi * (here + sign * seen) @ ((T @ plate.V)[i] - plate.V[j])
-        block = np.array([[np.cos(turn), -np.sin(turn)], [sign * np.sin(turn), sign * np.cos(turn)]])
-        blocks[np.ix_([i, plate.n + i], [j, plate.n + j])] = T[i, j] * block
-    x = rng.normal(size=2 * plate.n)
+        there = x[j] * np.exp(1j * np.pi * (here + sign * seen) @ ((T @ plate.V)[i] - plate.V[j]))
+        read[i] += T[i, j] * (there if sign > 0 else there.conj())
     assert T.nnz > plate.n  # some images lie between vertices
-    np.testing.assert_allclose(Images._phase_map(mirror, T, plate.V, growth) @ x, blocks @ x, atol=1e-13)
+    images = Images(np.stack([np.eye(3), mirror]), (csr_array(eye_array(plate.n)), T))
+    found = images.projection(plate.V, growth, np.ones(plate.n))(x)
+    np.testing.assert_allclose(found, (x + read) / 2, atol=1e-13)
 
 
 def test_a_line_runs_through_the_peak_of_the_start():
@@ -175,24 +178,78 @@ def test_products_of_vectors_are_made_on_one_thread():
 
 
 @zoo
-def test_twisted_laplacians_are_sums_over_edges(name):
-    """x^T (K + d) x = sum of w |x_i - R C x_j|^2 + sum of d x^2 for any x; the factor solves with it."""
-    surface = ZOO[name]()
-    frames, n = Frames.of(surface), surface.n
-    rng = np.random.default_rng(1)
-    i, j = frames.ends.T
+@pytest.mark.parametrize("turned", [0, 3, 10**6])
+def test_twisted_laplacians_are_sums_over_edges(name, turned):
+    """x^H (K + d) x = sum of w |x_i - e^{i turn} C x_j|^2 + sum of d |x|^2, whose gradient is 2 (K + d) x: the
+    factor solves with it: with no conjugates C, a few and many."""
+    frames = Frames.of(ZOO[name]())
+    rng, n, (i, j) = np.random.default_rng(1), frames.surface.n, frames.ends.T
     for flat in (False, True):  # what is 0 everywhere stays in the pattern
-        turn = np.zeros(len(i)) if flat else rng.uniform(-3, 3, len(i))
-        sign = np.ones(len(i)) if flat else rng.choice([-1.0, 1.0], len(i))
-        diagonal, x = rng.uniform(0.5, 2, 2 * n), rng.normal(size=2 * n)
-        z = x[:n] + 1j * x[n:]
-        other = np.exp(1j * turn) * np.where(sign > 0, z[j], z[j].conj())
-        energy = frames.weight @ np.abs(z[i] - other) ** 2 + diagonal @ x**2
-        K = frames.two_numbers.matrix(frames.twisted(turn, sign), diagonal)
-        both = x.reshape(2, n).T.ravel()
-        assert both @ (K @ both) == pytest.approx(energy, rel=1e-12)
-        solve = frames.two_numbers.factor(frames.twisted(turn, sign), diagonal)
-        assert solve((K @ both).reshape(n, 2).T.ravel()) == pytest.approx(x, abs=1e-8)
+        turn, diagonal = rng.uniform(-3, 3, len(i)) * (not flat), rng.uniform(0.5, 2, n)
+        over = np.arange(len(i)) < turned
+        x = rng.normal(size=n) + 1j * rng.normal(size=n)
+        coupling, step = frames.coupling(turn), np.exp(1j * turn)
+        Kx = diagonal * x
+        at_i = frames.weight * (x[i] - step * np.where(over, x[j].conj(), x[j]))
+        at_j = frames.weight * (x[j] - np.where(over, step * x[i].conj(), step.conj() * x[i]))
+        np.add.at(Kx, i, at_i)
+        np.add.at(Kx, j, at_j)
+        other = step * np.where(over, x[j].conj(), x[j])
+        energy = frames.weight @ np.abs(x[i] - other) ** 2 + diagonal @ np.abs(x) ** 2
+        assert np.vdot(x, Kx).real == pytest.approx(energy, rel=1e-12)
+        assert frames.twisted.factor(coupling, diagonal, over)(Kx) == pytest.approx(x, abs=1e-8)
+
+
+# --- seams
+
+
+def half_turns(plate: Surface, *centres: tuple[float, float]) -> np.ndarray:
+    """(n, 3) unit directions that come back reversed around each centre."""
+    z = plate.V[:, 0] + 1j * plate.V[:, 1]
+    angle = sum(np.angle(z - complex(*centre)) for centre in centres) / 2
+    return np.stack([np.cos(angle), np.sin(angle), np.zeros(plate.n)], axis=1)
+
+
+@pytest.mark.parametrize("name", ["dome", "saddle", "closed", "tube"])
+def test_signs_that_can_agree_do(name):
+    """A smooth field without a half turn, in any signs: no seam on a disc, around a hole, or on a closed surface."""
+    surface = ZOO.get(name, lambda: annulus(8, part=1.0))()
+    frames = Frames.of(surface)
+    smooth = np.cross(frames.normal, [0.3, 0.2, 0.9]) + 1e-9
+    g = smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
+    g = g * signs(surface.n)
+    flow = Flow(frames, signs_with_short_seams(frames, g)[:, None] * g, np.ones(surface.n))
+    assert (flow.sign > 0).mean() > 0.96  # but for some edges at zeros of that field, where it turns fast
+
+
+def test_a_seam_is_about_as_short_as_it_can_be():
+    """Between two half turns, or from one to the nearest boundary: edges that a straight line over faces crosses."""
+    plate = jittered(grid(30, 30, 3.0, 3.0), 0.15)
+    frames, edge = Frames.of(plate), 0.1
+    for centres, far in ((((0.8, 1.52), (1.6, 1.52)), 0.8), (((1.5, 2.6),), 0.4), (((0.31, 1.5), (2.71, 1.5)), 0.6)):
+        g = half_turns(plate, *centres)
+        for seed in (0, 1):
+            given = g * signs(plate.n, seed)
+            sign = signs_with_short_seams(frames, given)
+            against = (Flow(frames, sign[:, None] * given, np.ones(plate.n)).sign < 0).sum()
+            assert 0.9 * far / edge < against < 3.5 * far / edge
+
+
+def test_signs_do_not_change_where_lines_run():
+    """Phases of the same directions in signs that agree and in any: the same lines, around half turns as well."""
+    plate = jittered(grid(18, 14, 1.8, 1.4), 0.15)
+    frames = Frames.of(plate)
+    g = half_turns(plate, (0.62, 0.71), (0.95, 0.71))
+    found = []
+    for given in (g * signs(plate.n), g * signs(plate.n, 1), signs_with_short_seams(frames, g)[:, None] * g):
+        flow = Flow(frames, given, np.full(plate.n, 4.0))
+        solved = flow.solve(np.exp(-plate.V[:, 0]), nowhere(plate))
+        found.append((np.cos(2 * np.pi * solved), corner_phase(flow, solved).singular, len(np.unique(flow.sign))))
+    across = np.unique(frames.ends[Flow(frames, given, np.ones(plate.n)).sign < 0])
+    assert 0 < len(across) <= FEW  # the last is solved as Hermitian and put right, the others as twice as many numbers
+    for cosine, singular, _ in found[:2]:
+        assert cosine == pytest.approx(found[2][0], abs=1e-9)
+        assert np.array_equal(singular, found[2][1])
 
 
 def test_steps_are_added_along_a_search_as_one_by_one():

@@ -67,6 +67,24 @@ def test_every_solver_agrees_with_a_dense_factorisation(name, solver):
     assert solve(b[:, 1]).shape == (K.shape[0],)
 
 
+@zoo
+@pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
+def test_hermitian_matrices_are_solved_as_real_ones(name, solver):
+    require(solver)
+    K, points, node = system(ZOO[name]())
+    turn = np.exp(1j * np.random.default_rng(0).uniform(-3, 3, K.shape[0]))
+    K = csr_array(diags_array(turn) @ K @ diags_array(turn.conj()))
+    b = np.random.default_rng(1).standard_normal((K.shape[0], 3)) + 1j
+    solve = factorise(K, points, node, solver)
+    for scale in (1, 4):
+        expected = np.linalg.solve(scale * K.toarray(), b)
+        solve.refactor(csr_array(scale * K))
+        assert_allclose(solve(b), expected, atol=1e-9 * np.abs(expected).max())
+        assert_allclose(solve(b[:, 1]), expected[:, 1], atol=1e-9 * np.abs(expected).max())
+    with pytest.raises(NotPositiveDefinite):
+        factorise(csr_array(K - 3 * diags_array(np.ones(K.shape[0]))), points, node, solver)
+
+
 @pytest.mark.parametrize("pair", ["constant+midedge", "quadratic+midedge", "quadratic+hhj"])
 def test_edges_may_carry_unknowns(pair):
     K, points, node = system(ZOO["dome"](), Elements.named(pair))

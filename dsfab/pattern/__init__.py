@@ -14,6 +14,7 @@ from dsfab.pattern.images import Images
 from dsfab.pattern.keep import distance_to_boundary, distance_to_vertices, kept_layers
 from dsfab.pattern.layers import Drawable, Layer, ModeFamily, mean_duty_factor, stripe_layers
 from dsfab.pattern.phase import Flow, through_peaks
+from dsfab.pattern.seams import signs_with_short_seams
 from dsfab.pattern.shares import counted_share, face_points, material_points
 from dsfab.pattern.stripes import Stripes, frequency_for
 from dsfab.pattern.wave import wave
@@ -66,6 +67,7 @@ __all__ = [
     "material_points",
     "mean_duty_factor",
     "relative_stresses",
+    "signs_with_short_seams",
     "slopes",
     "solved_factor",
     "stripe_layers",

@@ -62,17 +62,15 @@ def cross_field(
     e = given.direction[:, 0]
     z = np.stack([_complex(frames, surface.F[:, c], e) ** 2 for c in range(3)], axis=1)
     z = z * np.exp(2j * turn) if turn else z
-    right = np.concatenate([corner_sums(surface, share * z.real), corner_sums(surface, share * z.imag)])
+    right = corner_sums(surface, share * z.real) + 1j * corner_sums(surface, share * z.imag)
     weight = corner_sums(surface, share) + FLOOR * surface.vertex_areas
     for guide in guidance:
-        asked = surface.vertex_areas * guide.square
-        right += np.concatenate([asked.real, asked.imag])
+        right += surface.vertex_areas * guide.square
         weight += surface.vertex_areas * guide.weight
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
-    x = frames.two_numbers.factor(length**2 * frames.twisted(2 * frames.turning), np.tile(weight, 2))(right)
-    real, imaginary = np.split(x, 2)
-    size = np.hypot(real, imaginary)
-    angle = np.where(size > VAGUE * size.max(), np.arctan2(imaginary, real) / 2, _along_an_edge(frames))
+    x = frames.twisted.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
+    size = np.abs(x)
+    angle = np.where(size > VAGUE * size.max(), np.angle(x) / 2, _along_an_edge(frames))
     return frames.direction(angle)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.pattern.frames import Frames, corner_sums, unit
-from dsfab.surface.hats import assemble, hat_gradients
+from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
 
 SMOOTH = 0.02
@@ -56,8 +56,12 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     mass = np.maximum(surface.vertex_areas, np.finfo(float).eps * surface.area)
     blocks = np.einsum("ma,mb,m->mab", p, p, weight)
     blocks += SMOOTH * np.einsum("mai,mbi,m->mab", grad, grad, surface.areas)
-    solve = frames.one_number.factor(assemble(surface, blocks, EVEN / surface.area * mass))
-    u = solve(corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None]))
+    along_edges = blocks[:, (0, 1, 2), (1, 2, 0)]
+    coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
+    own = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
+    right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
+    # as complex numbers: the analysis is that of the phases, which takes longer than to count with zeros
+    u = frames.twisted.hermitian(coupling.astype(complex), own)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 

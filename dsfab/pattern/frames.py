@@ -4,16 +4,14 @@ A direction field at the vertices of a surface is a number in each frame. Neighb
 that takes the normal of one onto that of the other [Knoeppel et al. 2013, section 6.1.1, on normals of the vertices].
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
 
-from dsfab.arrays import Floats, Ints, cross
-from dsfab.sparse import OnePattern
+from dsfab.arrays import Complexes, Floats, Ints, cross
+from dsfab.pattern.twisted import TwistedFactors
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
 
@@ -75,58 +73,14 @@ class Frames:
         """(n, 3) unit vectors at angles (n,) in the frames."""
         return np.cos(angle)[:, None] * self.t1 + np.sin(angle)[:, None] * self.t2
 
-    def twisted(self, turn: Floats, sign: Floats | float = 1.0) -> Floats:
-        """(4, e) the part between both ends of x^T K x = sum over edges (i, j) of w |x_i - R(turn) C x_j|^2.
-
-        R turns by an angle (e,), radians; C is the complex conjugate where sign (e,) is -1 [Knoeppel et al. 2015, eq.
-        8]. w R C as real numbers: row by row what each part of x_i takes from each part of x_j.
-        """
-        c, s = self.weight * np.cos(turn), self.weight * np.sin(turn)
-        return np.stack([c, -sign * s, s, sign * c])
+    def coupling(self, turn: Floats) -> Complexes:
+        """(e,) w e^{i turn}: what the numbers at both ends of the edges share when one is the other, turned (e,)."""
+        return np.asarray(self.weight * np.exp(1j * turn))
 
     @cached_property
-    def one_number(self) -> OnePattern:
+    def twisted(self) -> TwistedFactors:
         """Factors of matrices that couple the numbers at both ends of every edge."""
-        return OnePattern(self.surface.V)
-
-    @cached_property
-    def two_numbers(self) -> "TwistedFactors":
-        """The same with two numbers at every vertex."""
         return TwistedFactors(self.surface.V, self.ends)
-
-
-class TwistedFactors:
-    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), which have one pattern: it is analysed once.
-
-    Inside, both parts of a complex number stand one after the other: a solver finds blocks of two then.
-    """
-
-    def __init__(self, V: Floats, ends: Ints) -> None:
-        n = len(V)
-        i, j = 2 * ends.T
-        parts = ((0, 0), (0, 1), (1, 0), (1, 1))
-        rows = np.concatenate([i + a for a, _ in parts] + [j + b for _, b in parts] + [np.arange(2 * n)])
-        columns = np.concatenate([j + b for _, b in parts] + [i + a for a, _ in parts] + [np.arange(2 * n)])
-        place = coo_array((np.arange(1, len(rows) + 1), (rows, columns)), shape=(2 * n, 2 * n)).tocsr()
-        self._place, self._indices, self._indptr = place.data - 1, place.indices, place.indptr
-        self._ends, self._n = ends, n
-        self._pattern = OnePattern(V, np.repeat(np.arange(n), 2), many_solves=True)
-
-    def matrix(self, twisted: Floats, diagonal: Floats) -> csr_array:
-        """(2 n, 2 n) K + diagonal (2 n,), both parts of each number one after the other; see `Frames.twisted`.
-
-        diagonal : real parts, then imaginary ones.
-        """
-        n = self._n
-        weight = np.hypot(twisted[0], twisted[2])
-        whole = np.bincount(self._ends.ravel(), np.repeat(weight, 2), n) + diagonal.reshape(2, n)
-        values = np.concatenate([-twisted.ravel(), -twisted.ravel(), whole.T.ravel()])
-        return csr_array((values[self._place], self._indices, self._indptr), shape=(2 * n, 2 * n))
-
-    def factor(self, twisted: Floats, diagonal: Floats) -> Callable[[Floats], Floats]:
-        """b -> (K + diagonal)^-1 b until the next one is asked for; b (2 n,) is real parts, then imaginary ones."""
-        solve = self._pattern.factor(self.matrix(twisted, diagonal))
-        return lambda b: solve(b.reshape(2, -1).T.ravel()).reshape(-1, 2).T.ravel()
 
 
 def dots(a: Floats, b: Floats) -> Floats:

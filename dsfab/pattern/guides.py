@@ -6,9 +6,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
-from numpy.typing import NDArray
 
-from dsfab.arrays import Floats, from_segments
+from dsfab.arrays import Complexes, Floats, from_segments
 from dsfab.errors import PatternError, SurfaceError
 from dsfab.pattern.frames import Frames, unit
 from dsfab.surface import Picker
@@ -23,9 +22,6 @@ TIE = 0.1
 """Pieces of a curve that are nearest, or farther than the nearest by less than this share of its reach, count."""
 LOOKED = 1_000_000
 """Pairs of a vertex and a piece of a curve that are looked at together."""
-
-
-Complexes = NDArray[np.complex128]
 
 
 class GuideError(PatternError, ValueError):

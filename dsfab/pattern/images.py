@@ -7,11 +7,11 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Complexes, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
-Projection = Callable[[Floats], Floats]
-"""Takes a field (2 n,), real parts then imaginary, to the nearest one that is symmetric."""
+Projection = Callable[[Complexes], Complexes]
+"""Takes complex numbers (n,) at the vertices to the nearest field of them that is symmetric."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,28 +68,25 @@ class Images:
         Where the image of a vertex lies between others, their phases are carried to it before they are averaged: they
         are turned by what a phase grows by in between, or where few edges make a period the mean of them would lag.
         """
+        if len(self.maps) == 1:
+            return lambda x: x
         growth = density[:, None] * g
         own = [self._phase_map(R, T, V, growth) for R, T in zip(self.R[1:], self.maps[1:], strict=True)]
-        return lambda x: np.asarray(sum((T @ x for T in own), x) / len(self.maps))
+        same, turned = (sum(parts[1:], parts[0]) for parts in zip(*own, strict=True))
+        order = len(self.maps)
+        return lambda x: np.asarray((x + same @ x + turned @ x.conj()) / order)
 
     @staticmethod
-    def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> csr_array:
-        """(2 n, 2 n) growth (n, 3) is the gradient of the phase, up to sign, periods per metre."""
-        count, column = np.diff(T.indptr), T.indices
-        row = np.repeat(np.arange(T.shape[0]), count)
+    def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
+        """(n, n) each: what images take of phases, and of their conjugates; growth (n, 3) is the gradient of the phase,
+        up to sign, periods per metre."""
+        column = T.indices
+        row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         there, here = growth[row] @ R.T, growth[column]
-        sign = np.where(dots(there, here) < 0, -1.0, 1.0)
+        turned = dots(there, here) < 0
+        sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
         turn = np.pi * dots(here + sign[:, None] * there, step)  # of the mean growth of both ends
-        c, s = T.data * np.cos(turn), T.data * np.sin(turn)
-        # each row of T gives one of real parts and one of imaginary ones, with its entries on both parts one after
-        # the other
-        real = np.arange(T.nnz) + T.indptr[row]
-        imaginary = real + count[row]
-        data, indices = np.empty((2, 2 * T.nnz)), np.empty(2 * T.nnz, dtype=T.indices.dtype)
-        data[0, real], data[0, imaginary] = c, -s
-        data[1, real], data[1, imaginary] = sign * s, sign * c
-        indices[real], indices[imaginary] = column, column + T.shape[1]
-        begins = 2 * T.indptr
-        pointer = np.concatenate([begins, begins[-1] + begins[1:]])
-        return csr_array((data.ravel(), np.tile(indices, 2), pointer), shape=(2 * T.shape[0], 2 * T.shape[1]))
+        value = T.data * np.exp(1j * turn)
+        same, other = (csr_array((value * of, column, T.indptr), shape=T.shape) for of in (~turned, turned))
+        return same, csr_array(other.conj())

@@ -10,9 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Complexes, Floats
 from dsfab.pattern.frames import Frames, dots
 from dsfab.pattern.images import Projection
+from dsfab.pattern.twisted import Solve
 from dsfab.sparse import one_blas_thread
 
 SHIFT = 1e-3
@@ -62,9 +63,9 @@ class Flow:
         return dots(mean, step) / 2
 
     @cached_property
-    def twisted(self) -> Floats:
-        """(4, e) what the phases at both ends of the edges share; see `Frames.twisted`."""
-        return self.frames.twisted(-2 * np.pi * self.turn, self.sign)
+    def coupling(self) -> Complexes:
+        """(e,) what the phases at both ends of the edges share; see `Frames.coupling`."""
+        return self.frames.coupling(-2 * np.pi * self.turn)
 
     def solve(
         self,
@@ -86,29 +87,43 @@ class Flow:
         free  : begin without them: from where they are the first phases may meet out of step in between.
         """
         surface, n = self.frames.surface, self.frames.surface.n
-        factor = self.frames.two_numbers.factor
-        mass = np.tile(np.maximum(surface.vertex_areas, 1e-12 * surface.area), 2)
+        mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
         wave = 4 * np.pi**2 * inverse_square
         project = projection or (lambda x: x)
-        held = LOCK * wave * mass * np.tile(lock, 2)
+        held = LOCK * wave * mass * lock
         aim = np.zeros(n) if aim is None else aim
-        target = held * np.concatenate([np.cos(2 * np.pi * aim), np.sin(2 * np.pi * aim)])
+        target = held * np.exp(2j * np.pi * aim)
         from_lock = bool(lock.any()) and not free
-        solve = factor(self.twisted, SHIFT * inverse_square * mass + (held if from_lock else 0.0))
-        if from_lock:
-            x = project(solve(target))
-        else:
-            x = krylov_power(
-                lambda x: project(solve(mass * x)), np.concatenate([start, np.zeros(n)]), mass, STEPS, KRYLOV
-            )
+        solve = self._factor(SHIFT * inverse_square * mass + (held if from_lock else 0.0))
+        x = project(solve(target)) if from_lock else _lowest(lambda x: project(solve(mass * x)), start, mass)
         tau = FLOW * wave
-        solve = factor(self.twisted, tau * mass + held)
+        solve = self._factor(tau * mass + held)
         for _ in range(FLOWS):
             x = project(solve(tau * mass * _normalised(x) + target))
-        phase = np.arctan2(x[n:], x[:n]) / (2 * np.pi)
+        phase = np.angle(x) / (2 * np.pi)
         miss = phase - aim
         return np.where(lock & (np.abs(miss - np.rint(miss)) < EXACT), aim, phase)
+
+    def _factor(self, diagonal: Floats) -> Solve:
+        return self.frames.twisted.factor(self.coupling, diagonal, self.sign < 0)
+
+
+def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
+    """(n,) what inverse iteration with B from start (n,) ends at: complex numbers as pairs of real ones, for conjugates
+    are linear for these alone."""
+    x = krylov_power(lambda x: _pairs(B(_numbers(x))), _pairs(start.astype(complex)), np.repeat(mass, 2), STEPS, KRYLOV)
+    return _numbers(x)
+
+
+def _pairs(x: Complexes) -> Floats:
+    """(2 n,) real and imaginary part of each number (n,), one after the other."""
+    return np.ascontiguousarray(x).view(np.float64)
+
+
+def _numbers(x: Floats) -> Complexes:
+    """(n,) the numbers of such pairs (2 n,)."""
+    return np.ascontiguousarray(x).view(np.complex128)
 
 
 @one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long
@@ -155,6 +170,5 @@ def through_peaks(phase: Floats, weight: Floats) -> Floats:
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
 
 
-def _normalised(x: Floats) -> Floats:
-    real, imaginary = np.split(x, 2)
-    return np.asarray(x / np.tile(np.maximum(np.hypot(real, imaginary), np.finfo(float).tiny), 2))
+def _normalised(x: Complexes) -> Complexes:
+    return np.asarray(x / np.maximum(np.abs(x), np.finfo(float).tiny))

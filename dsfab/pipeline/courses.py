@@ -24,6 +24,7 @@ from dsfab.pattern import (
     density,
     halving,
     log_density,
+    signs_with_short_seams,
     through_peaks,
     vertex_means,
 )
@@ -94,6 +95,7 @@ class Followed:
         confidence = steer.confidence(surface, given.confidence(surface.areas))
         over = _crossed_over(preset.pattern, frames, along, images)
         along = np.where(over[:, None], np.cross(frames.normal, along), along)
+        along = signs_with_short_seams(frames, along)[:, None] * along
         own = bool(steer.turn or steer.guidance or over.any())
         steered = steer.steered(surface, along, given, over) if own else None
         moved = images.mean(_moved(preset, surface, statics))

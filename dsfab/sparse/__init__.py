@@ -52,7 +52,8 @@ def solver_name() -> str:
 def factorise(
     K: Matrix, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
 ) -> Factor:
-    """The function b -> K^-1 b for a symmetric positive definite K (N, N) with all its diagonal.
+    """The function b -> K^-1 b for a positive definite K (N, N) with all its diagonal: symmetric, or Hermitian, which
+    PARDISO and the multifrontal factor take.
 
     K      : or a function that makes it, which is called where K is needed: PARDISO then keeps its upper triangle
              alone while it works, which is when most memory is taken.
@@ -87,7 +88,8 @@ class OnePattern:
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """The function b -> K^-1 b for a symmetric positive definite K (N, N), until the next one is asked for.
+        """The function b -> K^-1 b for a positive definite K (N, N), until the next one is asked for; real or Hermitian
+        as the first was.
 
         Raises what `factorise` raises, and ValueError for another pattern.
         """

@@ -15,8 +15,8 @@ from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.blas import dsyrk, dtrsm, dtrsv, zherk, ztrsm, ztrsv
+from scipy.linalg.lapack import dpotrf, zpotrf
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
@@ -25,6 +25,13 @@ from dsfab.sparse.threads import one_blas_thread
 
 Index = npt.NDArray[np.integer[Any]]
 """Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
+
+
+Numbers = npt.NDArray[Any]
+"""Real or complex."""
+
+ADJOINT = 2
+"""Of a matrix of real numbers the transpose, in BLAS's numbers."""
 
 
 class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (it names the finding, as LinAlgError does)
@@ -122,14 +129,14 @@ def _expanded(begin: Ints, points: Ints) -> Ints:
 
 
 class Multifrontal:
-    """The factor of a symmetric positive definite matrix; called with b, (N,) or (N, k), it returns K^-1 b.
+    """The factor of a positive definite matrix, real or Hermitian; called with b, (N,) or (N, k), it returns K^-1 b.
 
     Raises NotPositiveDefinite when a pivot is not positive.
     """
 
     def __init__(self, K: csr_array, fronts: Fronts) -> None:
         self._fronts = fronts
-        self._factor: list[tuple[Floats, Floats]] = []
+        self._factor: list[tuple[Numbers, Numbers]] = []
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
@@ -138,7 +145,7 @@ class Multifrontal:
         if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
             raise ValueError("the pattern of the matrix has changed")
         self._factor = []
-        waiting: dict[int, Floats] = {}
+        waiting: dict[int, Numbers] = {}
         where = np.empty(len(f.order), dtype=np.int64)
         with one_blas_thread():
             for s, rows in enumerate(f.rows):
@@ -146,7 +153,7 @@ class Multifrontal:
                 k = b - a
                 where[a:b] = np.arange(k)
                 where[rows] = np.arange(k, k + m)
-                own, rest = np.zeros((k, k + m)), np.zeros((m, m))
+                own, rest = np.zeros((k, k + m), K.dtype), np.zeros((m, m), K.dtype)
                 mine = slice(f.pointer[a], f.pointer[b])
                 own[f.column[mine] - a, where[f.row[mine]]] = K.data[f.entry[mine]]
                 for child in f.children[s]:
@@ -154,9 +161,9 @@ class Multifrontal:
                 L, P, waiting[s] = _eliminated(own, rest)
                 self._factor.append((L, P))
 
-    def __call__(self, b: Floats) -> Floats:
+    def __call__(self, b: Any) -> Any:
         start, rows = self._fronts.start, self._fronts.rows
-        x = np.asarray(b, dtype=np.float64)[self._fronts.order]
+        x = np.asarray(b, dtype=self._factor[0][0].dtype)[self._fronts.order]
         with one_blas_thread():
             for s, (L, P) in enumerate(self._factor):
                 mine = slice(start[s], start[s + 1])
@@ -165,13 +172,13 @@ class Multifrontal:
             for s in range(len(self._factor) - 1, -1, -1):
                 L, P = self._factor[s]
                 mine = slice(start[s], start[s + 1])
-                x[mine] = _triangular(L, x[mine] - P.T @ x[rows[s]], 1)
+                x[mine] = _triangular(L, x[mine] - P.conj().T @ x[rows[s]], ADJOINT)
         solution = np.empty_like(x)
         solution[self._fronts.order] = x
         return solution
 
 
-def _add(own: Floats, rest: Floats, update: Floats, to: Ints) -> None:
+def _add(own: Numbers, rest: Numbers, update: Numbers, to: Ints) -> None:
     """Add a child's update (c, c), upper triangle, to rows and columns `to` (c,) of the parent's front.
 
     Column by run of neighbouring columns: rows of consecutive numbers are copied several times faster than one by one.
@@ -188,22 +195,25 @@ def _add(own: Floats, rest: Floats, update: Floats, to: Ints) -> None:
             rest[to[inner:b] - k, column - k : column - k + b - a] += update[inner:b, a:b]
 
 
-def _eliminated(own: Floats, rest: Floats) -> tuple[Floats, Floats, Floats]:
-    """L (k, k), P (m, k) and the update (m, m), whose upper triangle counts, of a front [own; own^T rest]."""
-    k = len(own)
+def _eliminated(own: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """L (k, k), P (m, k) and the update (m, m), whose upper triangle counts, of a front [own; own^H rest]; transposed,
+    own (k, k + m) is the lower triangle of the matrix, and so is rest."""
+    k, is_complex = len(own), np.iscomplexobj(own)
+    potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:
-        return np.zeros((0, 0)), np.zeros((len(rest), 0)), rest
-    L, info = dpotrf(np.ascontiguousarray(own[:, :k]).T, lower=1, overwrite_a=1)
+        return np.zeros((0, 0), own.dtype), np.zeros((len(rest), 0), own.dtype), rest
+    L, info = potrf(np.ascontiguousarray(own[:, :k]).T, lower=1, overwrite_a=1)
     if info:
         raise NotPositiveDefinite("a pivot is not positive")
     if not len(rest):
-        return L, np.zeros((0, k)), rest
-    P = dtrsm(1.0, L, np.ascontiguousarray(own[:, k:]).T, side=1, lower=1, trans_a=1, overwrite_b=1)
-    return L, P, dsyrk(-1.0, P, beta=1.0, c=rest.T, lower=1, overwrite_c=1).T
+        return L, np.zeros((0, k), own.dtype), rest
+    P = trsm(1.0, L, np.ascontiguousarray(own[:, k:]).T, side=1, lower=1, trans_a=ADJOINT, overwrite_b=1)
+    return L, P, rank_k(-1.0, P, beta=1.0, c=rest.T, lower=1, overwrite_c=1).T
 
 
-def _triangular(L: Floats, b: Floats, transposed: int) -> Floats:
+def _triangular(L: Numbers, b: Numbers, transposed: int) -> Numbers:
     if not len(L):
         return b
-    solve = dtrsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else dtrsm(1.0, L, b, lower=1, trans_a=transposed)
+    trsv, trsm = (ztrsv, ztrsm) if np.iscomplexobj(L) else (dtrsv, dtrsm)
+    solve = trsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else trsm(1.0, L, b, lower=1, trans_a=transposed)
     return np.asarray(solve)

@@ -1,4 +1,4 @@
-"""MKL PARDISO (extra `fast`): symmetric positive definite, upper triangle, the factor kept."""
+"""MKL PARDISO (extra `fast`): symmetric or Hermitian, positive definite, upper triangle, the factor kept."""
 
 import importlib.metadata
 import os
@@ -16,6 +16,9 @@ from dsfab.sparse.multifrontal import NotPositiveDefinite
 
 ANALYSE, FACTORISE, SOLVE = 11, 22, 33
 """Phases, in PARDISO's numbers."""
+
+SYMMETRIC, HERMITIAN = 2, 4
+"""Kinds of positive definite matrices, in PARDISO's numbers."""
 
 OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
 """Entries of PARDISO's `iparm`, counted from 0: own choices; nested dissection by METIS; pivots as for symmetric
@@ -42,7 +45,7 @@ def pardiso_matrix(K: Matrix) -> csr_array:
 
 
 class Pardiso:
-    """The factor of a symmetric positive definite matrix; called with b, (N,) or (N, k), it returns K^-1 b.
+    """The factor of a positive definite matrix, real or Hermitian; called with b, (N,) or (N, k), it returns K^-1 b.
 
     K      : see `dsfab.sparse.factorise`.
     blocks : whether unknowns come in groups with rows of one structure.
@@ -57,13 +60,15 @@ class Pardiso:
         _point_to_mkl()
         from pypardiso import PyPardisoSolver
 
-        self._solver = PyPardisoSolver(mtype=2)
+        K = pardiso_matrix(K)
+        self._solver = PyPardisoSolver(mtype=HERMITIAN if np.iscomplexobj(K) else SYMMETRIC)
         for entry, value in (OPTIONS | (BLOCKS if blocks else {})).items():
             self._solver.set_iparm(entry + 1, value)
         weakref.finalize(self, _release, self._solver)  # MKL's memory is not Python's
         self._threads = int(self._solver.libmkl.MKL_Get_Max_Threads())
-        self._take(pardiso_matrix(K))
-        nothing = np.zeros((self._upper.shape[0], 1))
+        self._take(K)
+        del K
+        nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, kept, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
         give_back()  # what made the matrix, before the factor takes the most of all
@@ -77,10 +82,10 @@ class Pardiso:
         same = np.array_equal(before.indptr, self._upper.indptr)
         if not same or not np.array_equal(before.indices, self._upper.indices):
             raise ValueError("the pattern of the matrix has changed")
-        self._call(FACTORISE, np.zeros((K.shape[0], 1)))
+        self._call(FACTORISE, np.zeros((K.shape[0], 1), dtype=self._upper.dtype))
 
     def __call__(self, b: Floats) -> Floats:
-        return self._call(SOLVE, np.asfortranarray(b, dtype=np.float64)).reshape(b.shape)
+        return self._call(SOLVE, np.asfortranarray(b, dtype=self._upper.dtype)).reshape(b.shape)
 
     def _take(self, K: csr_array) -> None:
         row = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))

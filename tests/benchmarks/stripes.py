@@ -6,7 +6,8 @@ On `dome` and, with DSFAB_MESHES, on Botanic.obj, remeshed to about these number
 process of its own after the statics; of some runs the one counts that takes the least of the processor.
 
     modes            tensors, operators and five modes of both families
-    halved, free     `even_stripes`, halved where they crowd or not: directions, densities, both phases, what is drawn
+    fields           directions, densities and both phases alone: `even_stripes` without halving or symmetry
+    halved, free     `even_stripes`, halved where they crowd or not: these, the search for symmetry, what is drawn
     single           the cut along stripes of a mode of each family, as far apart as the others in the mean
     at corners       the same stripes as corner fields
     halved cut       the cut of the halved stripes
@@ -47,7 +48,7 @@ LEVELS = np.arange(-200.0, 201.0)
 MESHES = Path(os.environ.get("DSFAB_MESHES", ROOT / "../shared/meshes")).resolve()
 PLAIN = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.fillet": 0.0}
 """Widths as the thresholds say: none is sought for."""
-COLUMNS = ("modes", "halved", "free", "single", "at corners", "halved cut")
+COLUMNS = ("modes", "fields", "halved", "free", "single", "at corners", "halved cut")
 
 
 def preset_of(name: str, vertices: int) -> Preset:
@@ -101,7 +102,9 @@ def one_row(name: str, vertices: int, repeat: int) -> dict[str, Any]:
     surface, statics = design.surface, design.statics
     five = overridden(preset, {"diffusion.modes": 5})
     free = overridden(preset, {"pattern.halve": False})
+    alone = overridden(free, {"pattern.symmetry": "none"})
     found = {
+        "fields": measured(lambda: even_stripes(alone, surface, statics), repeat),
         "modes": measured(lambda: diffusion_step(five, surface, statics, Log(None)), repeat),
         "halved": measured(lambda: even_stripes(preset, surface, statics), repeat),
         "free": measured(lambda: even_stripes(free, surface, statics), repeat),
@@ -155,7 +158,7 @@ def told(rows: list[dict[str, Any]]) -> str:
         head = ("surface", "vertices", *(f"{column}, {unit}" for column in COLUMNS))
         body = [(r["name"], f"{r['n']:,}", *(f"{r[c][part]:.{0 if part else 3}f}" for c in COLUMNS)) for r in rows]
         lines.append(table(head, body))
-    pairs = (("halved", "modes"), ("free", "modes"), ("at corners", "single"))
+    pairs = (("fields", "modes"), ("halved", "modes"), ("free", "modes"), ("at corners", "single"))
     head = ("surface", "vertices", *(f"{one} / {other}" for one, other in pairs), "cells: single", "halved")
     body = [
         (
