@@ -156,7 +156,10 @@ def test_a_grid_of_two_crossing_beams():
         at = np.array([0.3, 0.6, 0.85, 1.4])
         rows = borne(s, found, line, at, cells)
         assert rows[:, MY] == pytest.approx(-P / 4 * np.minimum(at, 2 - at), rel=0.02)
-        assert rows[:, VZ] == pytest.approx(P / 4 * np.where(at < 1, -1, 1), rel=0.08)
+        assert rows[[0, 1, 3], VZ] == pytest.approx(np.array([-P, -P, P]) / 4, rel=1e-3)
+        assert rows[2, VZ] == pytest.approx(
+            -P / 4, rel=0.1
+        )  # a width from the corners of the node, where twist has no bound
         assert np.abs(rows[:, [N, VY, MZ]]).max() < 1e-6 * P
 
 

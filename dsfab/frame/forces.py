@@ -5,8 +5,8 @@ across the line in the face, z the normal of the face and r the arm from the axi
 
     F = sum l (n v - (q . v) z) + edges,        M = sum l (r x (n v - (q . v) z) + (m v) x z) + edges.
 
-Where the line ends on a free edge, a force m_vs z acts there besides (Kirchhoff 1850), s along the line and outward: in
-pure torsion it is half of the torque.
+Where the line ends on a free edge, a force m_vs z acts there besides (Kirchhoff 1850), s along the line and outward, m
+at that point: in pure torsion it is half of the torque.
 """
 
 from collections.abc import Mapping
@@ -104,7 +104,8 @@ def _edge_forces(cut: Sections, given: SectionForces, graph: MemberGraph, normal
     source = graph.source[cut.end_face]
     frame = given.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))
-    twist = np.einsum("ca,ca->c", s, _times(given.m[source], v))
+    m = np.einsum("ck,cka->ca", cut.end_weight, given.corner_moments[source])
+    twist = np.einsum("ca,ca->c", s, _times(m, v))
     return np.asarray(twist[:, None] * normals[cut.end_face] / PLANES)
 
 

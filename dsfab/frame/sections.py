@@ -24,7 +24,8 @@ class Sections:
     arm     : (c, 2, 3) metres from the axis to both ends of the line.
     weight  : (c, 2, 3) of the corners of the face at both ends.
     across  : (c, 3) unit vectors in the face, across the line, along the axis.
-    end_...  : the same of ends of lines on free edges; `end_out` (e, 3) unit vectors along the line, out of the face.
+    end_...  : the same of ends of lines on free edges, weight (e, 3); `end_out` (e, 3) unit vectors along the line,
+               out of the face.
     """
 
     station: Ints
@@ -36,6 +37,7 @@ class Sections:
     end_station: Ints
     end_face: Ints
     end_arm: Floats
+    end_weight: Floats
     end_across: Floats
     end_out: Floats
 
@@ -119,6 +121,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
         station[rows],
         face[rows],
         point - P[rows],
+        weight[rows, ends],
         across[rows],
         out,
     )

@@ -25,7 +25,7 @@ from dsfab.preset_surface import missing_preset
 from dsfab.results import DiffusionResult, Note, PatternResult, SlicingResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
 from dsfab.slicing.pattern_quality import PatternQuality
-from dsfab.statics import SectionForces, section_forces, sheet_stress, solve_for
+from dsfab.statics import SectionForces, ShearRecovery, section_forces, sheet_stress, solve_for
 from dsfab.surface import FileRecord, LoadCase, Surface
 from dsfab.thickening import Solid
 from dsfab.wording import length, mass
@@ -282,10 +282,12 @@ class Design:
         """By the elements for displacements, on the mesh as it is cut."""
         model = self.preset.statics.sheet().on(self.sheet.surface)
         loads = self._loads_on_sheet(self.statics.cases)
-        return {
-            name: section_forces(model.surface, model.thickness, sheet_stress(model, answer.elements, answer))
-            for name, answer in solve_for(model, loads, "stress").items()
-        }
+        answers, found, shear = solve_for(model, loads, "stress"), {}, None
+        for name, answer in answers.items():
+            stress = sheet_stress(model, answer.elements, answer)
+            shear = shear or ShearRecovery.of(model.surface, linear=answer.elements.bending == "hhj")
+            found[name] = section_forces(model.surface, model.thickness, stress, shear)
+        return found
 
     @property
     def mass(self) -> float:

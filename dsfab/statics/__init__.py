@@ -21,6 +21,7 @@ from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, shee
 from dsfab.statics.needles import flatness, needles_told
 from dsfab.statics.out_of_plane import ModeSupports, mode_supports
 from dsfab.statics.sections import CONVENTION, SectionForces, section_forces
+from dsfab.statics.shear import ShearRecovery
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
@@ -56,6 +57,7 @@ __all__ = [
     "Quantity",
     "Resultant",
     "SectionForces",
+    "ShearRecovery",
     "SheetMaterial",
     "SheetModel",
     "SheetStress",
