@@ -10,11 +10,17 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from dsfab.app.cli import main
 from dsfab.errors import PatternError
 from dsfab.export import flat_dxf
 from dsfab.members import member_graph
-from dsfab.workshop.bars import BarStock, bar_plan, half_plane_clip, member_lattice
+from dsfab.pipeline import Design
+from dsfab.preset_file import load_preset, overridden
+from dsfab.wording import length
+from dsfab.workshop import Layering, strip_limits, workshop_plan
+from dsfab.workshop.bars import BarStock, bar_lattice, bar_plan, half_plane_clip, member_lattice
 from dsfab.workshop.drawings import part_drawing
+from dsfab.workshop.routes import chosen_route
 from dsfab.workshop.tables import bar_rows, table_csv
 from tests.analytic import SURFACES
 
@@ -36,10 +42,11 @@ def plan_of(name, edge=0.2):
 
 def whole(name, edge=0.2):
     """Bars between two crossings, with their nodes in space, each with the family of its member."""
-    graph, plan = graph_of(name, edge), plan_of(name, edge)
+    graph = graph_of(name, edge)
+    found = bar_lattice(graph, member_lattice(graph, STOCK.bolt), STOCK.bar, STOCK.bolt)
     nodes = {node.id: node for node in graph.nodes}
-    for bar in plan.found.bars:
-        ends = [plan.found.lattice.nodes[end.node] for end in bar.ends]
+    for bar in found.bars:
+        ends = [found.lattice.nodes[end.node] for end in bar.ends]
         if all(end.joined and nodes[end.id].kind == "crossing" for end in ends):
             yield bar, ends, graph.by_id[bar.bay.member].family
 
@@ -64,8 +71,8 @@ def sphere_errors(edge):
 
 def test_bars_of_a_sphere_dip_by_half_of_their_angle_and_do_not_turn():
     """Planes of nodes are mirrored in the middle of a bar: sin dip = chord / 2R, length = chord - 2 e cos dip."""
-    length, dip, twist = sphere_errors(0.2)
-    assert length < 4e-3  # nodes are on a mesh with edges of .2
+    off, dip, twist = sphere_errors(0.2)
+    assert off < 4e-3  # nodes are on a mesh with edges of .2
     assert dip < 0.25
     assert twist < 0.1
 
@@ -220,7 +227,7 @@ def test_a_half_plane_cuts_a_square():
     assert len(half_plane_clip(square, np.array([1.0, 0.0]), -1.0)) == 0
 
 
-@pytest.mark.parametrize("name", ["sphere", "cylinder"])
+@pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])
 def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(name):
     """In space: the plane between two bars that stands on the plate has all of each bar on its side."""
     plan = plan_of(name)
@@ -255,3 +262,65 @@ def test_members_too_near_to_each_other_for_bars_are_refused_in_a_sentence():
     graph = graph_of("hypar")
     with pytest.raises(PatternError, match=r"bays are too short for a bar with a bolt of 60 mm .* workshop.route"):
         member_lattice(graph, 0.06)
+
+
+# --- routes and files
+
+
+@pytest.fixture(scope="module")
+def vault():
+    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3, "statics.material": "GL24h"})).until("slicing")
+
+
+def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault):
+    """Strain t |kn| / 2 against strength over stiffness; the thickest strips are as much thinner as that is more."""
+    graph, statics = vault.members, vault.preset.statics
+    limit = statics.strength / statics.young
+    limits = strip_limits(graph, vault.surface, 0.04, limit, 0.012)
+    thick = chosen_route(vault, graph, Layering(0.04, 2, 0.012))
+    assert thick.name == "bars"
+    assert thick.bars.stock.bar == 0.08
+    times = max(limits.bending, limits.shape) / limit
+    assert f"{times:.1f} times what the material takes" in thick.reason
+    assert f"could be bent are {length(0.04 * limit / limits.bending)}" in thick.reason
+    thin = chosen_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
+    assert thin.name == "strips"
+    assert "can be bent" in thin.reason
+    bolted = Design.of(overridden(vault.preset, {"workshop.bolt": 0.08}), vault).until("slicing")
+    near = chosen_route(bolted, graph, Layering(0.04, 2, 0.08))
+    assert near.name == "strips"
+    assert "but bars are no way either" in near.reason
+
+
+@pytest.mark.slow
+def test_the_command_writes_bars_as_drawings_lists_and_documents_and_the_same_twice(vault, tmp_path, capsys):
+    changes = ["surface.edge=0.3", "statics.material=GL24h", "workshop.stock=[5.0, 1.25]"]
+    words = ["workshop", "barrel_vault", *(x for change in changes for x in ("--set", change))]
+    assert main([*words, "--ifc", "-o", str(tmp_path / "one")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("route bars: layers of 40 mm")
+    assert any("straight bars of 80 mm on" in line for line in said)
+    assert any("of 80 mm and 5 mm" in line for line in said)
+    assert main([*words, "--ifc", "-o", str(tmp_path / "two"), "--quiet"]) == 0
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
+    assert one == two
+    bars = list(csv.DictReader(io.StringIO(one["bars.csv"].decode())))
+    parts = list(csv.DictReader(io.StringIO(one["cutlist.csv"].decode())))
+    assert {row["file"] for row in bars} <= set(one)
+    assert sum(int(row["count"]) for row in parts if row["thickness_mm"] == "80.0") == len(bars)
+    assert one["assembly.pdf"].startswith(b"%PDF")
+    assert {"nest.dxf", "nest.svg", "cutlist.xlsx", "members.ifc"} <= set(one)
+    assert '"All bars and plates"' in one["index.html"].decode()
+    assert main([*words, "--set", "workshop.route=strips", "-o", str(tmp_path / "one"), "--quiet"]) == 0
+    assert not (tmp_path / "one" / "bars.csv").exists()
+
+
+def test_bars_of_a_model_and_bars_longer_than_the_stock_are_refused_in_a_sentence(vault):
+    model = Design.of(overridden(vault.preset, {"workshop.route": "bars", "workshop.model": 50}), vault).until(
+        "slicing"
+    )
+    with pytest.raises(PatternError, match="a model is built of strips"):
+        workshop_plan(model)
+    short = Design.of(overridden(vault.preset, {"workshop.route": "bars"}), vault).until("slicing")
+    with pytest.raises(PatternError, match=r"part B\d+\.\d is 2\.\d+ x 0\.2\d* m and fits on no sheet"):
+        workshop_plan(short)

@@ -66,8 +66,8 @@ def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: floa
     covers = len(parts) - len(pieces)
     words = _count(len(pieces), "bar" if plan.bars else "piece") + (f", {_count(covers, 'cover')}" if covers else "")
     paper.text((PAGE.x, y + 5.5), words, 7, QUIET)
-    layer = f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm" if pieces and not plan.bars else ""
-    paper.text((PAGE.x, y + 2), layer, 7, QUIET)
+    if pieces and not plan.bars:
+        paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm", 7, QUIET)
     paper.lines([np.array([[PAGE.x, y - 0.5], [PAGE.x + PAGE.wide, y - 0.5]])], HAIR, 0.3)
     if member.axis is None:
         return
