@@ -7,7 +7,7 @@ from pydantic import field_validator
 
 from dsfab.preset_surface import Section
 
-Route = Literal["auto", "strips", "sheet"]
+Route = Literal["auto", "strips", "bars", "sheet"]
 StockSize = tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)]]
 
 
@@ -15,14 +15,17 @@ class Workshop(Section):
     """[workshop]: flat parts for `dsfab workshop`. The design itself is not changed by it."""
 
     route: Route = "auto"
-    """strips: members lie flat in the surface, in bolted layers; sheet: a flat design as it is, in pieces of the size
-    of the stock; auto: sheet where the design is flat, else strips."""
+    """strips: members lie flat in the surface, in bolted layers; bars: straight from node to node, on folded plates;
+    sheet: a flat design as it is, in pieces of the size of the stock; auto: sheet where the design is flat, bars where
+    strips of this thickness cannot be bent, else strips."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Metres; length and width of the sheets to cut from, of one size or of several."""
     thickness: Annotated[float, Ge(0)] = 0.0
-    """Metres; of one layer. 0: that of [statics], shared out to the layers."""
+    """Metres; of one layer, or of bars. 0: that of [statics], shared out to the layers."""
     layers: Literal[2, 4] = 2
     """strips: how many lie on each other where two members cross; of 2 each member is in one, of 4 in two."""
+    plate: Annotated[float, Gt(0)] = 0.005
+    """bars: metres; thickness of the plates of nodes."""
     bolt: Annotated[float, Gt(0)] = 0.012
     """Metres; diameter of the bolts, and of their holes."""
     gap: Annotated[float, Ge(0)] = 0.008

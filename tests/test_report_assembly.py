@@ -12,16 +12,18 @@ import pytest
 from dsfab.export import MemberShape
 from dsfab.export.part import open_edges
 from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset
+from dsfab.preset_file import load_preset, overridden
 from dsfab.render import PAPER
 from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces, painted
+from dsfab.report.assembly.bars import bar_steps
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
 from dsfab.report.assembly.refolding import refolded_pages, strip_quads
 from dsfab.surface import Surface, signed_volume
 from dsfab.thickening import closed_skin
 from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded, workshop_plan
+from dsfab.workshop.bars import bar_body
 from dsfab.workshop.built import strip_body
 from tests.browser import browser, opened
 
@@ -110,6 +112,43 @@ def test_words_are_inside_of_the_page_and_names_of_members_are_not_on_each_other
         if title.startswith("Members, "):
             for (a, x, y, w, h), (b, u, v, p, q) in combinations(pages[title], 2):
                 assert x + w <= u or u + p <= x or y + h <= v or v + q <= y, (title, a, b)
+
+
+@pytest.fixture(scope="module")
+def barred(vault):
+    changes = {"workshop.route": "bars", "workshop.stock": [[5.0, 1.25]]}
+    return workshop_plan(Design.of(overridden(vault.preset, changes), vault).until("slicing"))
+
+
+def test_pages_of_bars_name_every_bar_and_every_plate_inside_of_the_page(barred, vault):
+    found = {}
+    for title, draw in book_pages(barred, vault):
+        paper = Recorder()
+        draw(paper)
+        found[title] = {words[0] for words in paper.words}
+        for text, x, y, wide, high in paper.words:
+            assert 0 < x < x + wide < WIDE, (title, text)
+            assert 0 < y < y + high < HIGH, (title, text)
+    bars = {part.id for part in barred.parts if part.member}
+    (node,) = (title for title in found if title.startswith("How a node"))
+    arms = next(joint for joint in barred.bars.found.joints if joint.node.id == node.split()[-1])
+    assert found[node] >= {barred.bars.found.bars[k].bay.id for k, _ in arms.bars}
+    assert set().union(*(found[title] for title in found if title.startswith("Bars "))) >= bars
+    cut = set().union(*(found[title] for title in found if title.startswith("Cut list")))
+    assert cut >= {f"{len(group)} x {barred.parts[group[0]].id}" for group in barred.same}
+    steps = [name for step in bar_steps(barred, UP) for name in step.members]
+    assert sorted(steps) == sorted(bars)
+    heights = {bar.bay.id: bar.points.mean(axis=0)[2] for bar in barred.bars.found.bars}
+    assert (np.diff([heights[name] for name in steps]) > -2e-3).all()
+
+
+def test_bodies_of_bars_are_closed_and_as_large_as_their_drawings(barred):
+    parts = {part.id: part for part in barred.parts}
+    for bar in barred.bars.found.bars[::7]:
+        V, F = bar_body(bar, barred.bars.stock)
+        assert open_edges(F) == 0
+        part = parts[bar.bay.id]
+        assert signed_volume(V, F) == pytest.approx(part.size[0] * part.size[1] * barred.thickness, rel=2e-3)
 
 
 def test_the_file_is_a_pdf_with_all_pages_and_the_same_bytes_twice(plan, vault, pages):

@@ -139,11 +139,14 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
 def _say_files(plan: "WorkshopPlan", where: Path, documents: Mapping[str, bytes]) -> None:
     """What was written into a folder."""
     parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _counted(plan))
-    out(f"{parts} of {length(plan.thickness)}, {len(plan.same)} different; {sheets}, {plan.used:.0%} used")
+    thick = sorted({plan.thickness_of(part) for part in plan.parts}, reverse=True)
+    shown = " and ".join(length(one) for one in thick)
+    out(f"{parts} of {shown}, {len(plan.same)} different; {sheets}, {plan.used:.0%} used")
     if plan.model:
         out(f"  {where / 'sheet_1.dxf'} and .svg{', and so on: each sheet' if len(plan.sheets) > 1 else ''}")
     out(f"  {where / 'nest.dxf'}  {where / 'cutlist.csv'}  and a .dxf and an .svg for each different part")
-    out("  ".join(["", *(str(where / name) for name in ("cutlist.xlsx", *documents))]))
+    listed = ("cutlist.xlsx", *(("bars.csv",) if plan.bars else ()), *documents)
+    out("  ".join(["", *(str(where / name) for name in listed)]))
 
 
 def _counted(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:

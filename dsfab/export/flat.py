@@ -20,9 +20,17 @@ from dsfab.export.dxf import dxf_bytes, same_bytes
 from dsfab.export.text import one_line
 from dsfab.units import MM_PER_M
 
-COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "AXIS": 9}
-"""Of the AutoCAD palette, by layer: grey, red, blue, magenta, green, light grey."""
-STROKES = {"STOCK": "#888", "CUT": "#c00", "HOLES": "#00c", "SLOTS": "#c0c", "ENGRAVE": "#080", "AXIS": "#bbb"}
+COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "FOLD": 4, "AXIS": 9}
+"""Of the AutoCAD palette, by layer: grey, red, blue, magenta, green, cyan, light grey."""
+STROKES = {
+    "STOCK": "#888",
+    "CUT": "#c00",
+    "HOLES": "#00c",
+    "SLOTS": "#c0c",
+    "ENGRAVE": "#080",
+    "FOLD": "#088",
+    "AXIS": "#bbb",
+}
 """The same for SVG."""
 HAIR = 0.001
 """Width of a line over the longer side of an SVG drawing."""

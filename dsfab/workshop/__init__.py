@@ -5,10 +5,12 @@ strips, splices       parts of lying strips                                plate
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 model, ground, base   models in card, with feet in a plate
 nesting, hints        parts on sheets; what would save some               plan       all of it: `workshop_plan`
+bars                  straight bars between nodes, on plates             routes     which way it is built, and why
 refolding, built      strips bent back into space; members as bodies of their parts
 drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """
 
+from dsfab.workshop.bars import CLEAR, PlateArm, half_plane_clip, placed_parts, plate_arms
 from dsfab.workshop.built import built_shapes
 from dsfab.workshop.course import StripCourse, member_course
 from dsfab.workshop.development import Development
@@ -23,31 +25,37 @@ from dsfab.workshop.plates import layer_numbers
 from dsfab.workshop.refolding import RefoldedPlan, RefoldedStrip, refolded
 from dsfab.workshop.sheet import sheet_parts
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
-from dsfab.workshop.tables import cut_list, cut_list_workbook, node_table
+from dsfab.workshop.tables import bar_table, cut_list, cut_list_workbook, node_table
 
 __all__ = [
+    "CLEAR",
     "Development",
     "FlatPart",
     "Hole",
     "Layering",
     "NestedPart",
     "NestedSheet",
+    "PlateArm",
     "RefoldedPlan",
     "RefoldedStrip",
     "StripCourse",
     "StripLimits",
     "StripParts",
     "WorkshopPlan",
+    "bar_table",
     "built_shapes",
     "cut_list",
     "cut_list_workbook",
     "drawing_files",
     "file_stem",
+    "half_plane_clip",
     "is_strip",
     "layer_numbers",
     "member_course",
     "nested",
     "node_table",
+    "placed_parts",
+    "plate_arms",
     "refolded",
     "sheet_parts",
     "strip_limits",

@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.export import MemberShape
 from dsfab.surface import signed_volume
+from dsfab.workshop.bars import BarPlan, bar_body
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.refolding import RefoldedStrip, refolded
 
@@ -18,7 +19,10 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
     shapes : as `dsfab.delivery` has them: vertices of the upper skin, then those of the lower one; `shift` says by how
     many halves of their thickness the middle between both lies over the surface.
     Strips are bent back from their flat parts, cover plates with them; plates are as thick as the stock, below all.
+    Bars are as they are cut, but for mitres.
     """
+    if plan.bars:
+        return _bars(plan.bars, shapes, shift)
     built = {part.member for part in plan.parts}
     strips: dict[str, list[RefoldedStrip]] = {}
     for strip in refolded(plan).strips:
@@ -31,6 +35,22 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
         elif shape.id in built and plan.layering is not None:
             height = plan.layering.height(plan.layering.plates)
             found.append(replace(shape, V=_moved(shape.V, plan.thickness, height, shift), plate=True))
+    return tuple(found)
+
+
+def _bars(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
+    """Members as their bars, and those that are plates as thick as these, below the plates of nodes."""
+    bodies: dict[str, list[tuple[Floats, Ints]]] = {}
+    for bar in plan.found.bars:
+        bodies.setdefault(bar.bay.member, []).append(bar_body(bar, plan.stock))
+    discs = {part.member: part.layer for part in plan.parts if part.member and not len(part.axis)}
+    found = []
+    for shape in shapes:
+        if shape.id in bodies:
+            V, F = _joined(bodies[shape.id])
+            found.append(replace(shape, V=V, F=F, plate=False))
+        elif shape.id in discs:
+            found.append(replace(shape, V=_moved(shape.V, plan.stock.bar, discs[shape.id], shift), plate=True))
     return tuple(found)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export import FlatCircle, FlatDrawing, FlatLine
 from dsfab.surface import simplified_line
+from dsfab.units import MM_PER_M
 from dsfab.workshop.letters import strokes
 from dsfab.workshop.nesting import NestedSheet
 from dsfab.workshop.parts import FlatPart
@@ -41,10 +42,11 @@ def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
 
 
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
-    """Outline, openings and engraved lines of a part."""
+    """Outline, openings, engraved lines and folds of a part."""
     yield FlatLine("CUT", _closed(part.outline), closed=True)
     yield from (FlatLine("SLOTS", _closed(slot), closed=True) for slot in part.slots)
     yield from (FlatLine("ENGRAVE", mark) for mark in part.marks)
+    yield from (FlatLine("FOLD", fold.line) for fold in part.folds)
 
 
 def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
@@ -69,6 +71,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         frame = origin + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size
         lines.append(FlatLine("STOCK", frame, closed=True))
         title = f"SHEET {k + 1}" if len(plan.sheets) > 1 else "SHEET"
+        title += f"   {MM_PER_M * plan.thickness_of(sheet.parts[0].part):g} MM" if plan.bars else ""
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:

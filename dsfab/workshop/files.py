@@ -8,9 +8,9 @@ from types import MappingProxyType
 from dsfab.export import check_flat_dxf, flat_dxf, flat_svg, whole_or_nothing, write_chunks
 from dsfab.workshop.drawings import file_stem, nest_drawing, part_drawing, sheet_drawing
 from dsfab.workshop.plan import WorkshopPlan
-from dsfab.workshop.tables import cut_list, cut_list_workbook
+from dsfab.workshop.tables import bar_table, cut_list, cut_list_workbook, table_csv
 
-NEST, CUTLIST, WORKBOOK, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "sheet_"
+NEST, CUTLIST, WORKBOOK, BARS, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "bars.csv", "sheet_"
 LASER = 1e-4
 """Metres; width of lines in the SVG files of sheets."""
 
@@ -39,6 +39,8 @@ def write_workshop(
             write_chunks(partial / f"{file_stem(part.id)}.svg", [flat_svg(drawing)])
         write_chunks(partial / CUTLIST, [cut_list(plan).encode()])
         write_chunks(partial / WORKBOOK, [cut_list_workbook(plan)])
+        if plan.bars:
+            write_chunks(partial / BARS, [table_csv(bar_table(plan)).encode()])
         for document, content in documents.items():
             write_chunks(partial / document, [content])
     return folder
@@ -64,7 +66,16 @@ def _outdated(target: Path, partial: Path) -> set[str]:
     except (OSError, ValueError, KeyError, AttributeError):
         return set()
     names = {name for name in named if name == Path(name).name} if None not in named else set()
-    return set(_with_svg(names)) - {path.name for path in partial.iterdir()}
+    return (set(_with_svg(names)) | _bar_list(target)) - {path.name for path in partial.iterdir()}
+
+
+def _bar_list(target: Path) -> set[str]:
+    """The list of bars of an earlier plan, if there is one."""
+    try:
+        with open(target / BARS, encoding="utf-8") as file:
+            return {BARS} if file.readline().startswith("bar,from,to,") else set()
+    except (OSError, ValueError):
+        return set()
 
 
 def _with_svg(names: set[str]) -> Iterator[str]:

@@ -27,6 +27,17 @@ class Hole:
 
 
 @dataclass(frozen=True, eq=False)
+class Fold:
+    """A part is folded along a line (2, 2) by an angle, radians: away from who sees its drawing if it is positive."""
+
+    line: Floats
+    angle: float
+
+    def __post_init__(self) -> None:
+        lock(self, "line", np.float64, (2, 2))
+
+
+@dataclass(frozen=True, eq=False)
 class FlatPart:
     """A part as it is cut, seen from the side to which the normals of the surface point.
 
@@ -37,6 +48,7 @@ class FlatPart:
     holes   : for bolts.                            marks : (k, 2) lines to engrave, each.
     layer   : height of its middle over the surface, metres.
     strain  : the largest that building it takes, with that of bending.
+    folds   : where it is folded, if it is.    thickness : metres, where it is not that of most parts; else 0.
     axis    : (k, 2) the middle line, not to be cut; (0, 2) where it has none.
     """
 
@@ -50,6 +62,8 @@ class FlatPart:
     layer: float = 0.0
     strain: float = 0.0
     axis: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    folds: tuple[Fold, ...] = ()
+    thickness: float = 0.0
 
     def __post_init__(self) -> None:
         lock(self, "outline", np.float64, (None, 2))
@@ -77,14 +91,18 @@ class FlatPart:
             slots=tuple(x @ R + shift for x in self.slots),
             marks=tuple(x @ R + shift for x in self.marks),
             axis=self.axis @ R + shift,
+            folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
 
     def lying(self) -> "FlatPart":
         """With its longer direction along x, its middle at the origin: how it lies on a drawing and on the stock."""
         line = self.axis if len(self.axis) > 1 else longest_direction(self.outline)
         way = line[-1] - line[0]
-        part = self.moved(-float(np.arctan2(way[1], way[0])), np.zeros(2))
-        return part.moved(0.0, -(part.outline.min(axis=0) + part.outline.max(axis=0)) / 2)
+        return self.moved(-float(np.arctan2(way[1], way[0])), np.zeros(2)).centred()
+
+    def centred(self) -> "FlatPart":
+        """With the middle of its box at the origin."""
+        return self.moved(0.0, -(self.outline.min(axis=0) + self.outline.max(axis=0)) / 2)
 
 
 def turning(angle: float) -> Floats:
@@ -115,7 +133,7 @@ def shape_key(part: FlatPart) -> tuple[int, int]:
 def congruent(one: FlatPart, two: FlatPart) -> bool:
     """Whether two parts, as they lie, are the same piece to cut, whatever is engraved; half a turn makes no
     difference."""
-    if shape_key(one) != shape_key(two) or len(one.slots) != len(two.slots):
+    if shape_key(one) != shape_key(two) or len(one.slots) != len(two.slots) or one.thickness != two.thickness:
         return False
     if (np.abs(one.size - two.size) > 2 * SAME).any():
         return False
@@ -123,10 +141,12 @@ def congruent(one: FlatPart, two: FlatPart) -> bool:
     return any(all(_near(P, turn * Q) for P, Q in pairs) for turn in (1, -1))
 
 
-def _corners(part: FlatPart) -> tuple[Floats, Floats, Floats]:
-    """(k, 2) corners of the outline, middles of the holes, and corners of the slots."""
+def _corners(part: FlatPart) -> tuple[Floats, Floats, Floats, Floats]:
+    """(k, 2) corners of the outline, middles of the holes, corners of the slots, and middles of the folds, these
+    farther out the more they are folded: a fifth of a degree makes parts differ."""
     slots = np.concatenate(part.slots) if part.slots else np.zeros((0, 2))
-    return part.outline, np.array([hole.at for hole in part.holes]).reshape(-1, 2), slots
+    folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in part.folds]).reshape(-1, 2)
+    return part.outline, np.array([hole.at for hole in part.holes]).reshape(-1, 2), slots, folds
 
 
 def _near(one: Floats, two: Floats) -> bool:

@@ -1,6 +1,7 @@
 """`WorkshopPlan`: what a workshop needs of a design: its parts, their sheets, and what is to be known first."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,9 +9,10 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
-from dsfab.members import MemberGraph, spherical_normals
+from dsfab.members import MemberGraph
 from dsfab.pipeline import Design
 from dsfab.wording import length
+from dsfab.workshop.bars import BarPlan
 from dsfab.workshop.base import base_notes, base_parts
 from dsfab.workshop.ground import Ground
 from dsfab.workshop.hints import sheet_hints
@@ -19,7 +21,8 @@ from dsfab.workshop.limits import strip_limits
 from dsfab.workshop.model import CARD, LETTERS, model_notes, packing_parts, scaled_graph, scaled_surface
 from dsfab.workshop.nesting import NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, congruent, shape_key
-from dsfab.workshop.plates import plate_parts
+from dsfab.workshop.plates import is_plate, plate_parts
+from dsfab.workshop.routes import chosen_route, node_normals
 from dsfab.workshop.sheet import sheet_parts
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
 
@@ -36,13 +39,14 @@ SLACK = 5e-4
 class WorkshopPlan:
     """The parts of a design and the sheets that they are cut from.
 
-    route     : "strips" or "sheet".    thickness : of the stock, metres.
+    route     : "strips", "bars" or "sheet".    thickness : of the stock, metres; some parts say their own.
     parts     : all of them.            sheets : each part on one of them.
     same      : numbers of parts that are one part to cut, as lists, in the order of the parts.
     notes     : sentences that come first: what is possible, and what is not.
     graph     : the members that the parts are of, and their nodes, as large as what is built; None of a flat sheet.
-    layering  : how its members lie on each other; None of a flat sheet.
+    layering  : how strips lie on each other; None of other routes.
     model     : 50 for a model at 1:50; 0 for full size.
+    bars      : of the route "bars"; it has no layers.
     """
 
     route: str
@@ -54,6 +58,11 @@ class WorkshopPlan:
     graph: MemberGraph | None = None
     layering: Layering | None = None
     model: float = 0.0
+    bars: BarPlan | None = None
+
+    def thickness_of(self, part: FlatPart) -> float:
+        """Metres."""
+        return part.thickness or self.thickness
 
     @cached_property
     def sheet_of(self) -> dict[str, int]:
@@ -75,23 +84,40 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """
     ask, surface = design.preset.workshop, design.sheet.surface
     if ask.route == "sheet" and not surface.is_flat:
-        raise PatternError("workshop.route = 'sheet' is for flat designs, and this one is curved; use 'strips'")
+        raise PatternError(
+            "workshop.route = 'sheet' is for flat designs, and this one is curved; use 'strips' or 'bars'"
+        )
     flat = ask.route == "sheet" or (ask.route == "auto" and surface.is_flat)
     room = [(a - 2 * ask.gap - SLACK, b - 2 * ask.gap - SLACK) for a, b in ask.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
     graph, layering = (None, None) if flat else _built_graph(design)
-    parts, notes = _curved(design, graph, layering, room, up) if graph and layering else _flat(design, room)
-    sheets = nested(parts, ask.stock, ask.gap)
-    notes = notes if flat else [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap)]
-    thickness = layering.thickness if layering else ask.thickness or design.preset.statics.thickness / _scale(design)
-    route = "sheet" if flat else "strips"
-    if ask.route == "auto":
-        notes = [f"route {route}: the design is {'flat' if flat else 'curved, and its members can lie in it'}", *notes]
+    route = chosen_route(design, graph, layering)
+    thickness = ask.thickness or design.preset.statics.thickness / _scale(design)
+    if route.bars:
+        parts, notes, layering = list(route.bars.parts), list(route.bars.lines), None
+    elif graph and layering:
+        parts, notes = _curved(design, graph, layering, room, up)
+        thickness = layering.thickness
+    else:
+        parts, notes = _flat(design, room)
+    sheets = nested_by_thickness(parts, ask.stock, ask.gap)
+    if layering:
+        notes = [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap)]
+    if route.reason:
+        notes = [f"route {route.name}: {route.reason}", *notes]
     return WorkshopPlan(
-        *(route, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes)),
-        *(graph, layering, ask.model),
+        *(route.name, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes)),
+        *(graph, layering, ask.model, route.bars),
     )
+
+
+def nested_by_thickness(parts: list[FlatPart], stock: Sequence[tuple[float, float]], gap: float) -> list[NestedSheet]:
+    """Parts on sheets, those of each thickness on sheets of their own (see `nested`)."""
+    groups: dict[float, list[FlatPart]] = {}
+    for part in parts:
+        groups.setdefault(part.thickness, []).append(part)
+    return [sheet for some in groups.values() for sheet in nested(some, stock, gap)]
 
 
 def _scale(design: Design) -> float:
@@ -131,8 +157,8 @@ def _curved(
         room = [(a - TABS * layering.thickness, b - TABS * layering.thickness) for a, b in room]
     limits = strip_limits(graph, surface, layering.thickness, limit, ask.bolt)
     strips = strip_parts(graph, layering, room, ask.splice == "cover", ground)
-    normals = graph.sheet.carry(spherical_normals(design.surface))
-    plates = plate_parts(graph, normals / np.linalg.norm(normals, axis=1)[:, None], layering)
+    discs = [member for member in graph.members if is_plate(member)]
+    plates = plate_parts(graph, discs, node_normals(design, graph), layering.height(layering.plates), layering.bolt)
     if not strips.pieces and not plates:
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
     lines = model_notes(limits, graph, ask.model, ask.bolt) if ask.model else limits.lines

@@ -1,5 +1,6 @@
 """Flat plates: discs, and members that turn within their own width, flattened from their cells [Liu et al. 2008]."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import igl
@@ -28,11 +29,13 @@ def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
     return layering.numbers(member.family) if is_strip(member) else (layering.plates,)
 
 
-def plate_parts(graph: MemberGraph, normals: Floats, layering: Layering) -> list[FlatPart]:
-    """The plates of a graph; normals (n, 3) at the vertices of its sheet."""
-    height = layering.height(layering.plates)
-    members = [member for member in graph.members if is_plate(member)]
-    return [_plate(graph, member, normals, height, layering.bolt) for member in members]
+def plate_parts(
+    graph: MemberGraph, members: Sequence[Member], normals: Floats, height: float, bolt: float
+) -> list[FlatPart]:
+    """Members of a graph as plates at a height over the surface, with holes of a diameter at their nodes, metres;
+    normals (n, 3) at the vertices of its sheet."""
+    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    return [_plate(graph, member, normals, height, bolt) for member in members]
 
 
 def _plate(graph: MemberGraph, member: Member, normals: Floats, height: float, bolt: float) -> FlatPart:

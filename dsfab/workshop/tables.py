@@ -1,14 +1,15 @@
-"""Parts, sheets and nodes of a plan as rows, in millimetres and square metres: for `cutlist.csv` and `cutlist.xlsx`."""
+"""Parts, sheets, nodes and bars of a plan as rows, in millimetres and square metres: for CSV and `cutlist.xlsx`."""
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
 
 from dsfab.units import MM_PER_M
+from dsfab.workshop.bars import BarPlan
 from dsfab.workshop.drawings import file_stem
 from dsfab.workshop.plan import WorkshopPlan
 
@@ -41,7 +42,7 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
         sheets = sorted({plan.sheet_of[one] for one in names})
         rows.append(
             (part.id, len(names), " ".join(x.replace(" ", "_") for x in names[1:]), part.member, a, b)
-            + (round(MM_PER_M * plan.thickness, 3), round(part.area, 4), len(part.holes))
+            + (round(MM_PER_M * plan.thickness_of(part), 3), round(part.area, 4), len(part.holes))
             + (round(MM_PER_M * part.layer, 3), f"{part.strain:.2e}", " ".join(map(str, sheets)))
             + (f"{file_stem(part.id)}.dxf",)
         )
@@ -72,9 +73,46 @@ def node_table(plan: WorkshopPlan) -> PlanTable:
     return PlanTable("nodes", head, tuple(rows))
 
 
+def bar_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each bar of a plan, as `bar_rows` has it; empty where there is none."""
+    if plan.bars is None:
+        return PlanTable("bars", BAR_HEAD, ())
+    files = {plan.parts[k].id: file_stem(plan.parts[some[0]].id) for some in plan.same for k in some}
+    return bar_rows(plan.bars, files)
+
+
+BAR_HEAD = (
+    *("bar", "from", "to", "nodes_apart_mm", "length_mm", "width_mm", "from_along_deg", "from_dip_deg"),
+    *("to_along_deg", "to_dip_deg", "twist_deg", "bow_mm", "file"),
+)
+
+
+def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
+    """Each bar: from which node to which, and its angles; `files` has the stems of drawings that are not its own.
+
+    along : degrees from the first bar of the node, counter-clockwise as seen from outside.    dip : degrees below the
+    plate of the node, by which its arm is folded.    twist : degrees that the bar turns by from its first node to its
+    second one, right-handed.    bow : millimetres that the member's axis is from the bar.
+    """
+    nodes, rows = plan.found.lattice.nodes, []
+    sizes = {part.id: part.size for part in plan.parts}
+    for bar in plan.found.bars:
+        name, (one, two) = bar.bay.id, (nodes[end.node] for end in bar.ends)
+        mm = MM_PER_M * np.array([float(np.linalg.norm(two.point - one.point)), *sizes[name]])
+        turned = np.degrees([*(x for end in bar.ends for x in (end.azimuth, end.dip)), bar.twist]).round(4) + 0.0
+        row = name, one.id, two.id, *mm.round(1).tolist(), *turned.tolist()
+        rows.append((*row, round(MM_PER_M * bar.sagitta, 1), f"{files.get(name, file_stem(name))}.dxf"))
+    return PlanTable("bars", BAR_HEAD, tuple(rows))
+
+
 def cut_list(plan: WorkshopPlan) -> str:
     """The parts as CSV."""
-    table, text = part_table(plan), io.StringIO()
+    return table_csv(part_table(plan))
+
+
+def table_csv(table: PlanTable) -> str:
+    """A table as CSV."""
+    text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(table.head)
     writer.writerows(table.rows)
@@ -82,14 +120,14 @@ def cut_list(plan: WorkshopPlan) -> str:
 
 
 def cut_list_workbook(plan: WorkshopPlan) -> bytes:
-    """Parts, nests and nodes as an Excel workbook, a sheet for each that has rows."""
+    """Parts, nests, nodes and bars as an Excel workbook, a sheet for each that has rows."""
     import xlsxwriter
 
     file = io.BytesIO()
     with xlsxwriter.Workbook(file, {"in_memory": True}) as book:
         book.set_properties({"created": NEVER})
         strong = book.add_format({"bold": True, "bottom": 1})
-        for table in (part_table(plan), nest_table(plan), node_table(plan)):
+        for table in (part_table(plan), nest_table(plan), node_table(plan), bar_table(plan)):
             if not table.rows:
                 continue
             sheet = book.add_worksheet(table.name)

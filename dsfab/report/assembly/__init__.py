@@ -2,7 +2,7 @@
 
 axonometry   members as they are seen from far away      sequence   which are put up when
 paper        a sheet of paper to draw on                 overview, families, flat_parts, steps   its pages
-refolding    flat parts bent back beside the design
+refolding    flat parts bent back beside the design      bars, joint   pages of bars, and of one node in full
 book         all of them: `assembly_pdf`      page       the same to turn and to click on: `assembly_page`
 """
 

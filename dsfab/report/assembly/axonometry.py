@@ -8,12 +8,14 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.members import Member, MemberGraph
 from dsfab.render import Palette
-from dsfab.workshop import Layering, is_strip, layer_numbers
+from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
 PIECES = 90
 """A member is drawn in pieces as long as the structure over this."""
 SHADE = 0.3
 """How much darker a face is that is seen edge-on."""
+PLATE = (150, 146, 140)
+"""The colour of plates of nodes."""
 LEAST_ELEVATION, AZIMUTH = 28.0, -58.0
 """Degrees: from where a structure is seen that is not seen from above."""
 
@@ -68,6 +70,30 @@ def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> li
             quads = _bands(member, piece, height) if is_strip(member) else _cells(graph, member)
             found.append(MemberFaces(member.id, (red, green, blue), quads))
     return found
+
+
+def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
+    """All bars and the plates of nodes of a plan, by their names: bars in the colours of their members; metres."""
+    assert plan.bars is not None
+    assert plan.graph is not None
+    members, found = plan.graph.by_id, []
+    for one in placed_parts(plan.bars):
+        tint = _tint(members[one.member], palette) if one.member else PLATE
+        red, green, blue = (x / 255 for x in tint)
+        found.append(MemberFaces(one.id, (red, green, blue), one.quads))
+    return found
+
+
+def joined_faces(faces: list[MemberFaces], plan: WorkshopPlan) -> list[MemberFaces]:
+    """Those of bars as those of their members; without plates."""
+    member = {part.id: part.member for part in plan.parts}
+    found: dict[str, list[MemberFaces]] = {}
+    for one in faces:
+        if member[one.id]:
+            found.setdefault(member[one.id], []).append(one)
+    return [
+        MemberFaces(name, some[0].colour, np.concatenate([one.quads for one in some])) for name, some in found.items()
+    ]
 
 
 def _tint(member: Member, palette: Palette) -> tuple[int, int, int]:

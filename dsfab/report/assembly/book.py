@@ -10,14 +10,16 @@ from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.pipeline import Design
 from dsfab.render import PAPER, up_axis
-from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, bar_faces, joined_faces, member_faces
+from dsfab.report.assembly.bars import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.families import family_pages
 from dsfab.report.assembly.flat_parts import cut_list_pages, nest_pages, node_pages
+from dsfab.report.assembly.joint import joint_pages
 from dsfab.report.assembly.overview import cover, named_view
 from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, MM, PAGE, QUIET, WIDE, Paper
 from dsfab.report.assembly.refolding import refolded_pages
-from dsfab.report.assembly.sequence import assembly_steps
+from dsfab.report.assembly.sequence import RULE, assembly_steps
 from dsfab.report.assembly.steps import step_pages
 from dsfab.report.compliance.pdf_style import fonts
 from dsfab.units import MM_PER_M
@@ -59,10 +61,12 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
     """All pages in order. A flat design has no members to put up: its pieces are butted."""
     flat = [*cut_list_pages(plan), *nest_pages(plan)]
     last = ("What was not checked", partial(_unchecked, plan=plan))
-    if plan.graph is None or plan.layering is None:
+    if plan.graph is None:
         return [*flat, last]
     load = design.load if design.has("statics") else None
     up = up_axis(plan.graph.sheet.surface.V, design.surface, load)
+    if plan.layering is None:
+        return [*_bar_book(plan, design, up), last]
     built = {part.member for part in plan.parts}
     faces = [one for one in member_faces(plan.graph, PAPER, plan.layering) if one.id in built]
     return [
@@ -73,8 +77,25 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
         *family_pages(plan),
         *flat,
         *node_pages(plan),
-        *step_pages(assembly_steps(plan.graph, plan.layering, up), faces, up),
+        *step_pages(assembly_steps(plan.graph, plan.layering, up), faces, up, RULE),
         last,
+    ]
+
+
+def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
+    """All pages of bars but the last: they have no layers, and are put up one by one."""
+    parts = bar_faces(plan, PAPER)
+    members = joined_faces(parts, plan)
+    return [
+        ("Assembly", partial(cover, faces=parts, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        *joint_pages(plan),
+        *_views(members, up),
+        *family_pages(plan),
+        *bar_pages(plan),
+        *cut_list_pages(plan),
+        *nest_pages(plan),
+        *node_pages(plan),
+        *step_pages(bar_steps(plan, up), parts, up, BAR_RULE),
     ]
 
 
@@ -97,6 +118,8 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     longest = max(plan.parts, key=lambda part: part.size[0])
     if plan.model:
         return model_figures(plan)
+    if plan.bars:
+        return bar_figures(plan, design)
     return [
         ("Size over all", " x ".join(f"{x:.2f}" for x in size) + " m"),
         (
@@ -120,7 +143,7 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
     x, y = PAGE.x, PAGE.y + PAGE.high - 8
     blocks = (
-        ("Not checked by dsfab:", MODEL_UNCHECKED if plan.model else UNCHECKED),
+        ("Not checked by dsfab:", MODEL_UNCHECKED if plan.model else BARS_UNCHECKED if plan.bars else UNCHECKED),
         ("Told of this plan:", plan.notes),
     )
     for head, notes in blocks:

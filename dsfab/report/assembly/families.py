@@ -15,6 +15,14 @@ NAMES = 44.0
 """Millimetres for its name, to the left of its line."""
 APART = 2.1
 """Millimetres between the names of two nodes, at least: of others the tick alone is drawn."""
+SPLICED = (
+    "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
+    "red: splices. Bays of a layer are those of its drawing."
+)
+BARRED = (
+    "Above each line the member that crosses there, below it millimetres along the curved axis from the beginning; "
+    "red: the number of each bar, 3 for A07.3. Lengths of bars are those of their drawings."
+)
 FAMILIES = {"major": "Family A", "minor": "Family B", "rim": "Edges", "keep": "Around supports and loads"}
 PER_PAGE = int(PAGE.high // ROW)
 
@@ -40,8 +48,7 @@ def _page(plan: WorkshopPlan, members: list[Member], scale: float) -> Callable[[
             _row(paper, plan, member, PAGE.y + PAGE.high - (k + 1) * ROW, scale)
         paper.text(
             (PAGE.x, PAGE.y - 4),
-            "Above each line the member that crosses there, below it millimetres along the middle surface from the "
-            "beginning; red: splices. Bays of a layer are those of its drawing.",
+            BARRED if plan.bars else SPLICED,
             7,
             QUIET,
         )
@@ -57,9 +64,10 @@ def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: floa
     paper.text((PAGE.x, y + 13), member.id, 12, bold=True)
     paper.text((PAGE.x, y + 9), size, 7)
     covers = len(parts) - len(pieces)
-    words = _count(len(pieces), "piece") + (f", {_count(covers, 'cover')}" if covers else "")
+    words = _count(len(pieces), "bar" if plan.bars else "piece") + (f", {_count(covers, 'cover')}" if covers else "")
     paper.text((PAGE.x, y + 5.5), words, 7, QUIET)
-    paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm" if pieces else "", 7, QUIET)
+    if pieces and not plan.bars:
+        paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm", 7, QUIET)
     paper.lines([np.array([[PAGE.x, y - 0.5], [PAGE.x + PAGE.wide, y - 0.5]])], HAIR, 0.3)
     if member.axis is None:
         return
@@ -67,7 +75,11 @@ def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: floa
     paper.lines([np.array([[left, middle], [left + scale * member.length, middle]])], INK, 1.6)
     _nodes(paper, plan, member, (left, middle), scale)
     for part in pieces:
-        if 0 < part.span[0] < member.length:
+        if plan.bars and scale * (part.span[1] - part.span[0]) > APART:
+            paper.text(
+                (left + scale * sum(part.span) / 2, middle + 1.2), part.id.rpartition(".")[2], 5.2, RED, "middle"
+            )
+        elif 0 < part.span[0] < member.length and not plan.bars:
             x = left + scale * part.span[0]
             paper.lines([np.array([[x, middle - 2.2], [x, middle + 2.2]])], RED, 1.2)
 

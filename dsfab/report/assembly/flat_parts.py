@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, Fitted, Paper, PaperBox, usual_scale
+from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, Fitted, Paper, PaperBox, usual_scale
 from dsfab.units import MM_PER_M
 from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, node_table
 
@@ -29,7 +29,8 @@ def cut_list_pages(plan: WorkshopPlan) -> list[Page]:
 
 
 def _part_count(plan: WorkshopPlan) -> str:
-    return f"{len(plan.parts)} parts of {MM_PER_M * plan.thickness:g} mm, {len(plan.same)} different"
+    mm = sorted({MM_PER_M * plan.thickness_of(part) for part in plan.parts}, reverse=True)
+    return f"{len(plan.parts)} parts of {' and '.join(f'{x:g}' for x in mm)} mm, {len(plan.same)} different"
 
 
 def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Callable[[Paper], None]:
@@ -41,7 +42,8 @@ def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Cal
             top = cell.y + cell.high - 3.4
             paper.text((cell.x, top), f"{len(group)} x {part.id}", 8, bold=True)
             paper.text((cell.x + cell.wide, top), f"{a:,.0f} x {b:,.0f}", 7.5, side="right")
-            words = f"{len(part.holes)} holes · sheet {sheets}"
+            thick = f" · {MM_PER_M * plan.thickness_of(part):g} mm" if plan.bars else ""
+            words = f"{len(part.holes)} holes{thick} · sheet {sheets}"
             paper.text((cell.x, cell.y + 0.6), _short(words, 64), 6, QUIET)
             room = PaperBox(cell.x, cell.y + 3.4, cell.wide, cell.high - 8.4)
             half = part.size / 2
@@ -58,6 +60,8 @@ def _short(words: str, most: int) -> str:
 
 def _outline(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
     paper.lines([fitted.of(part.outline), *(fitted.of(slot) for slot in part.slots)], INK, 0.4, closed=True)
+    if part.folds:
+        paper.lines([fitted.of(fold.line) for fold in part.folds], RED, 0.3)
     if part.holes:
         places = fitted.of(np.array([hole.at for hole in part.holes]))
         paper.circles(places, max(part.holes[0].diameter * fitted.scale, 0.3), INK)
@@ -95,7 +99,9 @@ def _nests(sheets: Sequence[NestedSheet], first: int, cells: list[PaperBox], sca
             fitted = Fitted(scale, np.array([cell.x, cell.y + cell.high - 6 - scale * size[1]]))
             frame = fitted.of(np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size)
             a, b = (MM_PER_M * size).tolist()
-            words = f"Sheet {k}   {a:,.0f} x {b:,.0f} mm   {sheet.used:.0%} used"
+            thick = sheet.parts[0].part.thickness
+            size_words = f"{a:,.0f} x {b:,.0f} mm" + (f" x {MM_PER_M * thick:g} mm" if thick else "")
+            words = f"Sheet {k}   {size_words}   {sheet.used:.0%} used"
             paper.text(frame[3] + [0, 2], words, 8, bold=True)
             for one in sheet.parts:
                 _outline(paper, one.placed, fitted)

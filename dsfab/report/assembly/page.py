@@ -10,11 +10,11 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.pipeline import Design
 from dsfab.render import PAPER, up_axis
-from dsfab.report.assembly.axonometry import member_faces
+from dsfab.report.assembly.axonometry import MemberFaces, bar_faces, member_faces
 from dsfab.report.html import style
 from dsfab.surface import simplified_line
 from dsfab.units import MM_PER_M
-from dsfab.workshop import FlatPart, WorkshopPlan, file_stem
+from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem
 
 TOLERANCE = 3e-4
 """Metres that an outline on the page may be off the part's."""
@@ -23,21 +23,21 @@ TOLERANCE = 3e-4
 def assembly_page(plan: WorkshopPlan, design: Design) -> str:
     """One file that fetches nothing; the same plan gives the same page. Only of a plan with members."""
     assert plan.graph is not None
-    assert plan.layering is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
-    built = {part.member for part in plan.parts}
-    faces = [one for one in member_faces(graph, PAPER, plan.layering) if one.id in built]
+    faces, words = _faces(plan), _bar_words(plan) if plan.bars else {}
     facts = {
         "name": preset.name,
-        "line": f"{len(faces)} members, {len(plan.parts)} parts, {len(plan.sheets)} sheets",
+        "line": f"{len({part.member for part in plan.parts} - {''})} members, {len(plan.parts)} parts, "
+        f"{len(plan.sheets)} sheets",
+        "all": "All bars and plates" if plan.bars else "All members",
         "notes": list(plan.notes),
         "up": up_axis(graph.sheet.surface.V, design.surface, load).tolist(),
         "members": [
             {
                 "id": one.id,
                 "colour": [round(255 * x) for x in one.colour],
-                "words": _words(plan, one.id),
+                "words": words[one.id] if plan.bars else _words(plan, one.id),
                 "faces": one.quads.round(5 if plan.model else 3).ravel().tolist(),
             }
             for one in faces
@@ -49,6 +49,36 @@ def assembly_page(plan: WorkshopPlan, design: Design) -> str:
     text = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     head = template.replace("{{title}}", escape(f"{preset.name}: workshop")).replace("{{style}}", style())
     return head.replace("{{facts}}", text)
+
+
+def _faces(plan: WorkshopPlan) -> list[MemberFaces]:
+    """What a click chooses: a member, or of bars a bar or a plate."""
+    if plan.layering is None:
+        return bar_faces(plan, PAPER)
+    assert plan.graph is not None
+    built = {part.member for part in plan.parts}
+    return [one for one in member_faces(plan.graph, PAPER, plan.layering) if one.id in built]
+
+
+def _chosen(part: FlatPart, plan: WorkshopPlan) -> str:
+    """The name of what a part is shown with."""
+    return part.id if plan.bars else part.member
+
+
+def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
+    """Of bars and plates, what is to be known of each."""
+    assert plan.bars is not None
+    found = {}
+    for row in bar_table(plan).rows:
+        name, one, two, _, long, wide, _, dip, _, other, twist, bow, _ = row
+        found[str(name)] = (
+            f"{long:,.1f} x {wide:.1f} mm, from {one} ({dip:.1f} degrees below its plate) to {two} ({other:.1f}); "
+            f"turned by {twist:.1f} degrees; {bow:.1f} mm from the curved axis"
+        )
+    bars = plan.bars.found.bars
+    for joint in plan.bars.found.joints:
+        found[joint.node.id] = "Plate with arms for " + ", ".join(bars[k].bay.id for k, _ in joint.bars)
+    return found
 
 
 def _words(plan: WorkshopPlan, name: str) -> str:
@@ -65,7 +95,7 @@ def _part(plan: WorkshopPlan, number: int) -> dict[str, Any]:
     same = next(group[0] for group in plan.same if number in group)
     return {
         "id": part.id,
-        "member": part.member,
+        "member": _chosen(part, plan),
         "size": (MM_PER_M * part.size).round(1).tolist(),
         "sheet": plan.sheet_of[part.id],
         "file": f"{file_stem(plan.parts[same].id)}.dxf",

@@ -8,7 +8,7 @@ from dsfab.arrays import Floats
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces
 from dsfab.report.assembly.overview import structure
 from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
-from dsfab.report.assembly.sequence import RULE, AssemblyStep
+from dsfab.report.assembly.sequence import AssemblyStep
 
 ACROSS, DOWN = 3, 2
 """Steps on a page."""
@@ -19,23 +19,29 @@ LINES = 3
 
 
 def step_pages(
-    steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats
+    steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Pages of pictures: what is new is in its colour, what stands is grey."""
+    """Pages of pictures: what is new is in its colour, what stands is grey; above them by which rule."""
     per_page = ACROSS * DOWN
     return [
-        (f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}", _page(steps, k, faces, up))
+        (
+            f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}",
+            _page(steps, k, faces, (up, rule)),
+        )
         for k in range(0, len(steps), per_page)
     ]
 
 
-def _page(steps: tuple[AssemblyStep, ...], first: int, faces: list[MemberFaces], up: Floats) -> Callable[[Paper], None]:
+def _page(
+    steps: tuple[AssemblyStep, ...], first: int, faces: list[MemberFaces], how: tuple[Floats, str]
+) -> Callable[[Paper], None]:
+    up, rule = how
     view = Axonometry.of(up)
     extent = np.concatenate([view.flat(one.quads).reshape(-1, 2) for one in faces])
 
     def draw(paper: Paper) -> None:
         top = PAGE.y + PAGE.high
-        for k, line in enumerate(paper.wrapped(RULE, PAGE.wide, 8)):
+        for k, line in enumerate(paper.wrapped(rule, PAGE.wide, 8)):
             paper.text((PAGE.x, top - 3 - 3.8 * k), line, 8, QUIET)
         room = PaperBox(PAGE.x, PAGE.y, PAGE.wide, PAGE.high - 13)
         some = range(first, min(first + ACROSS * DOWN, len(steps)))

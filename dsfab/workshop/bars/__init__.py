@@ -1,0 +1,36 @@
+"""Structures of straight bars: from node to node, bolted on folded plates.
+
+lattice   the nodes of a graph of members and the bays between them      joints   bars in space, and their angles
+cutting   bars and plates as flat parts                                  plan     all of it: `bar_plan`
+bodies    both where they are in the structure
+"""
+
+from dsfab.workshop.bars.bodies import PlacedPart, bar_body, placed_parts
+from dsfab.workshop.bars.cutting import BarStock, PlateArm, bar_part, half_plane_clip, plate_arms, plate_part
+from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar, bar_lattice
+from dsfab.workshop.bars.lattice import CLEAR, Bay, Lattice, LatticeNode, member_lattice
+from dsfab.workshop.bars.plan import BarPlan, bar_plan
+
+__all__ = [
+    "CLEAR",
+    "BarEnd",
+    "BarLattice",
+    "BarPlan",
+    "BarStock",
+    "Bay",
+    "Joint",
+    "Lattice",
+    "LatticeBar",
+    "LatticeNode",
+    "PlacedPart",
+    "PlateArm",
+    "bar_body",
+    "bar_lattice",
+    "bar_part",
+    "bar_plan",
+    "half_plane_clip",
+    "member_lattice",
+    "placed_parts",
+    "plate_arms",
+    "plate_part",
+]

@@ -1,0 +1,196 @@
+"""Bars and the plates of their nodes as flat parts.
+
+plate of a node, from outside       bar, from outside
+      _| |_                          ____________________________
+     |_ o _|   o node                \\ o o                    o o |   corners cut where neighbours are near
+       | |     folds across arms     /____________________________|
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar
+from dsfab.workshop.bars.lattice import CLEAR
+from dsfab.workshop.letters import text_length
+from dsfab.workshop.parts import SMALL, FlatPart, Fold, Hole, label
+
+BOLTS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
+"""Bolt diameters from the clear end of a bar to its bolts, from one to the next, and from the last to the end of the
+plate: the first of these that there is room for."""
+SMALLEST = 0.003
+"""Metres; lower letters are left out."""
+SPREAD = 0.9
+"""Of the length between bolts, by names, at most."""
+
+
+@dataclass(frozen=True)
+class BarStock:
+    """Thickness of bars, of the plates beneath them, and diameter of bolts, metres; the height of letters, at most."""
+
+    bar: float
+    plate: float
+    bolt: float
+    letters: float
+
+    @property
+    def lever(self) -> float:
+        """Metres from the middle of a bar to that of the plate beneath it."""
+        return (self.bar + self.plate) / 2
+
+    def bolts(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
+        """Metres from a root of a bar to its bolts there, and to the end of the plate; no bolt where no room is."""
+        clear, room = CLEAR * self.bolt, bar.length / 2
+        for *steps, last in BOLTS:
+            at = clear + self.bolt * np.cumsum(steps)
+            if at[-1] + last * self.bolt <= room:
+                return tuple(at.tolist()), float(at[-1] + last * self.bolt)
+        return (), 0.0
+
+
+def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPart:
+    """A bar as it is cut from a board that is as thick as it; nodes : names of those at its ends."""
+    L, half, clear = bar.length, bar.bay.width / 2, CLEAR * stock.bolt
+    low, high = (clear if end.root else 0.0 for end in bar.ends)
+    P = np.array([[low, -half], [L - high, -half], [L - high, half], [low, half]])
+    for way, end in zip((1, -1), bar.ends, strict=True):
+        for a, b in _mitres(end, stock, clear):
+            P = half_plane_clip(P, way * a, b + (min(way, 0) * a[0] * L))
+    at, _ = stock.bolts(bar)
+    begin, last = (np.array(at) if end.root else np.zeros(0) for end in bar.ends)
+    holes = [Hole(np.array([r, 0.0]), stock.bolt, nodes[0]) for r in begin]
+    holes += [Hole(np.array([L - r, 0.0]), stock.bolt, nodes[1]) for r in last[::-1]]
+    inner = begin.max(initial=low) + stock.bolt, L - last.max(initial=high) - stock.bolt
+    marks = tuple(_bar_marks(bar, nodes, inner, min(stock.letters, 0.6 * half)))
+    axis = np.array([[low, 0.0], [L - high, 0.0]])
+    part = FlatPart(bar.bay.id, bar.bay.member, bar.bay.span, P, tuple(holes), marks=marks, axis=axis)
+    return part.lying()
+
+
+def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
+    """Half planes a . x <= b, x along the bar from its root and to the left, that keep it from its neighbours: up to
+    the plane between both that stands on the plate, at all of its thickness."""
+    for side, gap in ((1, end.after), (-1, end.before)):
+        if 0 < gap < np.pi:
+            c, s = np.cos(gap / 2), np.sin(gap / 2)
+            apart = clear / 2 + stock.bar / 2 * abs(np.sin(end.dip)) * s
+            yield np.array([-np.cos(end.dip) * s, side * c]), end.root * s - apart
+
+
+def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
+    """(k, 2) what a half plane a . x <= b has of a convex polygon (q, 2) [Sutherland, Hodgman 1974]."""
+    off = P @ a - b
+    found = list[Floats]()
+    for k in range(len(P)):
+        one, two = off[k - 1], off[k]
+        if (one <= 0) != (two <= 0):
+            found.append(P[k - 1] + one / (one - two) * (P[k] - P[k - 1]))
+        if two <= 0:
+            found.append(P[k])
+    return np.array(found).reshape(-1, 2)
+
+
+def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, float], height: float) -> Iterator[Floats]:
+    """The name of a bar in its middle, and those of its nodes near its ends, between places along it."""
+    room = inner[1] - inner[0]
+    names = [nodes[0], bar.bay.id, nodes[1]]
+    long = sum(text_length(name, height) for name in names) + 4 * height
+    if long > SPREAD * room:
+        names = [bar.bay.id]
+        long = text_length(bar.bay.id, height)
+    height *= min(1.0, SPREAD * room / long)
+    if height < SMALLEST * min(1.0, bar.bay.width / 0.02):
+        return
+    places = [inner[0] + inner[1]] if len(names) == 1 else [2 * inner[0], inner[0] + inner[1], 2 * inner[1]]
+    for name, twice, side in zip(names, places, (0,) if len(names) == 1 else (1, 0, -1), strict=True):
+        x = twice / 2 + side * (text_length(name, height) / 2 + height)
+        yield from label(name, np.array([x, 0.0]), 0.0, height)
+
+
+def plate_part(joint: Joint, found: BarLattice, stock: BarStock) -> FlatPart:
+    """The plate of a node as it is cut, before it is folded; its first arm points to the right."""
+    arms = plate_arms(joint, found, stock)
+    outline = _plate_outline(joint, arms)
+    holes = [Hole(np.zeros(2), stock.bolt, joint.node.id)]
+    holes += [Hole(arm.at(r, 0.0), stock.bolt, arm.bar) for arm in arms for r in arm.holes]
+    folds = tuple(
+        Fold(np.stack([arm.at(arm.fold, -joint.half), arm.at(arm.fold, joint.half)]), arm.dip) for arm in arms
+    )
+    marks = tuple(_plate_marks(joint, arms, stock))
+    part = FlatPart(
+        *(joint.node.id, "", (0.0, 0.0), outline, tuple(holes)),
+        marks=marks,
+        layer=-stock.lever,
+        folds=folds,
+        thickness=stock.plate,
+    )
+    return part.centred()
+
+
+def plate_arms(joint: Joint, found: BarLattice, stock: BarStock) -> "list[PlateArm]":
+    """The arms of a node's plate, counter-clockwise."""
+    return [PlateArm.of(joint, found.bars[k], side, stock) for k, side in joint.bars]
+
+
+@dataclass(frozen=True)
+class PlateArm:
+    """An arm of a plate: the name of its bar, its azimuth, by how much it is folded, radians, and how far from the
+    node, metres; its holes and its end, metres from the node on the flat plate; the angle to the next arm.
+
+    root : where the root of its bar comes to lie on the flat plate.
+    """
+
+    bar: str
+    azimuth: float
+    dip: float
+    fold: float
+    holes: tuple[float, ...]
+    end: float
+    after: float
+    root: float
+
+    @classmethod
+    def of(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
+        """On a plate beneath the bars the folds are nearer to the node than the roots of bars that go down."""
+        end, (at, last) = bar.ends[side], stock.bolts(bar)
+        nearer = stock.lever * np.tan(end.dip / 2)
+        holes = tuple(end.root - 2 * nearer + r for r in at)
+        root = end.root - 2 * nearer
+        return cls(bar.bay.id, end.azimuth, end.dip, end.root - nearer, holes, root + last, end.after, root)
+
+    def at(self, r: float, y: float) -> Floats:
+        """(2,) metres from the node along the arm and to its left."""
+        c, s = np.cos(self.azimuth), np.sin(self.azimuth)
+        return np.array([r * c - y * s, r * s + y * c])
+
+
+def _plate_outline(joint: Joint, arms: Sequence[PlateArm]) -> Floats:
+    """(k, 2) counter-clockwise: the end of each arm, and the corner between it and the next one."""
+    a, found = joint.half, list[Floats]()
+    for arm, after in zip(arms, [*arms[1:], arms[0]], strict=True):
+        found += [arm.at(arm.end, -a), arm.at(arm.end, a)]
+        notch = a / np.tan(arm.after / 2) if arm.after < 2 * np.pi - 1e-9 else -np.inf
+        if notch > -a:
+            found.append(arm.at(notch, a))
+        else:
+            found += [arm.at(-a, a), after.at(-a, -a)]
+    return np.array(found)
+
+
+def _plate_marks(joint: Joint, arms: Sequence[PlateArm], stock: BarStock) -> Iterator[Floats]:
+    """On each arm the name of its bar and by how many degrees it is folded; the node's on the first."""
+    height = min(stock.letters, SMALL, 0.5 * joint.half)
+    for k, arm in enumerate(arms):
+        stops = [arm.fold, *arm.holes]
+        inside = 0.6 * stock.bolt
+        rooms = [(stops[0], stops[1] - inside)] if len(stops) > 1 else [(arm.fold, arm.end)]
+        rooms += [(stops[1] + inside, stops[2] - inside)] if len(stops) > 2 else []
+        words = [f"{np.degrees(arm.dip):+.1f}", arm.bar] if len(rooms) > 1 else [arm.bar]
+        if k == 0:
+            rooms, words = [(inside, arm.fold), *rooms], [joint.node.id, *words]
+        for (low, high), text in zip(rooms, words, strict=True):
+            tall = height * min(1.0, SPREAD * (high - low) / text_length(text, height))
+            if tall > 0.2 * height:
+                yield from label(text, arm.at((low + high) / 2, 0.0), arm.azimuth, tall)

@@ -1,0 +1,221 @@
+"""`BarLattice`: straight bars between nodes with the angles at their ends.
+
+       n                     n    normal of a node; a plate lies square to it, beneath the bars
+       |   dip               e    from the node to the root of a bar, where the arm of the plate is folded
+-------+--e--·.._            dip  of the bar below the plane of the plate
+     plate      ··.._        m    the bar's own normal: n without what lies along the bar. From one end to the
+                 bar          ·   other it turns by the twist.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints, lock
+from dsfab.members import MemberGraph
+from dsfab.workshop.bars.lattice import CLEAR, LEAST, Bay, Lattice, LatticeNode
+
+ROUNDS = 30
+"""Rounds to where the roots of a bar are; what each moves them is e / (distance - e) of what the one before did."""
+ARM = 0.45
+"""Of the width of the narrowest bar: half of the width of the arms of a plate."""
+EDGE = 1.5
+"""Bolt diameters from the middle of a hole to the side of an arm, at least."""
+SQUARE = np.radians(70.0)
+"""Bars that meet at this angle or a larger one are cut square, so far from the node; others get mitres."""
+LEAN = 1.5
+"""Bars dip so much more than the lines between their nodes, about: they begin beside these."""
+NOTCH = 0.9
+"""Of the way from the node to the roots: arms of a plate are apart from there on."""
+
+
+@dataclass(frozen=True, eq=False)
+class BarEnd:
+    """One end of a bar.
+
+    node    : by number.    azimuth : radians, counter-clockwise from the first bar of the node, as its normal sees it.
+    dip     : radians below the plane of the node.
+    before, after : radians to the next bars of the node, clockwise and counter-clockwise; 2 pi alone.
+    root    : metres from the node to where the bar's line begins.
+    """
+
+    node: int
+    azimuth: float
+    dip: float
+    before: float
+    after: float
+    root: float
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeBar:
+    """A straight bar.
+
+    bay     : what it is of.    ends : its beginning and its end.
+    points  : (2, 3) its roots, metres.    normals : (2, 3) its own at both.
+    sagitta : the farthest that the member's axis is from its line, metres.
+    """
+
+    bay: Bay
+    ends: tuple[BarEnd, BarEnd]
+    points: Floats
+    normals: Floats
+    sagitta: float
+
+    def __post_init__(self) -> None:
+        lock(self, "points", np.float64, (2, 3))
+        lock(self, "normals", np.float64, (2, 3))
+
+    @cached_property
+    def length(self) -> float:
+        """From root to root, metres."""
+        return float(np.linalg.norm(self.points[1] - self.points[0]))
+
+    @cached_property
+    def direction(self) -> Floats:
+        """(3,) unit vector."""
+        return np.asarray((self.points[1] - self.points[0]) / self.length)
+
+    @cached_property
+    def twist(self) -> float:
+        """Radians from its normal at the beginning to that at the end, right-handed about its direction."""
+        one, other = self.normals
+        return float(np.arctan2(np.cross(one, other) @ self.direction, one @ other))
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """Bars at a node, counter-clockwise from the first: (number of the bar, 0 for its beginning or 1 for its end).
+
+    half : metres; half of the width of the arms of its plate.    root : metres from the node to the folds, about.
+    """
+
+    node: LatticeNode
+    bars: tuple[tuple[int, int], ...]
+    half: float
+    root: float
+
+
+@dataclass(frozen=True, eq=False)
+class BarLattice:
+    """All bars and joints of a design."""
+
+    bars: tuple[LatticeBar, ...]
+    joints: tuple[Joint, ...]
+    lattice: Lattice
+
+
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """Ends of bays by number: node (2 b,), width (2 b,) metres, and that of the other end (2 b,)."""
+
+    node: Ints
+    width: Floats
+    other: Ints
+
+    def dip(self, way: Floats, N: Floats) -> Floats:
+        """(2 b,) radians that ways (2 b, 3) go below the planes of their nodes, with normals N (n, 3)."""
+        return np.asarray(-np.arcsin(np.einsum("qi,qi->q", way, N[self.node]) / np.linalg.norm(way, axis=1)))
+
+
+def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
+    """Bars of a thickness for all bays of a lattice, with bolts of a diameter, metres."""
+    ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
+    count = len(ends)
+    ways = _Ways(
+        ends.T.ravel(),
+        np.tile([bay.width for bay in lattice.bays], 2),
+        np.concatenate([np.arange(count) + count, np.arange(count)]),
+    )
+    P = np.array([node.point for node in lattice.nodes]).reshape(-1, 3)
+    N = np.array([node.normal for node in lattice.nodes]).reshape(-1, 3)
+    joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
+    chord = P[ways.node[ways.other]] - P[ways.node]
+    level, lean = _level(chord, N[ways.node]), LEAN * thickness / 2 * np.sin(np.abs(ways.dip(chord, N)))
+    orders = [_around(np.flatnonzero(ways.node == k), level, N[k]) for k in range(len(P))]
+    long = np.linalg.norm(chord, axis=1)
+    sizes = [_arms(gaps, ways.width[order], lean[order], long[order], bolt) for order, _, gaps in orders]
+    root = np.where(joined, [root for _, root in sizes], 0.0)
+    roots = _roots(P, N, ways, root)
+    way = roots[ways.other] - roots
+    orders = [_around(np.flatnonzero(ways.node == k), _level(way, N[ways.node]), N[k]) for k in range(len(P))]
+    joints = [
+        Joint(node, tuple((int(e) % count, int(e) // count) for e in order), half, float(root[k]))
+        for k, (node, (order, _, _), (half, _)) in enumerate(zip(lattice.nodes, orders, sizes, strict=True))
+    ]
+    found = _bar_ends(orders, way, N, ways, root)
+    bars = [
+        _bar(graph, bay, (found[k], found[k + count]), roots[[k, k + count]], N[ends[k]])
+        for k, bay in enumerate(lattice.bays)
+    ]
+    return BarLattice(tuple(bars), tuple(joints), lattice)
+
+
+def _level(way: Floats, N: Floats) -> Floats:
+    """(q, 3) unit vectors along ways (q, 3) in the planes square to normals (q, 3)."""
+    level = way - np.einsum("qi,qi->q", way, N)[:, None] * N
+    return np.asarray(level / np.linalg.norm(level, axis=1)[:, None])
+
+
+def _around(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints, Floats, Floats]:
+    """Ends at a node counter-clockwise from the first of them, their azimuths, and the angle from each to the next."""
+    x = level[ends[0]]
+    y = np.cross(normal, x)
+    azimuth = np.mod(np.arctan2(level[ends] @ y, level[ends] @ x), 2 * np.pi)
+    azimuth[0] = 0.0
+    order = azimuth.argsort(kind="stable")
+    azimuth = azimuth[order]
+    return ends[order], azimuth, np.diff(azimuth, append=2 * np.pi)
+
+
+def _arms(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
+    """Half of the width of the arms of a node's plate, and how far from the node it is folded, metres.
+
+    Bars that meet at right angles are clear of each other from half of their width on, others farther out, and what
+    leans a little more; where a bar is short they are not so far out, and get mitres. Arms at sharp angles are
+    narrower, but not too narrow for bolts, which moves the folds outwards.
+    """
+    least, sharpest = EDGE * bolt, min(float(gaps.min()), np.pi / 2)
+    sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
+    clear = half / float(np.tan(max(sharpest, SQUARE) / 2)) + CLEAR * bolt + float(lean.max())
+    room = float(long.min()) / 2 - (2 * CLEAR + LEAST) * bolt
+    root = max(min(clear, max(room, half + CLEAR * bolt)), least / sharp / NOTCH)
+    return max(min(ARM * float(width.min()), NOTCH * root * sharp), least), root
+
+
+def _roots(P: Floats, N: Floats, ways: _Ways, root: Floats) -> Floats:
+    """(2 b, 3) where bars begin: in the planes of their nodes, each in the direction of its other root. Seen from the
+    nodes, not from the roots: for short bars with roots far out that would not converge."""
+    here = P[ways.node]
+    found = here
+    for _ in range(ROUNDS):
+        level = _level(found[ways.other] - here, N[ways.node])
+        found = here + root[ways.node][:, None] * level
+    return found
+
+
+def _bar_ends(
+    orders: list[tuple[Ints, Floats, Floats]], way: Floats, N: Floats, ways: _Ways, root: Floats
+) -> dict[int, BarEnd]:
+    """By the numbers of ends."""
+    dip = ways.dip(way, N)
+    found = {}
+    for k, (order, azimuth, gaps) in enumerate(orders):
+        before = np.roll(gaps, 1)
+        for e, a, left, right in zip(order.tolist(), azimuth.tolist(), gaps.tolist(), before.tolist(), strict=True):
+            found[e] = BarEnd(k, a, float(dip[e]), right, left, float(root[k]))
+    return found
+
+
+def _bar(graph: MemberGraph, bay: Bay, ends: tuple[BarEnd, BarEnd], points: Floats, N: Floats) -> LatticeBar:
+    axis = graph.by_id[bay.member].axis
+    assert axis is not None
+    d = points[1] - points[0]
+    d = d / np.linalg.norm(d)
+    normals = N - (N @ d)[:, None] * d
+    normals = normals / np.linalg.norm(normals, axis=1)[:, None]
+    s = np.linspace(*bay.span, 33)
+    off = axis.at(np.mod(s, axis.length) if axis.closed else s)[0] - points[0]
+    off = off - (off @ d)[:, None] * d
+    return LatticeBar(bay, ends, points, normals, float(np.linalg.norm(off, axis=1).max()))

@@ -1,0 +1,206 @@
+"""`Lattice`: the places at which members of a graph meet, and the ways from each to the next that bars can go."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from dsfab.arrays import Floats, Ints, lock
+from dsfab.errors import PatternError
+from dsfab.members import Member, MemberGraph, Node
+from dsfab.wording import length
+from dsfab.workshop.course import CONSTANT
+from dsfab.workshop.strips import STRIPS
+
+CLEAR = 0.25
+"""Bolt diameters between bars that meet, and from the fold of a plate to a bar."""
+LEAST = 4.0
+"""Bolt diameters of a bar on a plate, at least: one bolt, and two diameters to both sides of it."""
+DENSE = 0.1
+"""Where a larger share of all bays is too short for a bar, bars are refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeNode:
+    """Where bars meet: one node of the graph, or several that are too near to each other for bars between them.
+
+    id     : of the first of these nodes; "A07 end 1" where a member ends at none.    nodes : all their names.
+    point  : (3,) metres.    normal : (3,) of the surface.
+    joined : whether a plate joins the bars; none is at an end.
+    moved  : the farthest that one of these nodes is away from it, metres.
+    """
+
+    id: str
+    nodes: tuple[str, ...]
+    point: Floats
+    normal: Floats
+    joined: bool
+    moved: float
+
+    def __post_init__(self) -> None:
+        lock(self, "point", np.float64, (3,))
+        lock(self, "normal", np.float64, (3,))
+
+
+@dataclass(frozen=True)
+class Bay:
+    """What is to be one bar: its name, "A07.3"; its member's; its two nodes by number; arc lengths of the member's axis
+    from where to where; its width, metres."""
+
+    id: str
+    member: str
+    ends: tuple[int, int]
+    span: tuple[float, float]
+    width: float
+
+
+@dataclass(frozen=True, eq=False)
+class Lattice:
+    """Nodes and bays.
+
+    short    : pairs of nodes of the graph, nearer to each other than a bar is long: one place each.
+    parallel : names of bays beside another one between the same nodes; none is built twice.
+    rings    : names of closed members with fewer than three nodes, of which no ring of bars can be made.
+    """
+
+    nodes: tuple[LatticeNode, ...]
+    bays: tuple[Bay, ...]
+    short: int
+    parallel: tuple[str, ...]
+    rings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A bay before nodes are joined: its member, keys of its ends, its span and its width."""
+
+    member: str
+    ends: tuple[str, str]
+    span: tuple[float, float]
+    width: float
+
+
+def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
+    """The lattice of all members of a graph that have an axis; bolt : diameter, metres.
+
+    Raises PatternError where so many nodes are near to each other that bars are no way to build it.
+    """
+    places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
+    members = [member for member in graph.members if is_barred(member)]
+    ways = [way for member in members for way in _member_ways(graph, member, places, bolt)]
+    keys = list(dict.fromkeys(key for way in ways for key in way.ends))
+    group, short = _grouped(keys, ways, places, bolt)
+    if short > DENSE * len(ways):
+        raise PatternError(
+            f"{short} of {len(ways)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
+            "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
+        )
+    nodes = [_node([key for key, k in zip(keys, group, strict=True) if k == one], places) for one in _ordered(group)]
+    number = {key: k for k, node in enumerate(nodes) for key in node.nodes}
+    bays, parallel = _named(ways, number)
+    rings = tuple(one.id for one in members if one.axis and one.axis.closed and not len(graph.along[one.id]) > 2)
+    return Lattice(tuple(nodes), tuple(bays), short, tuple(parallel), rings)
+
+
+def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
+    """(3,) the mean of those of the members' axes, which are fitted over many faces of the mesh; its own without these.
+
+    On a sphere with edges of .1 m it is right to .006 degrees, where that of the face is to .34.
+    """
+    members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
+    found = [axis.at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
+    total = np.sum([n * np.sign(n @ node.normal) for n in found], axis=0) if found else node.normal
+    return np.asarray(total / np.linalg.norm(total))
+
+
+def is_barred(member: Member) -> bool:
+    """Whether a member becomes bars."""
+    return member.axis is not None and member.kind in STRIPS
+
+
+def _member_ways(
+    graph: MemberGraph, member: Member, places: dict[str, tuple[Floats, Floats]], bolt: float
+) -> Iterator[_Way]:
+    """The bays along a member; ends that no node is near get a place of their own, added to `places`."""
+    axis = member.axis
+    assert axis is not None
+    nodes = graph.along[member.id]
+    stops = [(float(node.at[node.members.index(member.id)]), node.id) for node in nodes]
+    if axis.closed:
+        stops = [*stops, (stops[0][0] + axis.length, stops[0][1])] if len(stops) > 2 else []
+    else:
+        widest = max((graph.by_id[name].mean_width for node in nodes for name in node.members), default=0.0)
+        least = member.mean_width + widest / 2 + (CLEAR + LEAST) * bolt
+        for number, s in ((1, 0.0), (2, axis.length)):
+            away = min((abs(s - at) for at, _ in stops), default=np.inf)
+            if away > least and member.ends[number - 1] not in places:
+                key = f"{member.id} end {number}"
+                P, _, N = axis.at(np.array([s]))
+                places[key] = P[0], N[0]
+                stops.insert(0 if number == 1 else len(stops), (s, key))
+    for (s, one), (t, other) in pairwise(stops):
+        inside = (axis.s >= s) & (axis.s <= t)
+        width = float(np.median(member.width[inside])) if inside.any() else member.mean_width
+        even = abs(width - member.mean_width) < CONSTANT * member.mean_width
+        yield _Way(member.id, (one, other), (s, t), member.mean_width if even else width)
+
+
+def _grouped(
+    keys: list[str], ways: list[_Way], places: dict[str, tuple[Floats, Floats]], bolt: float
+) -> tuple[Ints, int]:
+    """(n,) which places are one, by number, and how many bays vanish by it. Ends of members without a node are one
+    where these would overlap, as at the corners of a surface."""
+    number = {key: k for k, key in enumerate(keys)}
+    half = np.zeros(len(keys))
+    ends = np.array([[number[key] for key in way.ends] for way in ways], dtype=np.int64).reshape(-1, 2)
+    for side in (0, 1):
+        np.maximum.at(half, ends[:, side], [way.width / 2 for way in ways])
+    P = np.array([places[key][0] for key in keys]).reshape(-1, 3)
+    long = np.linalg.norm(P[ends[:, 1]] - P[ends[:, 0]], axis=1)
+    free = np.array([" end " in key for key in keys], dtype=bool)
+    short = long < half[ends].sum(axis=1) + 2 * (2 * CLEAR + LEAST) * bolt
+    short &= ~free[ends].any(axis=1)
+    alone = np.flatnonzero(free)
+    corners = [
+        (i, j) for k, i in enumerate(alone) for j in alone[k + 1 :] if np.linalg.norm(P[i] - P[j]) < half[i] + half[j]
+    ]
+    near = np.concatenate([ends[short], np.array(corners, dtype=np.int64).reshape(-1, 2)])
+    links = csr_array((np.ones(len(near)), tuple(near.T)), shape=(len(keys), len(keys)))
+    return np.asarray(connected_components(links, directed=False)[1]), int(short.sum())
+
+
+def _ordered(group: Ints) -> list[int]:
+    return list(dict.fromkeys(group.tolist()))
+
+
+def _node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeNode:
+    """The place in the middle of some."""
+    points = np.array([places[key][0] for key in keys])
+    point = points.mean(axis=0)
+    moved = float(np.linalg.norm(points - point, axis=1).max())
+    normal = np.mean([places[key][1] for key in keys], axis=0)
+    first = min(keys)
+    joined = len(keys) > 1 or " end " not in first
+    return LatticeNode(first, tuple(keys), point, normal / np.linalg.norm(normal), joined, moved)
+
+
+def _named(ways: Sequence[_Way], number: dict[str, int]) -> tuple[list[Bay], list[str]]:
+    """Bays between different places, numbered along their members, and names of those beside another."""
+    bays, parallel = list[Bay](), list[str]()
+    counted: dict[str, int] = {}
+    there = set[frozenset[int]]()
+    for way in ways:
+        i, j = (number[key] for key in way.ends)
+        if i == j:
+            continue
+        counted[way.member] = counted.get(way.member, 0) + 1
+        name = f"{way.member}.{counted[way.member]}"
+        if frozenset((i, j)) in there:
+            parallel.append(name)
+            continue
+        there.add(frozenset((i, j)))
+        bays.append(Bay(name, way.member, (i, j), way.span, way.width))
+    return bays, parallel

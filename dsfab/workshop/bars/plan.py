@@ -1,0 +1,105 @@
+"""`BarPlan`: the parts of a design that is built of bars, and what is to be known of it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.members import MemberGraph
+from dsfab.wording import length
+from dsfab.workshop.bars.cutting import BarStock, bar_part, plate_part
+from dsfab.workshop.bars.joints import BarLattice, LatticeBar, bar_lattice
+from dsfab.workshop.bars.lattice import is_barred, member_lattice
+from dsfab.workshop.parts import FlatPart
+from dsfab.workshop.plates import plate_parts
+
+SHOWN = 5
+"""So many names stand for many."""
+
+
+@dataclass(frozen=True, eq=False)
+class BarPlan:
+    """Bars with their angles, what they are cut from, and all parts: bars, plates of nodes, and discs."""
+
+    found: BarLattice
+    stock: BarStock
+    parts: tuple[FlatPart, ...]
+
+    @property
+    def loose(self) -> tuple[str, ...]:
+        """Names of bars that are too short for a bolt at each end."""
+        return tuple(bar.bay.id for bar in self.found.bars if not self.stock.bolts(bar)[0])
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Sentences: what is possible, and what is not."""
+        return (*_possible(self), *_left_out(self))
+
+
+def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock) -> BarPlan:
+    """The bars, plates and discs of a graph; normals (n, 3) at the vertices of its sheet.
+
+    Raises PatternError where nodes are too near to each other for bars.
+    """
+    found = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
+    nodes = found.lattice.nodes
+    bars = [bar_part(bar, (nodes[bar.ends[0].node].id, nodes[bar.ends[1].node].id), stock) for bar in found.bars]
+    plates = [plate_part(joint, found, stock) for joint in found.joints if joint.node.joined]
+    discs = [member for member in graph.members if not is_barred(member) and member.kind != "fill"]
+    below = -(stock.bar + stock.plate)
+    return BarPlan(found, stock, (*bars, *plates, *plate_parts(graph, discs, normals, below, stock.bolt)))
+
+
+def _possible(plan: BarPlan) -> Iterator[str]:
+    bars, stock = plan.found.bars, plan.stock
+    joints = sum(joint.node.joined for joint in plan.found.joints)
+    yield (
+        f"{len(bars)} straight bars of {length(stock.bar)} on {joints} plates of {length(stock.plate)}; they leave the "
+        f"surface by up to {length(max(bar.sagitta for bar in bars))} ({max(bars, key=_sagitta).bay.id})"
+    )
+    if plan.loose:
+        yield (
+            f"NOT POSSIBLE: {_names(plan.loose)} too short for a bolt of {length(stock.bolt)} at each end; set "
+            "workshop.bolt smaller, make members narrower, or their spacing larger"
+        )
+    dips = [(abs(end.dip), bar.bay.id) for bar in bars for end in bar.ends]
+    twisted = max(bars, key=lambda bar: abs(bar.twist))
+    yield (
+        f"plates are folded by up to {np.degrees(max(dips)[0]):.1f} degrees ({max(dips)[1]}), and bars turned about "
+        f"their length by up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twisted as they are "
+        "bolted, or packed at their ends"
+    )
+    sharpest = min(min(end.before, end.after) for bar in bars for end in bar.ends)
+    yield f"the sharpest angle between two bars of a node is {np.degrees(sharpest):.0f} degrees"
+
+
+def _sagitta(bar: LatticeBar) -> float:
+    return bar.sagitta
+
+
+def _left_out(plan: BarPlan) -> Iterator[str]:
+    lattice = plan.found.lattice
+    joined = [node for node in lattice.nodes if len(node.nodes) > 1]
+    if joined:
+        farthest = max(joined, key=lambda node: node.moved)
+        yield (
+            f"{len(joined)} plates stand for several nodes each, which are nearer to each other than a bar is long: "
+            f"up to {length(farthest.moved)} from where these are ({farthest.id})"
+        )
+    if lattice.parallel:
+        yield f"{_names(lattice.parallel)} left out, beside other bars between the same nodes"
+    if lattice.rings:
+        yield f"{_names(lattice.rings)} left out: closed, with fewer than three nodes"
+    ends = [node for node in lattice.nodes if not node.joined]
+    if ends:
+        yield f"{len(ends)} bars end without a plate, at edges of the surface: {_listed([node.id for node in ends])}"
+
+
+def _names(names: tuple[str, ...]) -> str:
+    """'A01.2 and 3 others are'."""
+    return f"{_listed(list(names))} {'is' if len(names) == 1 else 'are'}"
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")

@@ -1,0 +1,326 @@
+"""Bars between nodes: closed forms of their lengths and angles, and a structure put together from drawings alone."""
+
+import csv
+import io
+from collections import deque
+from functools import cache
+
+import ezdxf
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from dsfab.app.cli import main
+from dsfab.errors import PatternError
+from dsfab.export import flat_dxf
+from dsfab.members import member_graph
+from dsfab.pipeline import Design
+from dsfab.preset_file import load_preset, overridden
+from dsfab.wording import length
+from dsfab.workshop import Layering, strip_limits, workshop_plan
+from dsfab.workshop.bars import BarStock, bar_lattice, bar_plan, half_plane_clip, member_lattice
+from dsfab.workshop.drawings import part_drawing
+from dsfab.workshop.routes import chosen_route
+from dsfab.workshop.tables import bar_rows, table_csv
+from tests.analytic import SURFACES
+
+STOCK = BarStock(bar=0.04, plate=0.005, bolt=0.01, letters=0.02)
+RADIUS = {"sphere": 6.5, "cylinder": 4.45}
+
+
+@cache
+def graph_of(name, edge=0.2):
+    given = SURFACES[name](edge)
+    return member_graph(given.surface, given.sheet(), given.pattern)
+
+
+@cache
+def plan_of(name, edge=0.2):
+    graph = graph_of(name, edge)
+    return bar_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), STOCK)
+
+
+def whole(name, edge=0.2):
+    """Bars between two crossings, with their nodes in space, each with the family of its member."""
+    graph = graph_of(name, edge)
+    found = bar_lattice(graph, member_lattice(graph, STOCK.bolt), STOCK.bar, STOCK.bolt)
+    nodes = {node.id: node for node in graph.nodes}
+    for bar in found.bars:
+        ends = [found.lattice.nodes[end.node] for end in bar.ends]
+        if all(end.joined and nodes[end.id].kind == "crossing" for end in ends):
+            yield bar, ends, graph.by_id[bar.bay.member].family
+
+
+# --- closed forms
+
+
+def sphere_errors(edge):
+    """The largest errors of lengths, metres, dips and twists, degrees, between crossings of a sphere."""
+    R, lengths, dips, twists = RADIUS["sphere"], [], [], []
+    for bar, (one, _), family in whole("sphere", edge):
+        t = np.arccos(one.point[2] / R)
+        chord = 2 * R * np.sin(0.05) if family == "minor" else 2 * R * np.sin(t) * np.sin(0.08)
+        dip = np.arcsin(chord / 2 / R)
+        if bar.ends[0].root == pytest.approx(bar.ends[1].root, abs=1e-4):
+            lengths.append(bar.length - (chord - 2 * bar.ends[0].root * np.cos(dip)))
+        dips += [end.dip - dip for end in bar.ends]
+        twists.append(bar.twist)
+    assert len(lengths) > 60
+    return np.abs(lengths).max(), np.degrees(np.abs(dips).max()), np.degrees(np.abs(twists).max())
+
+
+def test_bars_of_a_sphere_dip_by_half_of_their_angle_and_do_not_turn():
+    """Planes of nodes are mirrored in the middle of a bar: sin dip = chord / 2R, length = chord - 2 e cos dip."""
+    off, dip, twist = sphere_errors(0.2)
+    assert off < 4e-3  # nodes are on a mesh with edges of .2
+    assert dip < 0.25
+    assert twist < 0.1
+
+
+@pytest.mark.slow
+def test_errors_of_bars_fall_with_the_edge():
+    coarse, fine = sphere_errors(0.2), sphere_errors(0.1)
+    assert fine[0] < 1e-3
+    assert all(one < 0.5 * other for one, other in zip(fine, coarse, strict=True))
+
+
+def test_bars_of_helices_turn_as_the_cylinder_says():
+    """Between tangent planes 2 h apart, at an angle b to the axis: sin dip = sin b sin h, tan(twist / 2) = cos b tan h;
+    b is that of the roots, which are e before the nodes."""
+    R = RADIUS["cylinder"]
+    h, high = 0.8 / np.sqrt(2) / R / 2, 0.8 / np.sqrt(2)
+    signs = set()
+    for bar, _, family in whole("cylinder"):
+        e = bar.ends[0].root
+        if abs(e - bar.ends[1].root) > 1e-3:
+            continue
+
+        def off(b, e=e):
+            lean = np.sqrt(1 - (np.sin(b) * np.sin(h)) ** 2)
+            across = 2 * R * np.sin(h) - 2 * e * np.sin(b) * np.cos(h) ** 2 / lean
+            return across * np.cos(b) - (high - 2 * e * np.cos(b) / lean) * np.sin(b)
+
+        b = brentq(off, 0.3, 1.3)
+        dip, twist = np.arcsin(np.sin(b) * np.sin(h)), 2 * np.arctan(np.cos(b) * np.tan(h))
+        assert [end.dip for end in bar.ends] == pytest.approx([dip, dip], abs=np.radians(0.3))
+        assert abs(bar.twist) == pytest.approx(twist, abs=np.radians(0.2))
+        signs.add((family, np.sign(bar.twist)))
+    assert len(signs) == 2  # one family of helices is right-handed, the other is not
+
+
+def test_bars_of_a_hypar_are_its_own_lines():
+    """Lines of z = x y / c: no dip and no bow; they turn by the angle between the normals (-y, -x, c) of their ends."""
+    c, found = 6.0, 0
+    for bar, ends, _ in whole("hypar"):
+        P = np.array([end.point for end in ends])
+        N = np.stack([-P[:, 1], -P[:, 0], np.full(2, c)], axis=1)
+        N /= np.linalg.norm(N, axis=1)[:, None]
+        assert abs(bar.twist) == pytest.approx(np.arccos(N[0] @ N[1]), abs=np.radians(0.25))
+        assert np.degrees([end.dip for end in bar.ends]) == pytest.approx([0, 0], abs=0.45)
+        assert bar.sagitta < 3e-3
+        assert bar.length == pytest.approx(np.linalg.norm(P[1] - P[0]) - sum(end.root for end in bar.ends), abs=1e-4)
+        found += 1
+    assert found > 100
+
+
+# --- put together from drawings
+
+
+def read(part):
+    """Lines and circles of a drawing by layer, as ezdxf alone reads them, metres."""
+    space = ezdxf.read(io.StringIO(flat_dxf(part_drawing(part)).decode())).modelspace()
+    lines = {}
+    for line in space.query("LWPOLYLINE"):
+        lines.setdefault(line.dxf.layer, []).append(np.array([p[:2] for p in line.get_points()]) / 1000)
+    return lines, np.array([tuple(one.dxf.center)[:2] for one in space.query("CIRCLE")]) / 1000
+
+
+def arms_of(part):
+    """(azimuth, where it is folded, its first hole) of each arm, counter-clockwise from the first one, by a drawing:
+    its first circle is the node, and holes beyond a fold are those of its arm."""
+    lines, circles = read(part)
+    middle, holes = circles[0], circles[1:] - circles[0]
+    found = []
+    for fold in lines["FOLD"]:
+        way = fold.mean(axis=0) - middle
+        far = np.linalg.norm(way)
+        way = way / far
+        mine = [hole for hole in holes if hole @ way > far and abs(way[0] * hole[1] - way[1] * hole[0]) < 1e-6]
+        found.append((np.arctan2(way[1], way[0]), far, min(np.linalg.norm(hole) for hole in mine)))
+    return [(azimuth - found[0][0], *rest) for azimuth, *rest in found]
+
+
+def turned(x, axis, angle):
+    return x * np.cos(angle) + np.cross(axis, x) * np.sin(angle) + axis * (axis @ x) * (1 - np.cos(angle))
+
+
+class Kit:
+    """Parts as drawings, and the list of bars: all that somebody has who puts them together."""
+
+    def __init__(self, plan):
+        self.parts = {part.id: part for part in plan.parts}
+        text = table_csv(bar_rows(plan, {}))
+        self.rows = [row for row in csv.DictReader(io.StringIO(text)) if {row["from"], row["to"]} <= set(self.parts)]
+        self.arms = {name: arms_of(self.parts[name]) for row in self.rows for name in (row["from"], row["to"])}
+        self.long = {}
+        for row in self.rows:
+            holes = read(self.parts[row["bar"]])[1]
+            self.long[row["bar"]] = np.linalg.norm(holes[:, None] - holes, axis=2).max()
+
+    def arm(self, row, side):
+        azimuth = np.radians(float(row[f"{side}_along_deg"]))
+        return min(self.arms[row[side]], key=lambda arm: abs(np.angle(np.exp(1j * (arm[0] - azimuth)))))
+
+    def next_node(self, frame, row, side, other):
+        """The place, first direction and normal of the node at the other end of a bar, from those at one end."""
+        P, x, n = frame
+        azimuth, far, hole = self.arm(row, side)
+        dip, end_dip, twist = (
+            np.radians(float(row[key])) for key in (f"{side}_dip_deg", f"{other}_dip_deg", "twist_deg")
+        )
+        u = turned(x, n, azimuth)
+        d, m = np.cos(dip) * u - np.sin(dip) * n, np.cos(dip) * n + np.sin(dip) * u
+        first = P - STOCK.lever * n + far * u + (hole - far) * d + STOCK.lever * m
+        last = first + self.long[row["bar"]] * d
+        m = turned(m, d, twist)
+        azimuth, far, hole = self.arm(row, other)
+        n = np.cos(end_dip) * m + np.sin(end_dip) * d
+        u = (-d + np.sin(end_dip) * n) / np.cos(end_dip)
+        place = last - STOCK.lever * m + (hole - far) * d - far * u + STOCK.lever * n
+        return place, turned(u, n, -azimuth), n
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sphere", "hypar"])
+def test_bars_and_plates_put_together_from_drawings_have_their_nodes_where_they_were_designed(name):
+    """From one node on, bar by bar, by plates and bars as DXF and by bars.csv alone; folds, dips and twists count."""
+    plan = plan_of(name, 0.3)
+    kit, joints = Kit(plan), {joint.node.id: joint for joint in plan.found.joints}
+    start = joints[kit.rows[len(kit.rows) // 2]["from"]]
+    k, side = start.bars[0]
+    n, d = start.node.normal, plan.found.bars[k].direction * (1 - 2 * side)
+    x = d - (d @ n) * n
+    placed = {start.node.id: (start.node.point, x / np.linalg.norm(x), n)}
+    queue, closed = deque(placed), []
+    while queue:
+        here = queue.popleft()
+        for row, side, other in [(row, *way) for row in kit.rows for way in (("from", "to"), ("to", "from"))]:
+            if row[side] == here:
+                found = kit.next_node(placed[here], row, side, other)
+                if row[other] not in placed:
+                    placed[row[other]] = found
+                    queue.append(row[other])
+                closed.append(np.linalg.norm(found[0] - placed[row[other]][0]))
+    assert set(placed) == {one for one, joint in joints.items() if joint.node.joined}
+    assert max(np.linalg.norm(P - joints[one].node.point) for one, (P, _, _) in placed.items()) < 1e-4
+    assert len(closed) > len(placed)
+    assert max(closed) < 1e-4  # a way around a mesh ends where it began
+
+
+# --- parts
+
+
+def test_a_half_plane_cuts_a_square():
+    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    kept = half_plane_clip(square, np.array([1.0, 1.0]), 0.5)
+    assert sorted(map(tuple, kept.round(9).tolist())) == [(0.0, 0.0), (0.0, 0.5), (0.5, 0.0)]
+    assert len(half_plane_clip(square, np.array([1.0, 0.0]), -1.0)) == 0
+
+
+@pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])
+def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(name):
+    """In space: the plane between two bars that stands on the plate has all of each bar on its side."""
+    plan = plan_of(name)
+    parts, least = {part.id: part for part in plan.parts}, []
+    for joint in plan.found.joints:
+        for k, side in joint.bars:
+            bar = plan.found.bars[k]
+            end, part, n = bar.ends[side], parts[bar.bay.id], joint.node.normal
+            d = bar.direction * (1 - 2 * side)
+            m, u = bar.normals[side], (d - (d @ n) * n) / np.linalg.norm(d - (d @ n) * n)
+            hole = part.holes[0 if side == 0 else -1].at
+            way = (part.axis[1] - part.axis[0]) / np.linalg.norm(part.axis[1] - part.axis[0]) * (1 - 2 * side)
+            off = part.outline - hole
+            r = off @ way + STOCK.bolts(bar)[0][0]
+            y = off @ np.array([-way[1], way[0]])
+            for z in (-STOCK.bar / 2, STOCK.bar / 2):
+                V = bar.points[side] - joint.node.point + r[:, None] * d + y[:, None] * np.cross(m, d) + z * m
+                V = V[r < bar.length / 2]
+                for gap, way_in in ((end.after, 1), (end.before, -1)):
+                    if gap < np.pi:
+                        wall = turned(u, n, way_in * gap / 2)
+                        least.append(
+                            -way_in * (V @ np.cross(n, wall)).max() if way_in > 0 else (V @ np.cross(n, wall)).min()
+                        )
+        if joint.node.joined:
+            drilled = [hole.bolt for k, _ in joint.bars for hole in parts[plan.found.bars[k].bay.id].holes]
+            assert drilled.count(joint.node.id) == len(parts[joint.node.id].holes) - 1
+    assert min(least) > 0.9 * 0.25 * STOCK.bolt / 2
+
+
+def test_members_too_near_to_each_other_for_bars_are_refused_in_a_sentence():
+    graph = graph_of("hypar")
+    with pytest.raises(PatternError, match=r"bays are too short for a bar with a bolt of 60 mm .* workshop.route"):
+        member_lattice(graph, 0.06)
+
+
+# --- routes and files
+
+
+@pytest.fixture(scope="module")
+def vault():
+    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3, "statics.material": "GL24h"})).until("slicing")
+
+
+def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault):
+    """Strain t |kn| / 2 against strength over stiffness; the thickest strips are as much thinner as that is more."""
+    graph, statics = vault.members, vault.preset.statics
+    limit = statics.strength / statics.young
+    limits = strip_limits(graph, vault.surface, 0.04, limit, 0.012)
+    thick = chosen_route(vault, graph, Layering(0.04, 2, 0.012))
+    assert thick.name == "bars"
+    assert thick.bars.stock.bar == 0.08
+    times = max(limits.bending, limits.shape) / limit
+    assert f"{times:.1f} times what the material takes" in thick.reason
+    assert f"could be bent are {length(0.04 * limit / limits.bending)}" in thick.reason
+    thin = chosen_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
+    assert thin.name == "strips"
+    assert "can be bent" in thin.reason
+    bolted = Design.of(overridden(vault.preset, {"workshop.bolt": 0.08}), vault).until("slicing")
+    near = chosen_route(bolted, graph, Layering(0.04, 2, 0.08))
+    assert near.name == "strips"
+    assert "but bars are no way either" in near.reason
+
+
+@pytest.mark.slow
+def test_the_command_writes_bars_as_drawings_lists_and_documents_and_the_same_twice(vault, tmp_path, capsys):
+    changes = ["surface.edge=0.3", "statics.material=GL24h", "workshop.stock=[5.0, 1.25]"]
+    words = ["workshop", "barrel_vault", *(x for change in changes for x in ("--set", change))]
+    assert main([*words, "--ifc", "-o", str(tmp_path / "one")]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0].startswith("route bars: layers of 40 mm")
+    assert any("straight bars of 80 mm on" in line for line in said)
+    assert any("of 80 mm and 5 mm" in line for line in said)
+    assert main([*words, "--ifc", "-o", str(tmp_path / "two"), "--quiet"]) == 0
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
+    assert one == two
+    bars = list(csv.DictReader(io.StringIO(one["bars.csv"].decode())))
+    parts = list(csv.DictReader(io.StringIO(one["cutlist.csv"].decode())))
+    assert {row["file"] for row in bars} <= set(one)
+    assert sum(int(row["count"]) for row in parts if row["thickness_mm"] == "80.0") == len(bars)
+    assert one["assembly.pdf"].startswith(b"%PDF")
+    assert {"nest.dxf", "nest.svg", "cutlist.xlsx", "members.ifc"} <= set(one)
+    assert '"All bars and plates"' in one["index.html"].decode()
+    assert main([*words, "--set", "workshop.route=strips", "-o", str(tmp_path / "one"), "--quiet"]) == 0
+    assert not (tmp_path / "one" / "bars.csv").exists()
+
+
+def test_bars_of_a_model_and_bars_longer_than_the_stock_are_refused_in_a_sentence(vault):
+    model = Design.of(overridden(vault.preset, {"workshop.route": "bars", "workshop.model": 50}), vault).until(
+        "slicing"
+    )
+    with pytest.raises(PatternError, match="a model is built of strips"):
+        workshop_plan(model)
+    short = Design.of(overridden(vault.preset, {"workshop.route": "bars"}), vault).until("slicing")
+    with pytest.raises(PatternError, match=r"part B\d+\.\d is 2\.\d+ x 0\.2\d* m and fits on no sheet"):
+        workshop_plan(short)
