@@ -17,6 +17,7 @@ from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import JUMP, Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, follow_weights, judged_names
+from dsfab.preset_eurocode import Eurocode
 from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.preset_workshop import Workshop
@@ -447,7 +448,7 @@ FormatName = Literal[
     "stl", "3mf", "step", "stpz", "brep", "ifc", "obj", "ply", "off", "glb", "3dm", "dxf", "svg",
     "lines.step", "csv", "json", "members.json", "members.csv", "nodes.csv",
     "members.3dm", "members.ifc", "members.glb", "members.dxf", "vtu", "forces.vtu", "forces.csv",
-    "member_forces.csv", "saf.xlsx",
+    "member_forces.csv", "member_utilisation.csv", "saf.xlsx",
 ]  # fmt: skip
 
 
@@ -492,6 +493,7 @@ class Preset(Section):
     thickening: Thickening = Thickening()
     fabrication: Fabrication = Fabrication()
     workshop: Workshop = Workshop()
+    eurocode: Eurocode = Eurocode()
     export: Export = Export()
 
     def __init__(
@@ -528,7 +530,7 @@ class Preset(Section):
     def _names_cases(self) -> "Preset":
         given = self.surface
         wrong = list(action_mistakes(given.load, given.actions, given.combinations))
-        if wrong := wrong or list(case_mistakes(*self._cases)):
+        if wrong := wrong or [*case_mistakes(*self._cases), *self.eurocode.case_mistakes(given.load)]:
             raise ValueError("; ".join(wrong))
         return self
 

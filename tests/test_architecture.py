@@ -73,16 +73,21 @@ ALLOWED: dict[str, set[str]] = {
     "preset_surface": GROUND | {"preset_errors", "preset_list", "surface"},
     "preset_material": GROUND | {"materials"},
     "preset_workshop": GROUND | {"preset_surface"},
-    "preset": GROUND | {"surface", "preset_cases", "preset_material", "preset_surface", "preset_workshop"} | STAGES,
+    "preset_eurocode": GROUND | {"preset_surface", "surface"},
+    "preset": GROUND
+    | {"surface", "preset_cases", "preset_eurocode", "preset_material", "preset_surface", "preset_workshop"}
+    | STAGES,
     "preset_file": GROUND
     | {"materials", "preset", "preset_errors", "preset_list", "preset_material", "preset_surface"},
     "proposal": GROUND | {"materials", "surface", "preset", "preset_file"},
     "results": GROUND | {"surface", "preset"} | STAGES,
     "members": GROUND | {"surface", "results", "slicing"},
     "frame": GROUND | {"surface", "statics", "members"},
-    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members", "frame"} | STAGES,
+    "eurocode": GROUND | {"members", "frame"},
+    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members", "frame", "eurocode"} | STAGES,
     "delivery": GROUND
-    | {"materials", "surface", "preset", "preset_surface", "results", "members", "frame", "export", "pipeline"}
+    | {"materials", "surface", "preset", "preset_surface", "results", "members", "frame", "eurocode", "export"}
+    | {"pipeline"}
     | STAGES,
     "workshop": GROUND | {"surface", "slicing", "preset", "preset_workshop", "members", "export", "pipeline"},
     "study": GROUND
@@ -116,7 +121,16 @@ HOME = {
     "vtk": {"render"},
     "vtkmodules": {"render"},
     "trimesh": {"surface", "export"},
-    "pydantic": {"preset", "preset_workshop", "preset_surface", "preset_errors", "preset_file", "study", "surface"},
+    "pydantic": {
+        "preset",
+        "preset_eurocode",
+        "preset_workshop",
+        "preset_surface",
+        "preset_errors",
+        "preset_file",
+        "study",
+        "surface",
+    },
     "gmsh": {"study"},
     "skfem": {"study"},
     "compas": {"surface", "members"},
