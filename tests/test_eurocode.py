@@ -234,9 +234,9 @@ def test_a_lath_that_is_bent_into_shape():
     """E t / 2 R: 18 mm at a radius of 8 m and E = 13.8 GPa are 15.5 N/mm2, of 48 x .6 / 1.2 always."""
     found = of_timber(bar(0.08, 0.036, 0.6, curvature=-1 / 8), "LVL 48 P", young=13.8e9, layer=0.018)
     stress = 13.8e3 * 18 / 2 / 8000
-    assert found["bent into shape, alone and always"] == pytest.approx(stress / 24)
+    assert found["bending into shape alone"] == pytest.approx(stress / 24)
     assert found["bending"] == pytest.approx(stress / 32)
-    assert "bent into shape, alone and always" not in of_timber(bar(0.08, 0.036, 0.6, curvature=-1 / 8), "LVL 48 P")
+    assert "bending into shape alone" not in of_timber(bar(0.08, 0.036, 0.6, curvature=-1 / 8), "LVL 48 P")
 
 
 def test_lvl_that_is_long_or_deep_bears_less():
@@ -308,15 +308,20 @@ def test_a_thicker_plate_than_the_table_has_is_told():
 
 def test_presets_say_what_is_checked_by_what():
     vault = load_preset("snow_vault", {"statics.material": "GL24h", "eurocode.duration.snow": "short"})
-    found = rules_of(vault, ("dead", "snow", "all_over", "on_the_left"))
+    found = rules_of(vault, ("dead", "snow", "left", "right", "all_over", "on_the_left", "on_the_right"))
     assert [found.durations[name] for name in ("dead", "snow", "all_over", "on_the_left")] == [
         *("permanent", "short"),
         *("short", "medium"),
     ]
-    assert found.loads.startswith("Loads are those of the preset, with the factors")
+    assert found.loads == "Judged in 7 cases and combinations, with the factors that the preset gives them."
     assert (found.material, found.timber.layer) == ("GL24h", 0)
     bent = load_preset("gridshell", {"eurocode.bent_in": True})
-    assert rules_of(bent, ("load",)).timber.layer == bent.workshop.thickness
+    alone = rules_of(bent, ("load",))
+    assert alone.timber.layer == bent.workshop.thickness
+    assert (alone.loads.split(":")[0], alone.combined) == (
+        "Loads are those of the preset without partial factors",
+        False,
+    )
     with pytest.raises(PresetError, match=r"eurocode.duration.snwo: no load has this case \(there are: dead, snow"):
         load_preset("snow_vault", {"eurocode.duration.snwo": "short"})
     with pytest.raises(PresetError, match=r"eurocode\.service_class"):

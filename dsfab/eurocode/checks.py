@@ -34,6 +34,7 @@ class Utilisation:
     values   : by case or combination that is judged, (b, c), the largest along each bay.
     station  : by the same, (b, c) the station in 0 to 4 where it is; 0 where it is of the bay as a whole.
     assumed  : sentences: what was taken for granted.    unchecked : what nobody looked at.
+    combined : whether cases are combinations with partial factors.
     """
 
     bays: MemberBays
@@ -43,6 +44,7 @@ class Utilisation:
     station: Mapping[str, Ints]
     assumed: tuple[str, ...]
     unchecked: tuple[str, ...]
+    combined: bool = True
 
     def __post_init__(self) -> None:
         shape = (len(self.bays.member), len(self.checks))

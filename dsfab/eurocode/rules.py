@@ -34,6 +34,7 @@ class Rules:
 
     material  : its name, or ''.    young, shear : moduli, Pa.    strength : Pa, of materials without a standard here.
     durations : of loads, by case and combination.    steel, timber : factors.    loads : a sentence on what they are.
+    combined  : whether they are combinations with partial factors.
     """
 
     material: str
@@ -44,6 +45,7 @@ class Rules:
     steel: SteelFactors = field(default_factory=SteelFactors)
     timber: TimberFactors = field(default_factory=TimberFactors)
     loads: str = ""
+    combined: bool = True
 
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
@@ -59,7 +61,7 @@ def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
         values[case] = np.stack([one[key].max(axis=1) for key in checks], axis=1)
         station[case] = np.stack([one[key].argmax(axis=1) for key in checks], axis=1)
     told = (*((rules.loads,) if rules.loads else ()), *assumed)
-    return Utilisation(bays, checks, standard, values, station, told, UNCHECKED)
+    return Utilisation(bays, checks, standard, values, station, told, UNCHECKED, rules.combined)
 
 
 Way = tuple[Callable[[MemberBays, str], Found], str, Iterator[str]]

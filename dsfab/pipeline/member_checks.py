@@ -41,16 +41,16 @@ def rules_of(preset: Preset, cases: tuple[str, ...]) -> "Rules":
         SteelFactors(ask.curve, ask.gamma_m0, ask.gamma_m1, ask.buckling_length),
         TimberFactors(ask.service_class, ask.gamma_m, ask.buckling_length, layer),
         _loads(preset, cases),
+        bool(preset.surface.sums),
     )
 
 
 def _loads(preset: Preset, cases: tuple[str, ...]) -> str:
     """A sentence on what is judged, with which factors."""
-    judged, sums = preset.judged_in("ULS", cases), {one.name: one for one in preset.surface.sums}
-    if any(name in sums and sums[name].limit_state == "ULS" for name in judged):
-        return f"Judged in {len(judged)} combinations of the ultimate limit state."
-    factors = "without partial factors" if not sums else "with the factors of its combinations"
-    return f"Loads are those of the preset, {factors}: none of its combinations is said to be an ultimate limit state."
+    judged = preset.judged_in("ULS", cases)
+    if preset.surface.sums:
+        return f"Judged in {len(judged)} cases and combinations, with the factors that the preset gives them."
+    return "Loads are those of the preset without partial factors: it has no combinations (surface.combinations)."
 
 
 def _duration(preset: Preset, name: str) -> "Duration":
