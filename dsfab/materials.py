@@ -123,6 +123,12 @@ _ALL = (
 MATERIALS = {material.name: material for material in _ALL}
 """All of them by name."""
 
+NO_STRENGTH = (
+    "what members can bear is not known: the preset names no material and gives no strength; set statics.material = "
+    '"S355" (`dsfab materials` lists them), or statics.strength'
+)
+"""Of a preset that says nothing of its material."""
+
 
 def material_named(name: str) -> NamedMaterial:
     """The material of that name, in capitals or not; raises PresetError with the nearest name for any other."""

@@ -12,7 +12,8 @@ statics  diffusion  pattern   slicing   thickening ──► export
                   └──────► workshop ──────────────────────────────────────►┘
 
 members: the graph of named parts, on the finished sheet; it knows slicing and no other stage. frame: these as beams; it
-knows statics besides, and pipeline asks it. preset_list: what lies in presets/, unchecked; it needs errors alone.
+knows statics besides, and pipeline asks it. eurocode: what members bear against the codes; pipeline asks it too.
+preset_list: what lies in presets/, unchecked; it needs errors alone.
 proposal: a preset for a mesh of the user's own. delivery: what of a design goes into which file. study: questions about
 designs. render: everything that draws and knows no command. report: pages, charts and folders for people. workshop:
 flat parts of the members, nested on stock, as drawings. app: one file for each command, and the editor.
@@ -83,7 +84,7 @@ ALLOWED: dict[str, set[str]] = {
     "results": GROUND | {"surface", "preset"} | STAGES,
     "members": GROUND | {"surface", "results", "slicing"},
     "frame": GROUND | {"surface", "statics", "members"},
-    "eurocode": GROUND | {"members", "frame"},
+    "eurocode": GROUND | {"materials", "members", "frame"},
     "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members", "frame", "eurocode"} | STAGES,
     "delivery": GROUND
     | {"materials", "surface", "preset", "preset_surface", "results", "members", "frame", "eurocode", "export"}
@@ -99,7 +100,7 @@ ALLOWED: dict[str, set[str]] = {
     | STAGES,
     "report": GROUND
     | {"surface", "preset", "preset_file", "results", "pipeline", "export"}
-    | {"delivery", "study", "render", "members", "workshop"}
+    | {"delivery", "study", "render", "members", "frame", "eurocode", "workshop"}
     | STAGES,
     "app": GROUND
     | {"materials", "surface", "preset", "preset_file", "preset_list", "proposal"}

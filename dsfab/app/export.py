@@ -106,6 +106,10 @@ def write_file(given: "Preset", built: "Design | None", ask: ExportRequest, prog
 
     Raises DsfabError of the stage that refuses, and ExportError where the file cannot be written.
     """
+    from dsfab.export.formats import FORMATS
+
+    if ask.suffix != SUFFIX and FORMATS[ask.suffix].takes == "utilisation":
+        given.statics.require_strength()
     return _model(given, ask, progress) if ask.suffix == SUFFIX else _mesh(given, built, ask, progress)
 
 

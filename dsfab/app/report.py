@@ -40,6 +40,7 @@ def report(
     from dsfab.pipeline import Design
 
     given, folder = source_of(preset, source)
+    given.statics.require_strength()
     folder = output or folder / "members"
     require_writable(folder)
     reporter = Reporter(quiet)

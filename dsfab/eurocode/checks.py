@@ -101,8 +101,6 @@ class Utilisation:
     @property
     def told(self) -> str:
         """A sentence: the worst of all."""
-        if not len(self.order):
-            return "no member has a bay between two nodes"
         bay = int(self.order[0])
         check, case, _ = self.governing(bay)
         over = [name for name, value in self.by_member.items() if value > 1]

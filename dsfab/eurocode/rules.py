@@ -15,6 +15,7 @@ from dsfab.eurocode.grades import STEEL, TIMBER, SteelGrade, TimberGrade
 from dsfab.eurocode.plain import plain_checks
 from dsfab.eurocode.steel import SteelFactors
 from dsfab.eurocode.timber import TimberFactors
+from dsfab.materials import NO_STRENGTH
 from dsfab.wording import length
 
 UNCHECKED = (
@@ -51,8 +52,12 @@ class Rules:
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
     """What bays bear over what they can bear, for all their cases.
 
-    Raises StaticsError where neither the material nor a strength is known.
+    Raises StaticsError where neither the material nor a strength is known, and where there are no bays.
     """
+    if not bays.member:
+        raise StaticsError(
+            "no member has a bay between two nodes, so there is none to check; see dsfab export --to csv"
+        )
     check, standard, assumed = _way(rules, bays.thickness)
     found = {case: check(bays, case) for case in bays.forces}
     checks = tuple(next(iter(found.values()), {}))
@@ -74,10 +79,7 @@ def _way(rules: Rules, thickness: float) -> Way:
     if (timbers := TIMBER.get(rules.material)) is not None:
         return _timber_way(timbers, rules)
     if not rules.strength:
-        raise StaticsError(
-            "what members can bear is not known: the preset names no material and gives no strength; set "
-            'statics.material = "S355" (`dsfab materials` lists them), or statics.strength'
-        )
+        raise StaticsError(NO_STRENGTH)
     what = f"{rules.material} is in none of the standards here" if rules.material else "the preset names no material"
     bent = _bent(rules)
     return (

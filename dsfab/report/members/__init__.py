@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from dsfab.errors import ExportError
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.report.compliance.document import Document, Numbers
 from dsfab.report.compliance.html import page
 from dsfab.report.compliance.pdf import pdf

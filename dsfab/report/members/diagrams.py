@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.report.compliance.charts import Chart, lettering, png
 from dsfab.report.compliance.words import unit_for
 

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
 from dsfab.errors import DsfabError
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.report.compliance.document import Numbers, ReportFigure, Scale
 from dsfab.report.compliance.pictures import SIZE, WHITE, jpeg, trimmed
 from dsfab.report.compliance.words import nice

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dsfab.eurocode import Utilisation
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.preset_file import preset_toml
 from dsfab.report.compliance import tables
 from dsfab.report.compliance.document import (
