@@ -1,5 +1,6 @@
 """Members against EN 1993-1-1 and EN 1995-1-1: formulas worked by hand, and worked examples of others."""
 
+from dataclasses import replace
 from math import pi, sqrt
 from typing import get_args
 
@@ -90,6 +91,14 @@ def test_shear_is_that_of_the_elastic_distribution_and_takes_its_part_of_bending
     assert of_steel(bar(0.1, 0.01, 0.1, Vy=V / 2, N=0.5 * 235e3))["bending and axial force"] == pytest.approx(0.25)
 
 
+def test_torsion_takes_its_part_of_what_shear_may_be():
+    """(6.28): half of V_pl beside a torque of .4 is .5 / .6 of what is left, so that (2 x .833 - 1)^2 is taken."""
+    tau = 235e6 / sqrt(3)
+    torque = 0.4 * tau * Rectangle(np.array(0.1), np.array(0.01)).Wt.item()
+    found = of_steel(bar(0.1, 0.01, 0.1, Vz=0.5 * 1e-3 * tau, Mt=torque, N=0.5 * 235e3))
+    assert found["bending and axial force"] == pytest.approx((0.5 / (1 - (2 * 0.5 / 0.6 - 1) ** 2)) ** 2)
+
+
 def test_torsion_of_a_square_and_of_a_thin_strip():
     """T / (.208 a^3) [Timoshenko], and 3 T / (b t^2) of what is thin."""
     assert float(Rectangle(np.array(0.1), np.array(0.1)).Wt) == pytest.approx(0.208 * 1e-3, rel=3e-3)
@@ -114,6 +123,8 @@ def test_a_flat_buckles_over_its_thin_side_first():
     lam = sqrt(12) * 10 / 93.913
     phi = 0.5 * (1 + 0.49 * (lam - 0.2) + lam**2)
     assert found["buckling in the surface"] == pytest.approx(10 / 235 * (phi + sqrt(phi**2 - lam**2)), rel=1e-3)
+    safer = of_steel(bar(0.1, 0.01, 1.0, N=-10e3), gamma_m1=1.1)
+    assert safer["buckling in the surface"] == pytest.approx(1.1 * found["buckling in the surface"])
     twice = of_steel(bar(0.1, 0.01, 0.5, N=-10e3), buckling_length=2.0)
     assert twice["buckling out of the surface"] == pytest.approx(found["buckling out of the surface"])
 
@@ -157,6 +168,8 @@ def test_buckling_and_bending_by_hand():
         ((0, 0.75, 1, 0.75, 0), 0.95),
         ((-0.5, 0.5, 1, 0.5, -0.5), 0.925),
         ((-1, 0, 0.5, 0, -1), 0.5),
+        ((1, 0, -0.8, -0.7, -0.5), 0.79),
+        ((-0.5, 0.5, 1, 0.8, 0.5), 0.975),
         ((0, 0, 0, 0, 0), 1.0),
     ],
 )
@@ -227,7 +240,10 @@ def test_a_slender_beam_tilts():
     found = of_timber(bar(0.2, 0.02, 3.0, Mz=M))
     assert found["stability as a beam"] == pytest.approx(stress * lam**2)
     pressed = of_timber(bar(0.2, 0.02, 3.0, Mz=M, N=-100.0))
-    assert pressed["stability as a beam"] > found["stability as a beam"] ** 2
+    slender = 3.0 / (0.02 / sqrt(12)) / pi * sqrt(21 / 7400)
+    k_c = float(en1995.column_factor(np.array(slender), TIMBER["C24"]))
+    alone = 100.0 / (0.2 * 0.02) / (k_c * 21e6 * 0.8 / 1.3)
+    assert pressed["stability as a beam"] == pytest.approx((stress * lam**2) ** 2 + alone)
 
 
 def test_a_lath_that_is_bent_into_shape():
@@ -244,6 +260,20 @@ def test_lvl_that_is_long_or_deep_bears_less():
     assert long / one == pytest.approx(2**0.075)
     flat, deep = (of_timber(bar(width, 0.05, 0.1, Mz=1e3), "LVL 48 P")["bending"] for width in (0.3, 0.6))
     assert deep / flat == pytest.approx(2**0.15 / 4)
+
+
+def test_lvl_shears_more_easily_over_its_thin_side():
+    upright, flat = (of_timber(bar(0.1, 0.05, 0.1, **{V: 1e3}), "LVL 48 P")["shear"] for V in ("Vy", "Vz"))
+    assert upright == pytest.approx(1.5 * 1e3 / 5e-3 / (4.2e6 * 0.8 / 1.2))
+    assert flat / upright == pytest.approx(4.2 / 2.3)
+
+
+def test_members_that_end_narrow_buckle_with_the_width_that_they_have_between_joints():
+    given = bar(0.1, 0.01, 1.0, N=-10e3)
+    ends = replace(given, width=np.array([[0.02, 0.1, 0.1, 0.1, 0.03]]))
+    same, less = of_steel(given), of_steel(ends)
+    assert less["buckling in the surface"] == same["buckling in the surface"]
+    assert less["compression"] == pytest.approx(5 * same["compression"])
 
 
 def test_durations_and_moisture():
@@ -315,6 +345,10 @@ def test_presets_say_what_is_checked_by_what():
     ]
     assert found.loads == "Judged in 7 cases and combinations, with the factors that the preset gives them."
     assert (found.material, found.timber.layer) == ("GL24h", 0)
+    nothing = {"name": "still", "factors": {"dead": 1.35, "left": 0.0}}
+    still = load_preset("snow_vault", {"surface.combination": [nothing], "eurocode.bent_in": True})
+    alone = rules_of(still, ("still",))
+    assert (alone.durations["still"], alone.timber.layer) == ("permanent", 0.05)
     bent = load_preset("gridshell", {"eurocode.bent_in": True})
     alone = rules_of(bent, ("load",))
     assert alone.timber.layer == bent.workshop.thickness

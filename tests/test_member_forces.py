@@ -238,6 +238,10 @@ def test_members_of_a_design_against_the_code(vault):
     assert bays.curvature[arch] == pytest.approx(-0.2247, rel=0.1)  # the arches' own, 1/m
     axis = vault.members.by_id[bays.member[arch]].axis
     assert bays.length[arch] < axis.length
+    rings = next(name for name in bays.member if name.startswith("A"))
+    own = [k for k, name in enumerate(bays.member) if name == rings]
+    assert np.isin(bays.length[own], vault.members.bays(rings)).all()
+    assert np.ptp(bays.length[own]) > 0
     assert bays.s[arch].tolist() == forces.s[at].tolist()
 
 
@@ -253,6 +257,8 @@ def test_the_table_of_utilisation_reads_back_worst_first(vault, tmp_path):
     check, case, _ = found.governing(int(found.order[0]))
     assert (rows[0]["check"], rows[0]["clause"], rows[0]["case"]) == (check.name, check.clause, case)
     assert float(rows[0][str(check)]) == pytest.approx(values[0])
+    assert float(rows[0]["thickness [m]"]) == 0.08
+    assert float(rows[0]["bay [m]"]) == pytest.approx(found.bays.length[found.order[0]], rel=1e-6)
     assert any(line.startswith("# checked by: EN 1995-1-1:2004") for line in lines)
     assert sum(line.startswith("# not checked: ") for line in lines) == len(found.unchecked)
 
