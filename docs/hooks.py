@@ -21,7 +21,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 import dsfab
-from dsfab import preset, preset_surface, preset_workshop
+from dsfab import preset, preset_eurocode, preset_surface, preset_workshop
 from dsfab.app.cli import app, main
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -37,6 +37,7 @@ SECTIONS = {
     "fabrication": preset.Fabrication,
     "export": preset.Export,
     "workshop": preset_workshop.Workshop,
+    "eurocode": preset_eurocode.Eurocode,
 }
 """The sections of a preset whose keys are values; supports, loads, guides and regions are shown by example."""
 

@@ -45,14 +45,49 @@ _ALL = (
         source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
     ),
     NamedMaterial(
+        *("S275", 210e9, 0.3, 7850.0, 275e6, 12e-6),
+        says="yield 275 MPa / 1.0, up to 40 mm thick",
+        source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
+    ),
+    NamedMaterial(
         *("S355", 210e9, 0.3, 7850.0, 355e6, 12e-6),
         says="yield 355 MPa / 1.0, up to 40 mm thick",
         source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
     ),
     NamedMaterial(
+        *("S460", 210e9, 0.3, 7850.0, 460e6, 12e-6),
+        says="yield 460 MPa / 1.0, up to 40 mm thick",
+        source="S460N; EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
+    ),
+    NamedMaterial(
+        *("C24", 11e9, 0.3, 420.0, 8.92e6, 5e-6),
+        says="tension along the grain 14.5 MPa x 0.8 / 1.3",
+        source="EN 338, table 1; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("C30", 12e9, 0.3, 460.0, 11.7e6, 5e-6),
+        says="tension along the grain 19 MPa x 0.8 / 1.3",
+        source="EN 338, table 1; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
         *("GL24h", 11.5e9, 0.3, 420.0, 12.3e6, 5e-6),
         says="tension along the grain 19.2 MPa x 0.8 / 1.25",
         source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("GL28h", 12.6e9, 0.3, 460.0, 14.3e6, 5e-6),
+        says="tension along the grain 22.3 MPa x 0.8 / 1.25",
+        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("GL32h", 14.2e9, 0.3, 490.0, 16.4e6, 5e-6),
+        says="tension along the grain 25.6 MPa x 0.8 / 1.25",
+        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("LVL 48 P", 13.8e9, 0.3, 510.0, 23.3e6, 5e-6),
+        says="tension along the grain 35 MPa x 0.8 / 1.2",
+        source="EN 14374, makers' bulletin of 2019; factors EN 1995-1-1; expansion as timber; Poisson's ratio assumed",
     ),
     NamedMaterial(
         *("CLT", 5.5e9, 0.1, 420.0, 4.6e6, 5e-6),
@@ -87,6 +122,12 @@ _ALL = (
 )
 MATERIALS = {material.name: material for material in _ALL}
 """All of them by name."""
+
+NO_STRENGTH = (
+    "what members can bear is not known: the preset names no material and gives no strength; set statics.material = "
+    '"S355" (`dsfab materials` lists them), or statics.strength'
+)
+"""Of a preset that says nothing of its material."""
 
 
 def material_named(name: str) -> NamedMaterial:

@@ -17,7 +17,16 @@ from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.errors import PatternError
 from dsfab.pattern import JUMP, Guide, Rule, Stripes, Widths
 from dsfab.preset_cases import case_mistakes, combines, follow_weights, judged_names
-from dsfab.preset_material import known_name, modulus, own_values, resistance, specific_mass, with_material
+from dsfab.preset_eurocode import Eurocode
+from dsfab.preset_material import (
+    known_name,
+    modulus,
+    own_values,
+    require_strength,
+    resistance,
+    specific_mass,
+    with_material,
+)
 from dsfab.preset_surface import AnySurface, Section, plain, surface_table
 from dsfab.preset_workshop import Workshop
 from dsfab.statics import Ask, Bending, Elements, Law, Material, Membrane, SheetMaterial
@@ -102,6 +111,10 @@ class Statics(Section):
         """'GL24h', or 'GL24h, but for density'; nothing where no material is named."""
         own = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own)}" if self.material and own else self.material or ""
+
+    def require_strength(self) -> None:
+        """Raises PresetError where neither the material nor a strength is known: members cannot be checked then."""
+        require_strength(self.material, self.strength)
 
     @property
     def elements(self) -> Elements:
@@ -447,7 +460,7 @@ FormatName = Literal[
     "stl", "3mf", "step", "stpz", "brep", "ifc", "obj", "ply", "off", "glb", "3dm", "dxf", "svg",
     "lines.step", "csv", "json", "members.json", "members.csv", "nodes.csv",
     "members.3dm", "members.ifc", "members.glb", "members.dxf", "vtu", "forces.vtu", "forces.csv",
-    "member_forces.csv", "saf.xlsx",
+    "member_forces.csv", "member_utilisation.csv", "saf.xlsx",
 ]  # fmt: skip
 
 
@@ -492,6 +505,7 @@ class Preset(Section):
     thickening: Thickening = Thickening()
     fabrication: Fabrication = Fabrication()
     workshop: Workshop = Workshop()
+    eurocode: Eurocode = Eurocode()
     export: Export = Export()
 
     def __init__(
@@ -527,8 +541,10 @@ class Preset(Section):
     @model_validator(mode="after")
     def _names_cases(self) -> "Preset":
         given = self.surface
+        if "member_utilisation.csv" in self.export.formats:
+            self.statics.require_strength()
         wrong = list(action_mistakes(given.load, given.actions, given.combinations))
-        if wrong := wrong or list(case_mistakes(*self._cases)):
+        if wrong := wrong or [*case_mistakes(*self._cases), *self.eurocode.case_mistakes(given.load)]:
             raise ValueError("; ".join(wrong))
         return self
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dsfab.errors import PresetError
-from dsfab.materials import KEYS, MATERIALS, material_named
+from dsfab.materials import KEYS, MATERIALS, NO_STRENGTH, material_named
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
 """Pa, kg/m3, Pa: no sheet that carries has a smaller modulus, no solid a smaller density or strength."""
@@ -64,3 +64,9 @@ def resistance(value: float) -> float:
     if 0 < value < WEAKEST:
         raise ValueError(f"{value:g} Pa is no strength: pascals are asked, write {value:g}e6 for {value:g} MPa")
     return value
+
+
+def require_strength(material: str | None, strength: float) -> None:
+    """Raises PresetError where it is not known what members can bear."""
+    if not material and not strength:
+        raise PresetError(NO_STRENGTH)

@@ -83,7 +83,8 @@ def test_every_member_has_a_plate_with_places_on_it(vault):
     body = Body(surface.V, surface.F, np.zeros(3, dtype=np.uint8))
     stage = set_stage(body, named_side(surface.V, up, "iso"), up, 0.0, Annotations(layers=()), PAPER, SIZE)
     nothing = np.full((2 * SIZE[1], 2 * SIZE[0]), np.inf)
-    plates = list(_plates(graph, stage, nothing, SIZE, PAPER))
+    ink = dict.fromkeys(graph.by_id, PAPER.text)
+    plates = list(_plates(graph, stage, nothing, (SIZE, ink, PAPER)))
     assert [plate.text for plate in plates] == [member.id for member in graph.members]
     for plate in plates:
         assert plate.seen.all()

@@ -12,7 +12,8 @@ statics  diffusion  pattern   slicing   thickening ──► export
                   └──────► workshop ──────────────────────────────────────►┘
 
 members: the graph of named parts, on the finished sheet; it knows slicing and no other stage. frame: these as beams; it
-knows statics besides, and pipeline asks it. preset_list: what lies in presets/, unchecked; it needs errors alone.
+knows statics besides, and pipeline asks it. eurocode: what members bear against the codes; pipeline asks it too.
+preset_list: what lies in presets/, unchecked; it needs errors alone.
 proposal: a preset for a mesh of the user's own. delivery: what of a design goes into which file. study: questions about
 designs. render: everything that draws and knows no command. report: pages, charts and folders for people. workshop:
 flat parts of the members, nested on stock, as drawings. app: one file for each command, and the editor.
@@ -73,16 +74,21 @@ ALLOWED: dict[str, set[str]] = {
     "preset_surface": GROUND | {"preset_errors", "preset_list", "surface"},
     "preset_material": GROUND | {"materials"},
     "preset_workshop": GROUND | {"preset_surface"},
-    "preset": GROUND | {"surface", "preset_cases", "preset_material", "preset_surface", "preset_workshop"} | STAGES,
+    "preset_eurocode": GROUND | {"preset_surface", "surface"},
+    "preset": GROUND
+    | {"surface", "preset_cases", "preset_eurocode", "preset_material", "preset_surface", "preset_workshop"}
+    | STAGES,
     "preset_file": GROUND
     | {"materials", "preset", "preset_errors", "preset_list", "preset_material", "preset_surface"},
     "proposal": GROUND | {"materials", "surface", "preset", "preset_file"},
     "results": GROUND | {"surface", "preset"} | STAGES,
     "members": GROUND | {"surface", "results", "slicing"},
     "frame": GROUND | {"surface", "statics", "members"},
-    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members", "frame"} | STAGES,
+    "eurocode": GROUND | {"materials", "members", "frame"},
+    "pipeline": GROUND | {"surface", "preset", "preset_surface", "results", "members", "frame", "eurocode"} | STAGES,
     "delivery": GROUND
-    | {"materials", "surface", "preset", "preset_surface", "results", "members", "frame", "export", "pipeline"}
+    | {"materials", "surface", "preset", "preset_surface", "results", "members", "frame", "eurocode", "export"}
+    | {"pipeline"}
     | STAGES,
     "workshop": GROUND | {"surface", "slicing", "preset", "preset_workshop", "members", "export", "pipeline"},
     "study": GROUND
@@ -94,7 +100,7 @@ ALLOWED: dict[str, set[str]] = {
     | STAGES,
     "report": GROUND
     | {"surface", "preset", "preset_file", "results", "pipeline", "export"}
-    | {"delivery", "study", "render", "members", "workshop"}
+    | {"delivery", "study", "render", "members", "frame", "eurocode", "workshop"}
     | STAGES,
     "app": GROUND
     | {"materials", "surface", "preset", "preset_file", "preset_list", "proposal"}
@@ -116,7 +122,16 @@ HOME = {
     "vtk": {"render"},
     "vtkmodules": {"render"},
     "trimesh": {"surface", "export"},
-    "pydantic": {"preset", "preset_workshop", "preset_surface", "preset_errors", "preset_file", "study", "surface"},
+    "pydantic": {
+        "preset",
+        "preset_eurocode",
+        "preset_workshop",
+        "preset_surface",
+        "preset_errors",
+        "preset_file",
+        "study",
+        "surface",
+    },
     "gmsh": {"study"},
     "skfem": {"study"},
     "compas": {"surface", "members"},

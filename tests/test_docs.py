@@ -52,7 +52,7 @@ COMMANDS = dict.fromkeys(
     for line in block.splitlines()
     if line.startswith("dsfab ") and not line.startswith(ELSEWHERE)
 )
-LONG = ("dsfab build", "dsfab explore", "dsfab export", "dsfab preview barrel_vault --show members")
+LONG = ("dsfab build", "dsfab explore", "dsfab export", "dsfab report", "dsfab preview barrel_vault --show members")
 """Commands that take long, each of which has shorter tests of its own."""
 
 SETUP = [line for block in blocks("sh", "README.md") for line in block.splitlines() if ".venv/bin/" in line]

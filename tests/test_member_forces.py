@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import ExportError
+from dsfab.delivery.bar_records import found_records
+from dsfab.errors import ExportError, StaticsError
+from dsfab.eurocode import MemberBays, Rules, utilisation
+from dsfab.export import Details
 from dsfab.frame import forces_along
 from dsfab.members import Member, MemberAxis, MemberGraph
 from dsfab.statics import Material
@@ -169,7 +172,7 @@ def vault():
 
 
 def test_members_of_a_design(vault):
-    """Bays, names, and arches that are pressed all along."""
+    """MemberBays, names, and arches that are pressed all along."""
     found = vault.member_forces
     arches = [one for name, one in found.items() if name.startswith("B")]
     assert len(arches) > 5
@@ -213,3 +216,59 @@ def test_the_table_reads_back_and_says_its_units(vault, tmp_path):
 def test_a_sheet_alone_has_no_members(tmp_path):
     with pytest.raises(ExportError, match="has no forces of members"):
         dsfab.write(grid(2, 2, 1.0, 1.0), tmp_path / "x.member_forces.csv")
+
+
+def test_a_section_is_as_wide_as_its_member(vault):
+    """Ribs of .2 m; the width is that of the section that was summed up."""
+    arches = [one for name, one in vault.member_forces.items() if name.startswith("B")]
+    assert np.median(np.concatenate([one.width for one in arches])) == pytest.approx(0.2, rel=0.02)
+
+
+def rules_for(material, strength=0.0) -> Rules:
+    return Rules(material, 11.5e9, 4.4e9, strength, {"load": "medium"})
+
+
+def test_members_of_a_design_against_the_code(vault):
+    """Of each bay the compression is that of its forces, its width and f_c; the sheet is pressed against its arches."""
+    bays = MemberBays.of(vault.members, vault.member_forces, 0.08)
+    found = utilisation(bays, rules_for("GL24h"))
+    arch = next(k for k, name in enumerate(bays.member) if name.startswith("B"))
+    forces = vault.member_forces[bays.member[arch]]
+    at = [k for k, bay in enumerate(forces.bay) if bay == bays.name[arch]]
+    expected = max(-forces.forces["load"][at, N] / forces.width[at] / 0.08 / (24e6 * 0.8 / 1.25))
+    compression = [check.name for check in found.checks].index("compression")
+    assert found.worst[arch, compression] == pytest.approx(expected)
+    assert bays.curvature[arch] == pytest.approx(-0.2247, rel=0.1)  # the arches' own, 1/m
+    axis = vault.members.by_id[bays.member[arch]].axis
+    assert bays.length[arch] < axis.length
+    rings = next(name for name in bays.member if name.startswith("A"))
+    own = [k for k, name in enumerate(bays.member) if name == rings]
+    assert np.isin(bays.length[own], vault.members.bays(rings)).all()
+    assert np.ptp(bays.length[own]) > 0
+    assert bays.s[arch].tolist() == forces.s[at].tolist()
+
+
+def test_the_table_of_utilisation_reads_back_worst_first(vault, tmp_path):
+    found = utilisation(MemberBays.of(vault.members, vault.member_forces, 0.08), rules_for("GL24h"))
+    records = found_records(found)
+    path = dsfab.write(vault.sheet.surface, tmp_path / "vault.member_utilisation.csv", details=Details(records=records))
+    lines = path.read_text(encoding="utf-8").splitlines()
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    values = [float(row["utilisation"]) for row in rows]
+    assert values == sorted(values, reverse=True)
+    assert values[0] == pytest.approx(found.largest.max(), rel=1e-6)
+    check, case, _ = found.governing(int(found.order[0]))
+    assert (rows[0]["check"], rows[0]["clause"], rows[0]["case"]) == (check.name, check.clause, case)
+    assert float(rows[0][str(check)]) == pytest.approx(values[0])
+    assert float(rows[0]["thickness [m]"]) == 0.08
+    assert float(rows[0]["bay [m]"]) == pytest.approx(found.bays.length[found.order[0]], rel=1e-6)
+    assert any(line.startswith("# checked by: EN 1995-1-1:2004") for line in lines)
+    assert sum(line.startswith("# not checked: ") for line in lines) == len(found.unchecked)
+
+
+def test_what_no_strength_is_known_of_is_refused_before_a_file_is_there(vault, tmp_path):
+    with pytest.raises(StaticsError, match="names no material and gives no strength"):
+        vault.write(tmp_path / "vault.member_utilisation.csv")
+    with pytest.raises(ExportError, match="has no members to check"):
+        dsfab.write(grid(2, 2, 1.0, 1.0), tmp_path / "x.member_utilisation.csv")
+    assert not list(tmp_path.iterdir())

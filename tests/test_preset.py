@@ -35,8 +35,8 @@ def test_shipped_presets_are_valid_described_and_named_after_their_file(name):
     assert headline(shipped_presets()[name]) == preset.description.split("\n")[0]
     text = shipped_presets()[name].read_text(encoding="utf-8")
     sections = [line.strip("[]").split(".")[0] for line in text.splitlines() if line.startswith("[")]
-    order = [(*STAGES, "workshop").index(section) for section in sections]
-    assert order == sorted(order), "sections stand in the order of the stages, the workshop's last"
+    order = [(*STAGES, "workshop", "eurocode").index(section) for section in sections]
+    assert order == sorted(order), "sections stand in the order of the stages, the workshop and the checks last"
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -48,7 +48,9 @@ def test_a_complete_preset_written_and_read_again_is_the_same(name, tmp_path):
     assert again == preset
     assert again.first_difference(preset) is None
     written = tomllib.loads(file.read_text())
-    assert set(written) == {"name", "description", "fabrication", "workshop", *STAGES}, "defaults are written out"
+    assert set(written) == {"name", "description", "fabrication", "workshop", "eurocode", *STAGES}, (
+        "defaults are written out"
+    )
 
 
 def test_a_shipped_preset_by_path_is_the_one_by_name():
@@ -262,6 +264,8 @@ def test_a_material_gives_its_values_and_says_where_they_are_from(name):
 
 DESIGN = {"GL24h": 19.2 * 0.8 / 1.25, "CLT": 14.5 / 2 * 0.8 / 1.25, "plywood": 37.5 * 0.8 / 1.2, "PLA": 50 / 2.5}
 DESIGN |= {"aluminium 6082": 240 / 1.1, "concrete C30/37": 30 / 1.5, "GFRP": 170 / 3, "S235": 235, "S355": 355}
+DESIGN |= {"S275": 275, "S460": 460, "C24": 14.5 * 0.8 / 1.3, "C30": 19 * 0.8 / 1.3, "LVL 48 P": 35 * 0.8 / 1.2}
+DESIGN |= {"GL28h": 22.3 * 0.8 / 1.25, "GL32h": 25.6 * 0.8 / 1.25}
 
 
 def test_design_strengths_are_characteristic_ones_over_partial_factors():

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from dsfab.app.check_nonlinear import Nonlinear, check_nonlinear
 from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
 from dsfab.app.terminal import Reporter, out
 from dsfab.wording import length, mass
@@ -84,6 +85,7 @@ def check(
     expected: Expected = Expected(),
     reading: Reading = Reading(),
     density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0,
+    nonlinear: Nonlinear = Nonlinear(),
     solid: Annotated[bool, Parameter(help="With a preset: also compare compliance by a solid model.")] = True,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON instead of text.")] = False,
     quiet: Quiet = False,
@@ -95,8 +97,10 @@ def check(
     Parameters
     ----------
     file
-        STL, 3MF or STEP.
+        STL, 3MF or STEP; with --nonlinear a preset, or a folder that `dsfab build` wrote.
     """
+    if nonlinear.nonlinear:
+        return check_nonlinear(str(file), Source(expected.set_), nonlinear, json_, quiet)
     from dsfab.study.file_check import check_file, read_shipped
 
     name = expected.name(file)

@@ -38,6 +38,7 @@ app.command("dsfab.app.export:export", name="export", help="Write one file: soli
 app.command(
     "dsfab.app.workshop:workshop", name="workshop", help="Cut a design from sheets: flat parts, nested on the stock."
 )
+app.command("dsfab.app.report:report", name="report", help="Report what members bear, against Eurocode 3 or 5.")
 app.command("dsfab.app.preview:preview", name="preview", help="Draw a design without building it.")
 app.command("dsfab.app.check:check", name="check", help="Read an exported solid again: is it sound, and the design?")
 app.command("dsfab.app.explore:explore", name="explore", help="Draw many variants of a design on one contact sheet.")

@@ -36,6 +36,7 @@ GROUPS = {
     "forces": "section forces",
     "frame": "beam models",
     "bars": "forces of members",
+    "utilisation": "forces of members",
 }
 """What a format is for in words, by what it takes."""
 
@@ -45,8 +46,8 @@ TO = (
     "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv; as "
     "objects on layers members.3dm, members.ifc, members.glb, members.dxf (lines). Fields on the uncut surface: vtu. "
     "Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv; N, V and M along each member: "
-    "member_forces.csv. A beam model for SCIA, RFEM and others: saf.xlsx, or saf for short. A check: calculix. "
-    "[as the suffix of -o]"
+    "member_forces.csv; over what they can bear by Eurocode 3 or 5: member_utilisation.csv. A beam model for SCIA, "
+    "RFEM and others: saf.xlsx, or saf for short. A check: calculix. [as the suffix of -o]"
 )
 
 Which = Literal["uncut", "cut"]
@@ -105,6 +106,10 @@ def write_file(given: "Preset", built: "Design | None", ask: ExportRequest, prog
 
     Raises DsfabError of the stage that refuses, and ExportError where the file cannot be written.
     """
+    from dsfab.export.formats import FORMATS
+
+    if ask.suffix != SUFFIX and FORMATS[ask.suffix].takes == "utilisation":
+        given.statics.require_strength()
     return _model(given, ask, progress) if ask.suffix == SUFFIX else _mesh(given, built, ask, progress)
 
 

@@ -217,7 +217,7 @@ def _measured(design: "Design", page: Page, reporter: Reporter) -> NDArray[Any]:
 
 def _members(design: "Design", page: Page, reporter: Reporter) -> NDArray[Any]:
     """The sheet, with its members named."""
-    from dsfab.render.members import members_picture
+    from dsfab.render import members_picture
 
     reporter("members", f"naming members, and drawing {page.path.name}")
     return members_picture(design, size=page.pixels, view=page.options["view"], ground=page.options["ground"])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.delivery.bar_records import bar_records
+from dsfab.delivery.bar_records import bar_records, utilisation_records
 from dsfab.delivery.beam_records import beam_records
 from dsfab.delivery.fields import design_fields
 from dsfab.delivery.forces import force_records
@@ -104,6 +104,7 @@ _OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
     "bodies": body_details,
     "forces": lambda design: Details(records=force_records(design)),
     "bars": lambda design: Details(records=bar_records(design)),
+    "utilisation": lambda design: Details(records=utilisation_records(design)),
     "frame": lambda design: Details(records=beam_records(design)),
 }
 """What formats of the kept sheet take of a design, but for those of lines."""

@@ -32,6 +32,7 @@ from dsfab.export import (
     svg,
     tables,
     threemf,
+    utilisation,
     vtu,
 )
 from dsfab.export import step as step_format
@@ -48,7 +49,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from dsfab.units import MM_PER_M
 
-Takes = Literal["mesh", "lines", "both", "fields", "members", "bodies", "forces", "frame", "bars"]
+Takes = Literal["mesh", "lines", "both", "fields", "members", "bodies", "forces", "frame", "bars", "utilisation"]
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Format:
     """What to raise when all ways were refused."""
     takes: Takes = "mesh"
     """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; its members; these as
-    bodies; its forces; its beam model; or what its members bear."""
+    bodies; its forces; its beam model; what its members bear; or how much of what they can."""
     curves: bool = False
     """Whether it draws lines as smooth curves, and so wants them exact."""
     ready: Callable[[], None] = lambda: None
@@ -144,6 +145,14 @@ FORMATS: dict[str, Format] = {
     ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
     ".forces.csv": Format(forces.prepare, forces.encode, forces.check, sheets=True, takes="forces"),
     ".member_forces.csv": Format(bars.prepare, bars.encode, bars.check, sheets=True, takes="bars"),
+    ".member_utilisation.csv": Format(
+        utilisation.prepare,
+        utilisation.encode,
+        utilisation.check,
+        sheets=True,
+        told=utilisation.sentence,
+        takes="utilisation",
+    ),
     saf.SUFFIX: Format(saf.prepare, saf.encode, saf.check, sheets=True, told=saf.told, takes="frame", ready=saf.ready),
 }
 """The suffixes that `write` knows."""

@@ -8,11 +8,12 @@ forces     what members bear, from the section forces of the sheet    sections  
 
 from dsfab.frame.agreement import FrameAgreement, agreement
 from dsfab.frame.build import frame_of
-from dsfab.frame.forces import MemberForces, forces_along, member_forces
-from dsfab.frame.model import BeamMaterial, Frame
+from dsfab.frame.forces import STATIONS, MemberForces, forces_along, member_forces
+from dsfab.frame.model import BeamMaterial, Frame, torsion_constant
 from dsfab.frame.solve import FrameAnswer, solve_frame
 
 __all__ = [
+    "STATIONS",
     "BeamMaterial",
     "Frame",
     "FrameAgreement",
@@ -23,4 +24,5 @@ __all__ = [
     "frame_of",
     "member_forces",
     "solve_frame",
+    "torsion_constant",
 ]

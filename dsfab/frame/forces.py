@@ -23,6 +23,8 @@ from dsfab.statics import SectionForces
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Where the forces of a bay are told: shares of its clear length, between the joints at its ends."""
+STATIONS = len(SHARES)
+"""Of each bay."""
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 """x along the axis, z along the normal of the surface, y to the left; on a section that x points out of."""
 
@@ -32,6 +34,7 @@ class MemberForces:
     """What a member bears at stations of its axis.
 
     member : its name.    s : (k,) metres along its axis.    bay : (k,) from which node to which, "N012 N013".
+    width  : (k,) metres, of the section that was summed up.
     forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
              N is positive for tension. My stretches the side that the normal points to, if positive; Mz the right
              side; Mt turns about the axis.
@@ -40,10 +43,12 @@ class MemberForces:
     member: str
     s: Floats
     bay: tuple[str, ...]
+    width: Floats
     forces: Mapping[str, Floats]
 
     def __post_init__(self) -> None:
-        lock(self, "s", np.float64, (len(self.bay),))
+        for name in ("s", "width"):
+            lock(self, name, np.float64, (len(self.bay),))
         forces = {name: locked(rows, np.float64, (len(self.s), 6)) for name, rows in self.forces.items()}
         object.__setattr__(self, "forces", MappingProxyType(forces))
 
@@ -77,6 +82,7 @@ def forces_along(
         member.id,
         s,
         bays,
+        group_sums(cut.station, cut.length[:, None], len(s))[:, 0],
         {name: _summed(cut, axes, one, graph, surface.normals) for name, one in forces.items()},
     )
 

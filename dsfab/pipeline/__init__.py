@@ -2,7 +2,7 @@
 
 from dsfab.pipeline.design import PARTS, ROWS, Design
 from dsfab.pipeline.handover import held_vertices, loads_on, sheet_load, sheet_loads, sheet_supports
-from dsfab.pipeline.log import Log, Progress
+from dsfab.pipeline.log import Log, Progress, silent
 from dsfab.pipeline.regions import acting_on
 from dsfab.pipeline.structure import statics_step
 from dsfab.pipeline.surface_stage import surface_step
@@ -24,6 +24,7 @@ __all__ = [
     "sheet_load",
     "sheet_loads",
     "sheet_supports",
+    "silent",
     "statics_step",
     "surface_step",
 ]

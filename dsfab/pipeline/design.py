@@ -17,6 +17,7 @@ from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.measures import measured_pattern
+from dsfab.pipeline.member_checks import member_utilisation
 from dsfab.pipeline.pattern_stage import Before, pattern_stage
 from dsfab.pipeline.structure import statics_step
 from dsfab.pipeline.surface_stage import surface_step
@@ -33,6 +34,7 @@ from dsfab.wording import length, mass
 if TYPE_CHECKING:
     import build123d
 
+    from dsfab.eurocode import Utilisation
     from dsfab.frame import Frame, FrameAgreement, MemberForces
     from dsfab.members import MemberGraph
 
@@ -208,6 +210,18 @@ class Design:
         from dsfab.frame import member_forces
 
         return self.once("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
+
+    @property
+    def member_utilisation(self) -> "Utilisation":
+        """What members bear over what the standard of their material lets them bear, see `dsfab.eurocode`.
+
+        Raises StaticsError where neither the material nor a strength is known.
+        """
+        return self.once(
+            "slicing",
+            "member utilisation",
+            lambda: member_utilisation(self.preset, self.members, self.member_forces),
+        )
 
     def frame_agreement(self) -> "list[FrameAgreement]":
         """By case and combination, how far the beams answer as the sheet does."""

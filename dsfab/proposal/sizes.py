@@ -19,7 +19,7 @@ TRIANGLES = 6500
 """Of the mesh, about, between these: its solid then has some 30 000 faces, which CAD programs still open."""
 SLENDER = {"steel": 200, "timber": 100}
 """Span over thickness, by what a sheet is made of."""
-STEEL = ("S235", "S355", "aluminium 6082")
+STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 FIGURE = 4.0
 """A surface whose boundary, squared, is shorter than this many times its area is a figure and spans nothing."""
 MODEL = 3.0

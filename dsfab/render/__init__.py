@@ -1,7 +1,18 @@
 """Pictures: everything that draws, and nothing that knows a command."""
 
+from dsfab.render.members import band_colours, members_picture, rated_members_picture
 from dsfab.render.naming_plate import Nameplate, PlacedName, placed_names
 from dsfab.render.palette import PAPER, Palette
 from dsfab.render.view import up_axis
 
-__all__ = ["PAPER", "Nameplate", "Palette", "PlacedName", "placed_names", "up_axis"]
+__all__ = [
+    "PAPER",
+    "Nameplate",
+    "Palette",
+    "PlacedName",
+    "band_colours",
+    "members_picture",
+    "placed_names",
+    "rated_members_picture",
+    "up_axis",
+]

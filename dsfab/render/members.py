@@ -1,12 +1,13 @@
 """The members of a design in one picture: coloured by family, and every one of them named."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, Ints
+from dsfab.render.colouring import rising
 from dsfab.render.drawing import FINER, Ground, check_ground, rendered
 from dsfab.render.lettering import lettered
 from dsfab.render.naming_plate import Nameplate, placed_names, with_names
@@ -24,6 +25,8 @@ LETTERS = 62
 """So many lines of names would fill the height of a picture, or more, if there are many ..."""
 CROWDED = 90
 """... members than this."""
+FEW = 12
+"""Names up to so many are large however many members there are."""
 DARK = 0.55
 """Names are so much as bright as the members that they name; those of hidden ones are paler."""
 BEHIND = 0.02
@@ -48,22 +51,61 @@ def members_picture(
 
     Raises DsfabError where nothing can be drawn.
     """
-    check_ground(ground)
-    require_rendering()
-    palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
-    graph, sheet = design.members, design.members.sheet.surface
-    load = design.load if design.has("statics") else None
-    up = up_axis(sheet.V, design.surface, load)
-    body = Body(sheet.V, sheet.F, _colours(design, palette), casts=True)
-    stage = set_stage(body, named_side(sheet.V, up, view), up, 0.0, Annotations(layers=()), palette, size)
-    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-        image = rendered(scene, stage, palette, size, clear=ground == "transparent")
-        depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
-    letter = size[1] / LETTERS * min(1.0, np.sqrt(CROWDED / len(graph.members)))
-    plates = list(_plates(graph, stage, depth, size, palette))
-    image = with_names(image, placed_names(plates, size, letter), letter, palette.paper)
+    graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
-    return np.asarray(lettered(image, legend(stage, words, palette, size, _swatches(graph, palette)), palette))
+    names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}
+    drawing = _Drawing(design, size, view, ground, palette)
+    return drawing.named(_colours(design, palette), names, words, _swatches(graph, palette))
+
+
+def rated_members_picture(
+    design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
+) -> Bytes:
+    """The sheet of a design coloured in bands, with some members named, (height, width, 3) bytes.
+
+    band : (m,) of the cells of the members' sheet, 0 to `count` - 1, see `band_colours`; -1 has none.
+    Raises DsfabError where nothing can be drawn.
+    """
+    table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
+    ink = dict.fromkeys(names, palette.text)
+    return _Drawing(design, size, "iso", "paper", palette).named(table[band], ink, "", ())
+
+
+def band_colours(count: int) -> list[Colour]:
+    """Of so many bands, pale to dark."""
+    return [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """How a design is drawn."""
+
+    design: "Design"
+    size: tuple[int, int]
+    view: str
+    ground: Ground
+    palette: Palette
+
+    def named(
+        self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
+    ) -> Bytes:
+        """The picture with colours (m, 3) of the faces, the names of some members in darker shades of a colour, and
+        what is written below."""
+        check_ground(self.ground)
+        require_rendering()
+        design, size, palette = self.design, self.size, self.palette
+        graph, sheet = design.members, design.members.sheet.surface
+        load = design.load if design.has("statics") else None
+        up = up_axis(sheet.V, design.surface, load)
+        body = Body(sheet.V, sheet.F, face, casts=True)
+        stage = set_stage(body, named_side(sheet.V, up, self.view), up, 0.0, Annotations(layers=()), palette, size)
+        with Scene(stage.bodies, stage.centre, stage.radius) as scene:
+            image = rendered(scene, stage, palette, size, clear=self.ground == "transparent")
+            depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
+        letter = size[1] / LETTERS * min(1.0, np.sqrt(CROWDED / len(graph.members)) if len(names) > FEW else 1.0)
+        plates = list(_plates(graph, stage, depth, (size, names, palette)))
+        image = with_names(image, placed_names(plates, size, letter), letter, palette.paper)
+        return np.asarray(lettered(image, legend(stage, words, palette, size, swatches), palette))
 
 
 def _colour(kind: str, family: str, palette: Palette) -> Colour:
@@ -95,16 +137,17 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
 
 
 def _plates(
-    graph: "MemberGraph", stage: Stage, depth: np.ndarray, size: tuple[int, int], palette: Palette
+    graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
-    """The names with the places where they may stand, the best first."""
-    for member in graph.members:
+    """The names with the places where they may stand, the best first; look : size, colours by name, and palette."""
+    size, names, palette = look
+    for member in (one for one in graph.members if one.id in names):
         points = _points(graph, member, stage.view)
         seen = stage.view.seen(points)
         at = np.stack([size[0] / 2 + seen[:, 0] * size[1] / 2, size[1] / 2 - seen[:, 1] * size[1] / 2], axis=1)
         column, row = (np.clip(FINER * at[:, k], 0, FINER * size[k] - 1).astype(int) for k in (0, 1))
         visible = np.asarray(depth[row, column] > seen[:, 2] - BEHIND * stage.radius)
-        shade = DARK * np.array(_colour(member.kind, member.family, palette))
+        shade = DARK * np.array(names[member.id])
         if not visible.any():
             shade = (shade + palette.paper) / 2
         red, green, blue = shade.astype(int).tolist()

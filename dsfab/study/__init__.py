@@ -4,6 +4,7 @@ from dsfab.study.alternatives import ALTERNATIVE_WORDS, Alternative, design_alte
 from dsfab.study.comparison import Comparison, compare_at
 from dsfab.study.competitors import Competitor
 from dsfab.study.judges import compare, full_at_many_shares
+from dsfab.study.nonlinear import NonlinearCheck, nonlinear_check, require_ccx
 from dsfab.study.sweeps import METRICS, Run, sweep
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "Alternative",
     "Comparison",
     "Competitor",
+    "NonlinearCheck",
     "Run",
     "compare",
     "compare_at",
@@ -19,5 +21,7 @@ __all__ = [
     "full_at_many_shares",
     "is_searched",
     "losing_line",
+    "nonlinear_check",
+    "require_ccx",
     "sweep",
 ]

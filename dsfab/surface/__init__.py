@@ -4,7 +4,14 @@ from dsfab.surface.cases import Combination, LimitState, load_cases, together
 from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
-from dsfab.surface.en1990 import ActionKind, CombinationRule, DesignFactors, action_mistakes, en1990_combinations
+from dsfab.surface.en1990 import (
+    OF_LOADS,
+    ActionKind,
+    CombinationRule,
+    DesignFactors,
+    action_mistakes,
+    en1990_combinations,
+)
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
 from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
 from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
@@ -47,6 +54,7 @@ __all__ = [
     "DEFAULT_TRIANGLES",
     "FIGURES",
     "MESH_SUFFIXES",
+    "OF_LOADS",
     "SHAPES",
     "ActionKind",
     "All",

@@ -1,7 +1,8 @@
 """Charts of a report, as PNG."""
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from dsfab.report.comparison_chart import STYLES, chart_figure
@@ -23,18 +24,25 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 def charts(found: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, Chart]:
     """`bars` of the structures of one mass; `volumes` where several masses were asked for. rows : of these."""
+    made: dict[str, Chart] = {}
+    with lettering():
+        if found.compared.rivals:
+            made["bars"] = png(_bars(found))
+        if len(found.volumes) > 1:
+            made["volumes"] = png(chart_figure(rows, ""))
+    return made
+
+
+@contextmanager
+def lettering(**more: Any) -> Iterator[None]:
+    """Charts with the letters of a report; more : settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
 
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # one of the fonts is enough
-    made: dict[str, Chart] = {}
-    with mpl.rc_context(FONT):
-        if found.compared.rivals:
-            made["bars"] = _png(_bars(found))
-        if len(found.volumes) > 1:
-            made["volumes"] = _png(chart_figure(rows, ""))
-    return made
+    with mpl.rc_context({**FONT, **more}):
+        yield
 
 
 def _bars(found: Findings) -> "Figure":
@@ -61,7 +69,8 @@ def _bars(found: Findings) -> "Figure":
     return figure
 
 
-def _png(figure: "Figure") -> Chart:
+def png(figure: "Figure") -> Chart:
+    """A figure as a file, with its size in pixels."""
     written = io.BytesIO()
     figure.savefig(written, format="png", dpi=DPI, metadata={"Software": None})
     wide, high = (round(DPI * inches) for inches in figure.get_size_inches())

@@ -1,0 +1,84 @@
+"""`dsfab check DESIGN --nonlinear`: how much of its load a design bears with large displacements, by CalculiX."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from dsfab.app.export import built_design, source_of
+from dsfab.app.options import Source
+from dsfab.app.terminal import Reporter, out
+from dsfab.wording import length
+
+if TYPE_CHECKING:
+    from dsfab.study import NonlinearCheck
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Nonlinear:
+    """Whether a design is loaded until it gives way, and how."""
+
+    nonlinear: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="Of a preset or built folder in place of a file: load the cut sheet by CalculiX (ccx, installed apart) "
+            "until it gives way, with large displacements and an imperfection. Takes minutes, finer meshes hours.",
+        ),
+    ] = False
+    case: Annotated[
+        str | None, Parameter(help="The load case or combination [the first combination, else the first case].")
+    ] = None
+    imperfection: Annotated[
+        float | None, Parameter(help="Metres, in the shape of the first buckling [the longest side / 300].")
+    ] = None
+    minutes: Annotated[float, Parameter(help="That each of the two or three runs of CalculiX may take.")] = 60.0
+
+
+def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, quiet: bool) -> int:
+    """Check a design and say it; 1 where it gives way under less than its loads, else 0."""
+    from dsfab.pipeline import Design
+    from dsfab.study import nonlinear_check, require_ccx
+
+    require_ccx()
+    given, _ = source_of(name, source)
+    reporter = Reporter(quiet or as_json)
+    try:
+        design = built_design(name, given) or Design.of(given, progress=reporter).until("slicing")
+        found = nonlinear_check(design, asked.case, asked.imperfection, asked.minutes, reporter)
+        reporter.done()
+    finally:
+        reporter.stop()
+    if as_json:
+        out(json.dumps(facts(found), indent=2))
+    elif not quiet:
+        for line in lines(found):
+            out(line)
+    return int(found.given_way and found.limit < 1)
+
+
+def facts(found: "NonlinearCheck") -> dict[str, Any]:
+    """What is found, in numbers with SI units."""
+    return {
+        "case": found.case,
+        "linear_factor": found.linear,
+        "limit_factor": found.limit,
+        "gives_way": found.given_way,
+        "imperfection_m": found.imperfection,
+        "displacement_m": found.moved,
+        "wedges": found.triangles,
+        "path": {"factor": found.load.tolist(), "largest_displacement_m": found.u.tolist()},
+    }
+
+
+def lines(found: "NonlinearCheck") -> Iterator[str]:
+    """The same for people."""
+    yield found.told
+    at = "under its load" if found.limit >= 1 or not found.given_way else "where it gives way"
+    yield f"largest displacement {at}: {length(found.moved)}; the material stays elastic here, whatever its strength"
+    chosen = range(0, len(found.load), max(len(found.load) // 10, 1))
+    yield "  times its load  " + "  ".join(f"{found.load[k]:>8.3g}" for k in chosen)
+    yield "  moves           " + "  ".join(f"{length(float(found.u[k])):>8}" for k in chosen)

@@ -1,0 +1,72 @@
+"""`dsfab report`: what each member of a design bears, against the code of its material, for the engineer."""
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from dsfab.app.export import built_design, source_of
+from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.terminal import Reporter, out
+
+if TYPE_CHECKING:
+    from dsfab.pipeline import Design, Progress
+
+TABLES = ("member_utilisation.csv", "member_forces.csv")
+
+
+def report(
+    preset: str,
+    /,
+    *,
+    output: Annotated[
+        Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME/members].")
+    ] = None,
+    source: Source = UNCHANGED,
+    quiet: Quiet = False,
+) -> int:
+    """Report what each member bears against Eurocode 3 or 5: the worst ones on the structure, diagrams, clauses.
+
+    The material of the preset decides which code it is; `[eurocode]` has its factors. Of other materials stress is
+    compared with their strength.
+
+    Parameters
+    ----------
+    preset
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
+    """
+    from dsfab.export import require_writable
+    from dsfab.pipeline import Design
+
+    given, folder = source_of(preset, source)
+    given.statics.require_strength()
+    folder = output or folder / "members"
+    require_writable(folder)
+    reporter = Reporter(quiet)
+    try:
+        design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
+        files, told = write_members(design, shlex.join(["dsfab", "report", *source.words(preset)]), folder, reporter)
+        reporter.done()
+    finally:
+        reporter.stop()
+    if not quiet:
+        for line in told:
+            out(line)
+        out("\n".join(f"  {folder / name}" for name in files))
+    return 0
+
+
+def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
+    """Write the report and its tables, all of them or none; returns their names and lines about them."""
+    from dsfab.export import whole_or_nothing
+    from dsfab.report.members import write_member_report
+
+    progress("members", "summing up forces and checking each bay")
+    told = [design.member_utilisation.standard, design.member_utilisation.told]
+    with whole_or_nothing(folder) as here:
+        progress("report", "drawing and writing report.html and report.pdf")
+        files, missing = write_member_report(design, command, here)
+        for name in TABLES:
+            design.write(here / f"{design.preset.name}.{name}")
+    return [*files, *(f"{design.preset.name}.{name}" for name in TABLES)], [*told, *missing]

@@ -1,0 +1,97 @@
+"""Characteristic strengths by the names of materials, as the product standards give them."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+MPA = 1e6
+
+
+@dataclass(frozen=True)
+class SteelGrade:
+    """yields : (thickness up to which, metres; yield strength, Pa), thin plates first.    source : of these."""
+
+    name: str
+    yields: tuple[tuple[float, float], ...]
+    source: str
+
+    def fy(self, thickness: float) -> float:
+        """Yield strength of a plate of a thickness in metres, Pa; the last of the table for what is thicker."""
+        return next((value for most, value in self.yields if thickness <= most * (1 + 1e-9)), self.yields[-1][1])
+
+    def covers(self, thickness: float) -> bool:
+        """Whether the table goes so far; metres."""
+        return thickness <= self.yields[-1][0] * (1 + 1e-9)
+
+
+def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrade:
+    yields = zip(PLATES, (x * MPA for x in megapascals), strict=True)
+    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 up to 80 mm; {product} above")
+
+
+PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
+"""Metres; thicknesses at which yield strengths step. EN 1993-1-1 has two steps up to 80 mm, EN 10025 goes on."""
+
+STEEL = {
+    grade.name: grade
+    for grade in (
+        _steel("S235", (235, 215, 215, 195, 185), "EN 10025-2, table 6"),
+        _steel("S275", (275, 255, 235, 225, 215), "EN 10025-2, table 6"),
+        _steel("S355", (355, 335, 315, 295, 285), "EN 10025-2, table 6"),
+        _steel("S460", (460, 430, 400, 380, 370), "EN 10025-3, table 4"),
+    )
+}
+"""Structural steel by name; S460 is S460N."""
+
+Product = Literal["solid timber", "glulam", "LVL"]
+
+
+@dataclass(frozen=True)
+class TimberGrade:
+    """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`, the 5 %
+    quantiles of the moduli `E05` and `G05`.
+
+    fm_flat, fv_flat : of what lies flat and is bent over its thin side; those of LVL differ.
+    size : exponent s of LVL's size effect.
+    """
+
+    name: str
+    product: Product
+    fm: float
+    ft: float
+    fc: float
+    fv: float
+    E05: float
+    G05: float
+    fm_flat: float
+    fv_flat: float
+    size: float
+    source: str
+
+
+def _solid(name: str, fm: float, ft: float, fc: float, fv: float, E05: float, G05: float) -> TimberGrade:
+    source = "EN 338:2016, table 1; G05 = E05 / 16"
+    values = tuple(x * MPA for x in (fm, ft, fc, fv, E05, G05, fm, fv))
+    return TimberGrade(name, "solid timber", *values, 0.0, source)
+
+
+def _glued(name: str, fm: float, ft: float, fc: float, E05: float) -> TimberGrade:
+    values = tuple(x * MPA for x in (fm, ft, fc, 3.5, E05, 540, fm, 3.5))
+    return TimberGrade(name, "glulam", *values, 0.0, "EN 14080:2013, table 5")
+
+
+TIMBER = {
+    grade.name: grade
+    for grade in (
+        _solid("C24", 24, 14.5, 21, 4.0, 7400, 462),
+        _solid("C30", 30, 19, 24, 4.0, 8000, 500),
+        _glued("GL24h", 24, 19.2, 24, 9600),
+        _glued("GL28h", 28, 22.3, 28, 10500),
+        _glued("GL32h", 32, 25.6, 32, 11800),
+        TimberGrade(
+            *("LVL 48 P", "LVL"),
+            *(44 * MPA, 35 * MPA, 29 * MPA, 4.2 * MPA, 11600 * MPA, 400 * MPA, 48 * MPA, 2.3 * MPA, 0.15),
+            "EN 14374, as the makers' bulletin on strength classes of 2019 has it; compression in service class 2",
+        ),
+    )
+}
+"""Timber by name."""
