@@ -22,7 +22,7 @@ from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.simplify import simplified_part, usual_tolerance
 from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
-from dsfab.limits import OUTLINE
+from dsfab.limits import FURTHER, OUTLINE
 from dsfab.surface.topology import edge_table, half_edges
 
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "faceted", "tessellated")
@@ -32,9 +32,6 @@ TIGHTER = 1 / 4
 
 LONGER = 3
 """Times the walls that `auto` tries to make smooth at first: `quick` has no other chance."""
-
-FURTHER = 2
-"""Times the usual tolerance, the last way of all to come within the budget."""
 
 FAR = 2
 """Times the faces of the budget: what has more is not halved by simplifying it further."""
