@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.budget import within
+from dsfab.export.budget import BudgetError, within
 from dsfab.export.network import use_check
 from dsfab.export.network.curves import fitted_chains, sampled_chains
 from dsfab.export.network.fillets import without_fillets
@@ -83,13 +83,23 @@ class MemberFile:
         )
 
 
+class NotByMembersError(ExportError):
+    """Why a solid is not written by members."""
+
+
 _MADE: WeakKeyDictionary[Part, MemberFile] = WeakKeyDictionary()
 
 
 def member_file(part: Part) -> MemberFile:
-    """The file of a part, made once; raises ExportError with the reason where it cannot be made, or is not taken."""
+    """The file of a part, made once; raises NotByMembersError with the reason where it cannot be made, or is not taken,
+    and BudgetError where it is too large."""
     if part not in _MADE:
-        _MADE[part] = _accepted(part)
+        try:
+            _MADE[part] = _accepted(part)
+        except BudgetError:
+            raise
+        except ExportError as error:
+            raise NotByMembersError(str(error)) from error
     return _MADE[part]
 
 
