@@ -83,7 +83,7 @@ def off_planes(sheet) -> float:
 
 def test_vertices_that_a_file_rounded_are_put_into_their_planes():
     exact = roof()
-    surface = Surface(np.round(exact.V @ np.array([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1 / 3]]).T, 6), exact.F)
+    surface = Surface(np.round(exact.V @ np.array([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1 / 7]]).T, 6), exact.F)
     part, _, _ = folded(surface, openings(exact))
     sheet = folded_sheet(part)
     assert sheet.count == 2
