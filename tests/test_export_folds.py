@@ -13,7 +13,7 @@ from dsfab.delivery.files import curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.folds import folded_shape, folded_sheet
 from dsfab.export.folds_text import planar_file
-from dsfab.export.ladder import prepare
+from dsfab.export.ladder import attempts, prepare
 from dsfab.export.network import use_check
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
@@ -25,10 +25,10 @@ from tests.zoo import grid
 T, SLOPE = 0.04, 0.6
 
 
-def roof(cells: int = 10) -> Surface:
-    """Two strips of 2 x 1 m in plan, which rise to a ridge along x by `SLOPE`."""
+def roof(cells: int = 10, slope: float = SLOPE) -> Surface:
+    """Two strips of 2 x 1 m in plan, which rise to a ridge along x."""
     flat = grid(2 * cells, 2 * cells, 2.0, 2.0)
-    return Surface(flat.V + np.array([0, 0, SLOPE]) * (1 - np.abs(flat.V[:, 1:2] - 1)), flat.F)
+    return Surface(flat.V + np.array([0, 0, slope]) * (1 - np.abs(flat.V[:, 1:2] - 1)), flat.F)
 
 
 def pyramid() -> Surface:
@@ -107,6 +107,17 @@ def test_curved_and_plane_sheets_are_not_folded():
         surface = SHAPES[name]() if name == "plate" else SHAPES[name](edge=0.8)
         part, _, _ = folded(surface, np.zeros(surface.m, dtype=bool))
         assert folded_sheet(part) is None
+
+
+@pytest.mark.parametrize(("slope", "first"), [(SLOPE, "planar"), (0.1, "smooth")])
+def test_only_creases_are_taken_for_folds_unasked(slope, first):
+    """A cylinder's mesh has flat strips, too."""
+    surface = roof(slope=slope)
+    part, _, _ = folded(surface, openings(surface))
+    assert folded_sheet(part).count == 2
+    assert folded_sheet(part).creased == (first == "planar")
+    assert next(attempts(replace(part, step="auto"))).step == first
+    assert next(attempts(part)).step == "planar"
 
 
 @pytest.mark.slow

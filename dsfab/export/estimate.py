@@ -93,7 +93,8 @@ def _costs(way: str, faces: int, size: float, note: str = "", refused: str = "")
 def _other(part: Part, way: str) -> Estimate:
     """Of a way that `attempts` does not come to: what it would cost if it were asked for."""
     if way == "planar":
-        return _estimate(replace(part, step=way, tolerance=part.tolerance or ladder.default_tolerance(part)))
+        planar = replace(part, step=way)
+        return _estimate(replace(planar, tolerance=part.tolerance or ladder.default_tolerance(planar)))
     if way != "simplified":
         return _estimate(replace(part, step=way))
     try:

@@ -8,6 +8,7 @@
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,6 +22,7 @@ from dsfab.export.part import Part
 from dsfab.export.plate import SHARE_OF_GAP, SLIMMEST, NotFlatError, enclosed, frame, gaps_between
 from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline, sheet_of
 from dsfab.export.smooth.seams import Key, run_key
+from dsfab.surface.creases import CREASE
 from dsfab.surface.topology import edge_table
 
 ROUGH = 1e-4
@@ -74,6 +76,19 @@ class FoldedSheet:
     def count(self) -> int:
         """Number of facets, those of single faces apart."""
         return int((np.bincount(self.outline.chart) > 1).sum())
+
+    @cached_property
+    def creased(self) -> bool:
+        """Whether half of the length of its folds and more are creases: else it may be the mesh of a curved sheet."""
+        F, chart = self.outline.F, self.outline.chart
+        h, k = edge_table(F).pairs.T
+        fold = chart[h // 3] != chart[k // 3]
+        h, k = h[fold], k[fold]
+        normals = np.stack([self.facets[i].axes[0, 2] for i in range(len(self.facets))])
+        ends = np.stack([F.ravel()[h], F.ravel()[h - h % 3 + (h + 1) % 3]])
+        length = np.linalg.norm(np.diff(self.points[ends, 0], axis=0)[0], axis=1)
+        sharp = np.einsum("ei,ei->e", normals[chart[h // 3]], normals[chart[k // 3]]) < np.cos(np.radians(CREASE))
+        return bool(2 * length[sharp].sum() >= length.sum() > 0)
 
 
 _FOUND: WeakKeyDictionary[Part, FoldedSheet | None] = WeakKeyDictionary()

@@ -67,9 +67,10 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
     if chosen or part.step == "planar":
         flat = default_tolerance(part)
         planar = replace(part, step="planar", tolerance=part.tolerance or flat)
-        yield planar
-        if planar.tolerance:
-            yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+        if flat or folded_sheet(part) is None:
+            yield planar
+            if planar.tolerance:
+                yield replace(planar, tolerance=TIGHTER * planar.tolerance)
     curved = chosen and part.curved is not None and not flat
     if part.step == "smooth" or curved:
         yield replace(part, step="smooth", hurry=(LONGER if part.step == "quick" else 1) if curved else 0)
@@ -128,12 +129,13 @@ def simpler(part: Part, tolerance: float) -> Part:
 
 
 def default_tolerance(part: Part) -> float:
-    """Millimetres; 0 for a solid that is neither flat nor folded, which will be told why when it is encoded."""
+    """Millimetres; 0 for a solid that is neither flat nor folded, which will be told why when it is encoded, and for
+    one whose folds are no creases, where nobody asked for `planar`."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
         folded = folded_sheet(part)
-        return OUTLINE * folded.thickness if folded else 0.0
+        return OUTLINE * folded.thickness if folded and (folded.creased or part.step == "planar") else 0.0
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
