@@ -74,6 +74,13 @@ OFF_SURFACE = 1 / 20
 """Largest distance of a file's solid from the design's unless asked otherwise, as a share of the thickness: what smooth
 and simplified solids are made within, and what the check of a file that may have curves accepts."""
 
+FURTHER = 2
+"""Times `OFF_SURFACE` that a solid of planar faces may be simplified by, where nothing else keeps to the budget."""
+
+DEFLECTION = 1 / 4
+"""How far the triangles that a reader makes of curved faces may be off them, as a share of what a file may be off the
+design: a build and the check of its file measure with the same."""
+
 CHANGED_VOLUME = 5e-3
 """Largest accepted change of a volume, relative, where curves or fewer triangles take the place of triangles."""
 

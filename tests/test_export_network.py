@@ -221,8 +221,10 @@ def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
     write(solid, path, step=StepOptions("members", curved=partial(lambda: curved)), note=said.append)
     assert said[0].startswith("STEP is by members")
     assert "8 of 8" in said[0]
+    assert "8 of 8 fillets" in said[0]
     found = json.loads(run_program(use_check.__file__, str(path), "2", seconds=300))
     assert (found["solids"], found["valid"], found["sound"], found["closed"]) == (1, True, 2, True)
+    assert (found["boxed"], found["again"]) == (True, True)
     assert found["volume"] == pytest.approx(part.volume, rel=2e-3)
     assert found["plain"] == pytest.approx(found["volume"], rel=1e-6)
 

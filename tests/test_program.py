@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+from dsfab.export import program as programs
 from dsfab.export.program import Ahead, ProgramError, last_line, meanwhile
 
 ECHO = "import json, sys\nprint('loaded')\nprint(*reversed(json.loads(sys.stdin.readline())))\n"
@@ -40,7 +41,7 @@ def test_a_bad_end_and_silence_are_refused(tmp_path, text, said):
 
 def test_one_that_does_not_end_is_ended(tmp_path):
     with program(tmp_path, "import time; time.sleep(60)") as ahead, pytest.raises(subprocess.TimeoutExpired):
-        ahead.last_line("a.step", seconds=0.2)
+        ahead.last_line("a.step", seconds=0.02)
     assert ahead._run.returncode is not None
 
 
@@ -82,3 +83,15 @@ def test_other_work_fails_for_who_asked_for_it_and_not_for_who_waits(tmp_path):
         assert ahead.last_line("a", seconds=30) == "a"
     with pytest.raises(KeyError), meanwhile(fail):
         raise KeyError
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(programs.resource, "prlimit"), reason="this system does not count a process's seconds")
+def test_a_program_may_take_seconds_of_the_processor_and_not_of_the_clock(tmp_path):
+    """One that waits longer than it may answers, and one that works longer is ended."""
+    (tmp_path / "waits.py").write_text("import time; time.sleep(2); print('done')")
+    (tmp_path / "works.py").write_text("while True: pass")
+    assert last_line(str(tmp_path / "waits.py"), seconds=1) == "done"
+    with pytest.raises(subprocess.TimeoutExpired) as ended:
+        last_line(str(tmp_path / "works.py"), seconds=1)
+    assert ended.value.timeout == 1  # the clock's is longer

@@ -159,6 +159,7 @@ def _distance(checked: "FileCheck") -> dict[str, Any] | None:
         "skin_at_m": apart.skin_place.tolist(),
         "file_to_design_m": apart.to_design,
         "file_to_design_at_m": apart.to_place.tolist(),
+        "allowed_m": apart.allowed,
         "design_to_file_m": apart.from_design,
         "design_to_file_at_m": apart.from_place.tolist(),
         "size_ratio": apart.scale,
@@ -242,8 +243,9 @@ def _reason(finding: "Finding", checked: "FileCheck") -> str:
         off = checked.carrying.ratio - 1
         return f"as a solid it is {abs(off):.1%} {'softer' if off > 0 else 'stiffer'} than as a shell"
     if finding.name == "design" and finding.verdict == "fail" and checked.distance is not None:
-        return f"its surface is up to {length(checked.distance.largest)} off the design's"
-    return ""
+        away, allowed = checked.distance.beyond + checked.distance.allowed, checked.distance.allowed
+        return f"its surface is {length(away)} off the design's where {length(allowed)} are allowed"
+    return finding.reason
 
 
 def _unit_reason(checked: "FileCheck") -> str:

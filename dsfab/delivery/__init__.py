@@ -6,7 +6,7 @@ member_records, member_shapes  its members and nodes, for files: what is known o
 beam_records, bar_records      its beam model, and what members bear
 """
 
-from dsfab.delivery.files import body_details, to_build123d, write
+from dsfab.delivery.files import body_details, curved_design, to_build123d, write
 from dsfab.delivery.lines import design_lines
 
-__all__ = ["body_details", "design_lines", "to_build123d", "write"]
+__all__ = ["body_details", "curved_design", "design_lines", "to_build123d", "write"]

@@ -11,6 +11,7 @@ from dsfab.export.partial import temporary_folder
 from dsfab.export.program import Ahead, ProgramError, meanwhile
 from dsfab.export.rhino import ready as require_rhino
 from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json
+from dsfab.export.smooth.limits import Limits, smooth_limits
 
 __all__ = [
     "FORMATS",
@@ -21,6 +22,7 @@ __all__ = [
     "FlatCircle",
     "FlatDrawing",
     "FlatLine",
+    "Limits",
     "MemberShape",
     "ProgramError",
     "StepOptions",
@@ -36,6 +38,7 @@ __all__ = [
     "replacing",
     "require_rhino",
     "require_writable",
+    "smooth_limits",
     "step_estimates",
     "temporary_folder",
     "whole_or_nothing",

@@ -11,8 +11,10 @@ FLATNESS = 1e-5
 """Millimetres that vertices may be off a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
 
 
-def coplanar_regions(V: Floats, F: Ints, table: EdgeTable) -> tuple[Ints, Floats]:
+def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, off: float = FLATNESS) -> tuple[Ints, Floats]:
     """Region (m,) of each triangle, and twice the area vector (r, 3) of each region.
+
+    off : millimetres that vertices may be off a joined plane.
 
     Neighbours are joined where the apex of each lies in the plane of the other and they are not folded over. Triangles
     lower than FLATNESS have no plane of their own: they join the neighbour across their longest edge and no other, or
@@ -26,13 +28,13 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable) -> tuple[Ints, Floats
     low = np.linalg.norm(vectors, axis=1) <= FLATNESS * lengths.max(axis=1)
     h, k = np.concatenate([table.pairs, table.pairs[:, ::-1]]).T  # seen from triangle h // 3: its neighbour k // 3
     tip = V[F.ravel()[k - k % 3 + (k + 2) % 3]]
-    level = np.abs(np.einsum("pi,pi->p", tip - corners[h // 3, 0], units[h // 3])) <= FLATNESS
+    level = np.abs(np.einsum("pi,pi->p", tip - corners[h // 3, 0], units[h // 3])) <= off
     level &= np.einsum("pi,pi->p", units[h // 3], units[k // 3]) > 0
     there, back = np.split(level & ~low[h // 3] & ~low[k // 3], 2)
     flat = table.pairs[there & back] // 3
     absorbed = np.stack([h, k], axis=1)[low[h // 3] & (h % 3 == lengths.argmax(axis=1)[h // 3])] // 3
     region = _components(np.concatenate([flat, absorbed]), len(F))
-    uneven = _off_plane(corners, vectors, region) > FLATNESS
+    uneven = _off_plane(corners, vectors, region) > off
     if uneven.any():
         region = _components(np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]), len(F))
     return region, group_sums(region, vectors)

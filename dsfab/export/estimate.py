@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 from dsfab.errors import ExportError
 from dsfab.export import ladder, tessellated
 from dsfab.export.budget import COSTS, START, BudgetError, way_of, within
+from dsfab.export.folds_text import planar_file
 from dsfab.export.network.build import member_draft
 from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
-from dsfab.export.plate import outlines_of, plate
-from dsfab.export.plate_text import plate_entities
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import usual_tolerance
 from dsfab.export.smooth.build import first_draft
@@ -94,7 +93,8 @@ def _costs(way: str, faces: int, size: float, note: str = "", refused: str = "")
 def _other(part: Part, way: str) -> Estimate:
     """Of a way that `attempts` does not come to: what it would cost if it were asked for."""
     if way == "planar":
-        return _estimate(replace(part, step=way, tolerance=part.tolerance or ladder.default_tolerance(part)))
+        planar = replace(part, step=way)
+        return _estimate(replace(planar, tolerance=part.tolerance or ladder.default_tolerance(planar)))
     if way != "simplified":
         return _estimate(replace(part, step=way))
     try:
@@ -106,9 +106,8 @@ def _other(part: Part, way: str) -> Estimate:
 
 
 def _planar(part: Part) -> tuple[int, float, str]:
-    shape = plate(outlines_of(part), part.corners, part.tolerance)
-    size = float(sum(len(text) for text in plate_entities(shape, part.name)))
-    return shape.faces, size, f"its outline within {shape.deviation:.2g} mm of the mesh"
+    file = planar_file(part)
+    return file.faces, float(sum(map(len, file.texts))), f"its outline within {file.deviation:.2g} mm of the mesh"
 
 
 def _by_members(part: Part) -> tuple[int, float, str]:

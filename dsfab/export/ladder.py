@@ -16,13 +16,14 @@ import numpy as np
 from dsfab.errors import ExportError
 from dsfab.export import tessellated
 from dsfab.export.budget import BudgetError, none_within
-from dsfab.export.network.build import member_file
+from dsfab.export.folds import folded_sheet
+from dsfab.export.network.build import NotByMembersError, member_file
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.simplify import simplified_part, usual_tolerance
 from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
-from dsfab.limits import OUTLINE
+from dsfab.limits import FURTHER, OUTLINE
 from dsfab.surface.topology import edge_table, half_edges
 
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "faceted", "tessellated")
@@ -32,9 +33,6 @@ TIGHTER = 1 / 4
 
 LONGER = 3
 """Times the walls that `auto` tries to make smooth at first: `quick` has no other chance."""
-
-FURTHER = 2
-"""Times the usual tolerance, the last way of all to come within the budget."""
 
 FAR = 2
 """Times the faces of the budget: what has more is not halved by simplifying it further."""
@@ -69,9 +67,10 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
     if chosen or part.step == "planar":
         flat = default_tolerance(part)
         planar = replace(part, step="planar", tolerance=part.tolerance or flat)
-        yield planar
-        if planar.tolerance:
-            yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+        if flat or folded_sheet(part) is None:
+            yield planar
+            if planar.tolerance:
+                yield replace(planar, tolerance=TIGHTER * planar.tolerance)
     curved = chosen and part.curved is not None and not flat
     if part.step == "smooth" or curved:
         yield replace(part, step="smooth", hurry=(LONGER if part.step == "quick" else 1) if curved else 0)
@@ -130,18 +129,22 @@ def simpler(part: Part, tolerance: float) -> Part:
 
 
 def default_tolerance(part: Part) -> float:
-    """Millimetres; 0 for a solid that is not flat, which will be told why when it is encoded."""
+    """Millimetres; 0 for a solid that is neither flat nor folded, which will be told why when it is encoded, and for
+    one whose folds are no creases, where nobody asked for `planar`."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
-        return 0.0
+        folded = folded_sheet(part)
+        return OUTLINE * folded.thickness if folded and (folded.creased or part.step == "planar") else 0.0
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     """How the file was made, and why not in the ways that were refused before."""
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused[-1]})" if refused else ""
-        return f"STEP is planar, its outline within {part.tolerance:.3g} mm of the mesh{again}"
+        folded = folded_sheet(part)
+        flat = f", {folded.count} flat facets mitred at their folds" if folded else ""
+        return f"STEP is planar{flat}, its outline within {part.tolerance:.3g} mm of the mesh{again}"
     if part.step == "tessellated":
         return f"STEP is tessellated: {tessellated.WARNING}"
     if part.step == "members":
@@ -157,8 +160,13 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def _not_by_members(refused: Sequence[ExportError]) -> str:
-    """Why the way before was refused."""
-    return f"; not by members, since {refused[-1]}" if refused else ""
+    """Why the way before was refused, where it was that by members."""
+    why = [one.short if isinstance(one, BudgetError) else str(one) for one in refused if _by_members(one)]
+    return f"; not by members, since {why[-1]}" if why else ""
+
+
+def _by_members(error: ExportError) -> bool:
+    return isinstance(error, NotByMembersError) or (isinstance(error, BudgetError) and error.way == "members")
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:

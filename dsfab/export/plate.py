@@ -85,11 +85,11 @@ def outlines_of(part: Part) -> Outlines:
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())
         if np.minimum(height[used] - low, high - height[used]).max() <= 2 * FLATNESS < high - low:
-            return _between(part, _frame(axis), low, high)
+            return _between(part, frame(axis), low, high)
     raise NotFlatError("the sheet is not flat, or not equally thick")
 
 
-def _frame(across: Floats) -> Floats:
+def frame(across: Floats) -> Floats:
     """(3, 3) right-handed axes with `across` last; those of the world when it is one of them."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     first = along - (along @ across) * across
@@ -126,7 +126,7 @@ def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
     """
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     found = []
-    gaps = iter(_gaps([loop for loops in outlines.pieces for loop in loops], tolerance))
+    gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))
     for loops in outlines.pieces:
         chains = []
         for loop in loops:
@@ -141,15 +141,15 @@ def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
     return Plate(outlines, tuple(found))
 
 
-def _gaps(loops: list[Floats], tolerance: float) -> list[float]:
+def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
     """A length per loop that is not above its distance to any other loop; inf where a curve could not get so far.
 
     Points every s along two loops are at most s farther apart than the loops are. Where s is not small against what
-    is found, it is made smaller.
+    is found, it is made smaller, but not smaller than `least`, which no gap is then said to be under.
     """
     gaps, far = [np.inf] * len(loops), tolerance / SHARE_OF_GAP
     spacing, left = 8 * far, list(range(len(loops)))
-    while left and len(loops) > 1:
+    while left and len(loops) > 1 and spacing >= least:
         if spacing < SAME_PLACE:
             raise ExportError(f"{len(left)} outlines touch another one")
         trees, reach = [cKDTree(_every(loop, spacing)) for loop in loops], far + spacing
@@ -162,7 +162,7 @@ def _gaps(loops: list[Floats], tolerance: float) -> list[float]:
                 (float(np.min(trees[j].query(trees[i].data, distance_upper_bound=reach)[0])) for j in others),
                 default=np.inf,
             )
-            gaps[i] = found - spacing
+            gaps[i] = max(found - spacing, least)
             if gaps[i] < far and spacing > found / 8:
                 again.append(i)
         left, spacing = again, spacing / 8

@@ -1,6 +1,11 @@
-"""Programs of ours in a process of their own: OCCT and gmsh may crash there, or not end, without harm to this one."""
+"""Programs of ours in a process of their own: OCCT and gmsh may crash there, or not end, without harm to this one.
+
+What they may take is seconds of the processor, where the system counts them (Linux): a busy machine then gives the same
+answer as a quiet one. The clock ends only what waits for ever.
+"""
 
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -9,8 +14,19 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from types import TracebackType
 
+try:
+    import resource
+except ImportError:  # Windows: the clock alone is left
+    resource = None  # type: ignore[assignment]
+
 LEAST = 1.0
 """Seconds that a program is given when other work took longer than it may."""
+
+BUSY = 10.0
+"""Seconds on the clock for each of the processor's that a program may take, where these are counted."""
+
+GRACE = 5
+"""Seconds of the processor between the signal that ends a program and the one that nothing survives."""
 
 
 class ProgramError(RuntimeError):
@@ -58,7 +74,7 @@ def meanwhile(work: Callable[[], None]) -> Iterator[None]:
 def run_program(program: str, *arguments: str, seconds: float) -> str:
     """What the Python file `program` prints.
 
-    Raises subprocess.TimeoutExpired after `seconds`, and ProgramError when it does not end with 0.
+    Raises subprocess.TimeoutExpired after `seconds` of the processor, and ProgramError when it does not end with 0.
     """
     with _started(program, *arguments, stdin=None) as run:
         try:
@@ -111,13 +127,26 @@ def _started(program: str, *arguments: str, stdin: int | None) -> "subprocess.Po
     return subprocess.Popen(command, stdin=stdin, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
+def _limited(run: "subprocess.Popen[str]", seconds: float) -> float:
+    """End it after `seconds` of the processor from its start on; how long it may take on the clock."""
+    if not hasattr(resource, "prlimit"):
+        return seconds
+    most = max(1, round(seconds))
+    with suppress(ProcessLookupError):  # it has ended
+        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would leave its memory in a file
+        resource.prlimit(run.pid, resource.RLIMIT_CPU, (most, most + GRACE))
+    return BUSY * seconds
+
+
 def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:
     """What it prints until it ends; other work is done first, if there is any."""
-    begin = time.monotonic()
+    begin, clock = time.monotonic(), _limited(run, seconds)
     if waiting := _WAITING.get():
         waiting.do()
-    left = seconds - (time.monotonic() - begin)
+    left = clock - (time.monotonic() - begin)
     out, complaint = run.communicate(timeout=left if left > 0 else LEAST)
+    if run.returncode == -getattr(signal, "SIGXCPU", 0):
+        raise subprocess.TimeoutExpired(run.args, seconds)
     if run.returncode:
         raise ProgramError((complaint.strip().splitlines() or [f"exit code {run.returncode}"])[-1])
     return out

@@ -1,7 +1,7 @@
 """STEP (ISO 10303-21, AP214): solids with shared edges, in millimetres, in one of five ways.
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
-          wall per curve (`dsfab.export.plate`).
+          wall per curve (`dsfab.export.plate`); folded sheets of flat facets likewise (`dsfab.export.folds`).
 smooth  : a curved sheet likewise: spline skins trimmed by the pattern's edges, and ruled walls (`dsfab.export.smooth`).
 members : a curved sheet of four-sided patches that nothing trims, on shared curves (`dsfab.export.network`).
 faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
@@ -34,11 +34,10 @@ import numpy as np
 from dsfab.errors import ExportError
 from dsfab.export import step_check, tessellated
 from dsfab.export.budget import BudgetError
+from dsfab.export.folds_text import planar_file
 from dsfab.export.network.build import member_file
 from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
-from dsfab.export.plate import outlines_of, plate
-from dsfab.export.plate_text import plate_entities
 from dsfab.export.program import ProgramError, last_line
 from dsfab.export.readback import ReadBack, check_measure, differs
 from dsfab.export.shells import solids_of
@@ -60,9 +59,8 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def _planar(part: Part) -> tuple[int, float, Iterable[str]]:
-    shape = plate(outlines_of(part), part.corners, part.tolerance)
-    texts = list(plate_entities(shape, part.name))
-    return shape.faces, sum(map(len, texts)), texts
+    file = planar_file(part)
+    return file.faces, sum(map(len, file.texts)), file.texts
 
 
 def _smooth(part: Part) -> tuple[int, float, Iterable[str]]:

@@ -19,24 +19,32 @@ SECONDS, SECONDS_PER_MB = 60.0, 10.0
 
 @dataclass(frozen=True, eq=False)
 class StepMesh:
-    """V (n, 3) millimetres, F (m, 3) not joined between faces, number of solids, and their volume by OCCT, mm3."""
+    """V (n, 3) millimetres, F (m, 3) not joined between faces, number of solids, and their volume by OCCT, mm3.
+
+    deflection : millimetres that the triangles may be off curved faces.
+    """
 
     V: Floats
     F: Ints
     solids: int
     volume: float
+    deflection: float
 
 
-def read_step(path: Path) -> StepMesh:
-    """The solids of a STEP file as triangles; raises ExportError when OCCT cannot read it or takes too long."""
+def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
+    """The solids of a STEP file as triangles; raises ExportError when OCCT cannot read it or takes too long.
+
+    deflection : millimetres that they may be off curved faces; a share of the solids' size if 0.
+    """
+    asked = (str(deflection),) if deflection else ()
     limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
     with tempfile.TemporaryDirectory() as folder:
         arrays = Path(folder) / "mesh.npz"
         try:
-            found = json.loads(last_line(step_mesh.__file__, str(path), str(arrays), seconds=limit))
+            found = json.loads(last_line(step_mesh.__file__, str(path), str(arrays), *asked, seconds=limit))
         except subprocess.TimeoutExpired:
             raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
         except ProgramError as error:
             raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
         with np.load(arrays) as mesh:
-            return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["volume"]))
+            return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["volume"]), found["deflection"])

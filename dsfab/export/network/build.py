@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.budget import within
+from dsfab.export.budget import BudgetError, within
 from dsfab.export.network import use_check
 from dsfab.export.network.curves import fitted_chains, sampled_chains
 from dsfab.export.network.fillets import without_fillets
@@ -37,7 +37,7 @@ from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import header
-from dsfab.limits import CHANGED_VOLUME
+from dsfab.limits import CHANGED_VOLUME, DEFLECTION
 from dsfab.surface import edge_table, pieces
 from dsfab.units import MM_PER_M
 
@@ -47,11 +47,8 @@ KIND = "curved solid of four-sided patches by members"
 NARROW = 1 / 4000
 """Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
 
-DEFLECTION = 1 / 4
-"""Of the triangles by which the solid is compared with the mesh, as a share of the distance that is allowed."""
-
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Time for each of both programs on the clock, many times what was measured."""
+"""Of the processor, for each of both programs, many times what was measured."""
 
 CUTS = len(use_check.PLANES)
 PLAIN, BOX = 1e-3, 1e-2
@@ -71,7 +68,7 @@ class MemberFile:
     there: float
     back: float
     volume: float
-    plain: float
+    fillets: tuple[int, int]
     limits: Limits
 
     @property
@@ -81,17 +78,28 @@ class MemberFile:
         return (
             f"four-sided patches on shared curves{some}; at most {self.there:.2g} mm off the mesh and the mesh "
             f"{self.back:.2g} mm off it (allowed are {self.limits.distance:.2g} mm and the mesh's own chord error, "
-            f"usually under {self.limits.usual:.2g} mm); {CUTS} of {CUTS} half-space cuts valid"
+            f"usually under {self.limits.usual:.2g} mm); {CUTS} of {CUTS} half-space cuts valid, "
+            f"{self.fillets[0]} of {self.fillets[1]} fillets made"
         )
+
+
+class NotByMembersError(ExportError):
+    """Why a solid is not written by members."""
 
 
 _MADE: WeakKeyDictionary[Part, MemberFile] = WeakKeyDictionary()
 
 
 def member_file(part: Part) -> MemberFile:
-    """The file of a part, made once; raises ExportError with the reason where it cannot be made, or is not taken."""
+    """The file of a part, made once; raises NotByMembersError with the reason where it cannot be made, or is not taken,
+    and BudgetError where it is too large."""
     if part not in _MADE:
-        _MADE[part] = _accepted(part)
+        try:
+            _MADE[part] = _accepted(part)
+        except BudgetError:
+            raise
+        except ExportError as error:
+            raise NotByMembersError(str(error)) from error
     return _MADE[part]
 
 
@@ -171,10 +179,9 @@ def _accepted(part: Part) -> MemberFile:
     said = _use(draft.text, seconds)
     volume = sum(one.volume for one in found)
     _asked_in_use(part, plan, said)
-    gap = max(draft.gap, *(one.gap for one in found))
-    plain = said["plain"] / said["volume"] - 1
+    gap, fillets = max(draft.gap, *(one.gap for one in found)), (said["fillets"], said["sharp"])
     return MemberFile(
-        draft.text, draft.solids, draft.faces, draft.trimmed, gap, there, back, volume, plain, plan.limits
+        draft.text, draft.solids, draft.faces, draft.trimmed, gap, there, back, volume, fillets, plan.limits
     )
 
 
@@ -232,8 +239,10 @@ def _asked_in_use(part: Part, plan: SmoothPlan, said: dict[str, Any]) -> None:
     plain = said["plain"] / said["volume"] - 1
     _require(
         (said["valid"], "OCCT finds the solid by members invalid once it is read again"),
-        (said["sound"] == CUTS, f"only {said['sound']} of {CUTS} half-space cuts of the solid by members are valid"),
+        (said["sound"] == CUTS, f"half-space cut {said['sound'] + 1} of {CUTS} of the solid by members is not valid"),
+        (said["boxed"], "what a box cuts out of the solid by members is not valid"),
         (said["closed"], "a section of the solid by members has open ends"),
+        (said["again"], "the solid by members is not the same once OCCT has written and read it"),
         (abs(plain) <= PLAIN, f"the plain rule finds the volume by members {plain:.2%} off"),
         (off <= room, f"the box of the solid by members is {off:.3g} mm off"),
     )

@@ -1,17 +1,30 @@
 """What CAD programs do with the solids of a STEP file, tried by OCCT: a program of its own, since OCCT may not end.
 
-    python -P use_check.py FILE.step [CUTS]
+    python -P use_check.py FILE.step [CUTS [all]]
 
-prints one line of JSON: `solids`; `valid`; `faces`; `volume` by the adaptive rule and `plain` by the rule that most
-programs take, cubic millimetres; `box` as OCCT bounds the solids, six numbers, millimetres; `sound`, how many of CUTS
-half-space cuts (8 unless told) leave two valid halves whose volumes add up to `ADDS` of the whole; `worst`, by what
-share the halves of the valid ones miss it most; `closed`, whether a section has no open ends; `seconds` of CPU.
+prints one line of JSON:
+
+solids, faces : how many.    valid : whether OCCT finds nothing wrong.    seconds : of the processor, for all of this.
+volume, plain : by the adaptive rule, and by the one that most programs take, cubic millimetres.
+box           : as OCCT bounds the solids, six numbers, millimetres.
+sound, worst  : how many of CUTS half-space cuts (8 unless told) leave two valid halves whose volumes add up to `ADDS`
+                of the whole, and by what share those that do miss it most. Trying ends with the first that does not,
+                unless `all` are to be tried.
+boxed         : whether what lies in a box, and what lies outside, are as sound.
+closed        : whether a section has no open ends.
+again         : whether the shape is valid, with as many faces and its volume, once OCCT has written and read it.
+fillets, sharp : how many of up to ten edges across the sheet can be rounded, one by one, and how many were tried.
+
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
 
 import json
 import sys
+import tempfile
 import time
+from collections import Counter
+from collections.abc import Iterator
+from math import acos, degrees
 from pathlib import Path
 from typing import Any
 
@@ -30,26 +43,33 @@ PLANES = (
 )
 """Normals of cuts, and how far from the middle of the box they are, as shares of its diagonal."""
 
+BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))
+"""Two corners of the box that is cut out, as shares of the solids' own."""
 
-def use(path: Path, cuts: int) -> dict[str, Any]:
+FILLETS, SHARP = 10, 20.0
+"""Edges that are rounded at most, and degrees between their faces from which on there is something to round."""
+
+ROUND, OF_EDGE = 10.0, 1 / 8
+"""Radius of a fillet: millimetres, and no more than this share of its edge."""
+
+
+def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
     """The findings about a file."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.Message import Message
-    from OCP.STEPControl import STEPControl_Reader
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     begin = time.process_time()
     Message.DefaultMessenger_s().ChangePrinters().Clear()
-    reader = STEPControl_Reader()
-    reader.ReadFile(str(path))
-    reader.TransferRoots()
-    shape, box = reader.OneShape(), Bnd_Box()
+    shape, box = _read(str(path)), Bnd_Box()
     BRepBndLib.Add_s(shape, box)
     low, high = box.CornerMin(), box.CornerMax()
     bounds, whole = [low.X(), low.Y(), low.Z(), high.X(), high.Y(), high.Z()], _volume(shape)
-    sizes = [_sizes(shape, bounds, plane) for plane in PLANES[:cuts]]
-    off = [abs(sum(both) / whole - 1) for both in sizes if both]
+    off = list(_cuts(shape, bounds, whole, cuts, all_of_them))
+    sound = [one for one in off if one <= ADDS]
+    go_on = all_of_them or len(sound) == cuts
+    rounded = _fillets(shape) if go_on else (0, 0)
     return {
         "solids": len(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)),
         "valid": _valid(shape),
@@ -57,11 +77,24 @@ def use(path: Path, cuts: int) -> dict[str, Any]:
         "volume": whole,
         "plain": _volume(shape, plain=True),
         "box": bounds,
-        "sound": sum(one <= ADDS for one in off),
-        "worst": max(off, default=0.0),
-        "closed": _closed_section(shape, bounds, PLANES[0]),
+        "sound": len(sound),
+        "worst": max((one for one in off if one < 1), default=0.0),
+        "boxed": go_on and _off(shape, _box(bounds), whole) <= ADDS,
+        "closed": go_on and _closed_section(shape, bounds, PLANES[0]),
+        "again": go_on and _again(shape, whole),
+        "fillets": rounded[0],
+        "sharp": rounded[1],
         "seconds": time.process_time() - begin,
     }
+
+
+def _read(path: str) -> Any:
+    from OCP.STEPControl import STEPControl_Reader
+
+    reader = STEPControl_Reader()
+    reader.ReadFile(path)
+    reader.TransferRoots()
+    return reader.OneShape()
 
 
 def _parts(shape: Any, kind: Any) -> list[Any]:
@@ -92,8 +125,22 @@ def _volume(shape: Any, plain: bool = False) -> float:
     return float(properties.Mass())
 
 
-def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any, Any]:
-    """The plane of a cut, and a point on each side of it."""
+def _cuts(shape: Any, bounds: list[float], whole: float, cuts: int, all_of_them: bool) -> Iterator[float]:
+    """By what share the halves of each cut miss the whole; 1 where one is not valid."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeHalfSpace
+
+    for plane in PLANES[:cuts]:
+        surface, side = _plane(bounds, plane)
+        half = BRepPrimAPI_MakeHalfSpace(BRepBuilderAPI_MakeFace(surface).Face(), side).Solid()
+        off = _off(shape, half, whole)
+        yield off
+        if off > ADDS and not all_of_them:
+            return
+
+
+def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any]:
+    """The plane of a cut, and a point on one side of it."""
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 
     low, high = bounds[:3], bounds[3:]
@@ -101,25 +148,38 @@ def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any, Any
     length = sum(x * x for x in plane[:3]) ** 0.5
     normal = [x / length for x in plane[:3]]
     at = [(a + b) / 2 + plane[3] * diagonal * n for a, b, n in zip(low, high, normal, strict=True)]
-    sides = [gp_Pnt(*(x + s * diagonal * n for x, n in zip(at, normal, strict=True))) for s in (-1, 1)]
-    return gp_Pln(gp_Pnt(*at), gp_Dir(*normal)), sides[0], sides[1]
+    side = gp_Pnt(*(x - diagonal * n for x, n in zip(at, normal, strict=True)))
+    return gp_Pln(gp_Pnt(*at), gp_Dir(*normal)), side
 
 
-def _sizes(shape: Any, bounds: list[float], plane: tuple[float, ...]) -> list[float]:
-    """The volumes of both halves of a cut; none where one is not valid."""
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeHalfSpace
+def _box(bounds: list[float]) -> Any:
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Pnt
 
-    surface, *sides = _plane(bounds, plane)
-    found = []
-    for side in sides:
-        space = BRepPrimAPI_MakeHalfSpace(BRepBuilderAPI_MakeFace(surface).Face(), side).Solid()
-        half = BRepAlgoAPI_Common(shape, space)
-        if not half.IsDone() or not _valid(half.Shape()):
-            return []
-        found.append(_volume(half.Shape()))
-    return found
+    low, high = bounds[:3], bounds[3:]
+    one, two = ([a + s * (b - a) for a, b, s in zip(low, high, share, strict=True)] for share in BOX)
+    return BRepPrimAPI_MakeBox(gp_Pnt(*one), gp_Pnt(*two)).Solid()
+
+
+def _off(shape: Any, tool: Any, whole: float) -> float:
+    """By what share what lies in a tool and what lies outside miss the whole; 1 where one of both is not valid.
+
+    Both take the same intersections, which are found once.
+    """
+    from OCP.BOPAlgo import BOPAlgo_PaveFiller
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
+    from OCP.collections import List_TopoDS_Shape
+
+    both, filler = List_TopoDS_Shape(), BOPAlgo_PaveFiller()
+    both.Append(shape)
+    both.Append(tool)
+    filler.SetArguments(both)
+    filler.SetNonDestructive(True)
+    filler.Perform()
+    parts = [BRepAlgoAPI_Common(shape, tool, filler), BRepAlgoAPI_Cut(shape, tool, filler)]
+    if not all(part.IsDone() and _valid(part.Shape()) for part in parts):
+        return 1.0
+    return float(abs(sum(_volume(part.Shape()) for part in parts) / whole - 1))
 
 
 def _farthest_alone(points: Any) -> float:
@@ -148,6 +208,79 @@ def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -
     return bool(ends) and _farthest_alone(ends) <= MEET
 
 
+def _again(shape: Any, whole: float) -> bool:
+    """Whether another STEP file of the shape, by OCCT, holds the same."""
+    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+    from OCP.TopAbs import TopAbs_ShapeEnum
+
+    writer = STEPControl_Writer()
+    writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
+        path = str(Path(folder) / "again.step")
+        writer.Write(path)
+        copy = _read(path)
+    counts = [len(_parts(one, TopAbs_ShapeEnum.TopAbs_FACE)) for one in (shape, copy)]
+    return counts[0] == counts[1] and _valid(copy) and abs(_volume(copy) / whole - 1) <= ADDS
+
+
+def _fillets(shape: Any) -> tuple[int, int]:
+    """How many of some edges across the sheet can be rounded, and how many were tried."""
+    from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
+
+    edges = _across(shape)
+    tried = edges[:: max(1, -(-len(edges) // FILLETS))]
+    good = 0
+    for edge, length in tried:
+        fillet = BRepFilletAPI_MakeFillet(shape)
+        fillet.Add(min(ROUND, OF_EDGE * length), edge)
+        try:
+            fillet.Build()
+            good += fillet.IsDone() and _valid(fillet.Shape())
+        except Exception:  # noqa: BLE001, S112: OCCT raises its own, of many kinds
+            continue
+    return good, len(tried)
+
+
+def _across(shape: Any) -> list[tuple[Any, float]]:
+    """The sharp edges from skin to skin with their lengths: the commonest length of straight edges is the thickness."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopExp import TopExp
+    from OCP.TopoDS import TopoDS
+
+    faces, straight = Faces(), list[tuple[Any, float, list[Any]]]()
+    TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, faces)
+    for i in range(1, faces.Extent() + 1):
+        edge = TopoDS.Edge(faces.FindKey(i))
+        curve, beside = BRepAdaptor_Curve(edge), [TopoDS.Face(face) for face in faces.FindFromIndex(i)]
+        first, last = BRep_Tool.Range_s(edge)
+        a, middle, b = (curve.Value(x) for x in (first, (first + last) / 2, last))
+        length = a.Distance(b)
+        if len(beside) == 2 and length and a.Distance(middle) + middle.Distance(b) <= (1 + 1e-9) * length:
+            straight.append((edge, length, beside))
+    usual = Counter(round(length, 1) for _, length, _ in straight).most_common(1)
+    alike = [one for one in straight if abs(one[1] / usual[0][0] - 1) < 0.1] if usual else []
+    return [(edge, length) for edge, length, beside in alike if _turn(edge, beside) >= SHARP]
+
+
+def _turn(edge: Any, beside: list[Any]) -> float:
+    """Degrees between the normals of two faces in the middle of their edge."""
+    from OCP.BRep import BRep_Tool
+    from OCP.GeomLProp import GeomLProp_SLProps
+    from OCP.TopAbs import TopAbs_Orientation
+
+    first, last = BRep_Tool.Range_s(edge)
+    normals = []
+    for face in beside:
+        at = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0).Value((first + last) / 2)
+        found = GeomLProp_SLProps(BRep_Tool.Surface_s(face), at.X(), at.Y(), 1, 1e-9).Normal()
+        normals.append(found.Reversed() if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else found)
+    return degrees(acos(max(-1.0, min(1.0, normals[0].Dot(normals[1])))))
+
+
 if __name__ == "__main__":
     given = sys.argv[1:]
-    sys.stdout.write(json.dumps(use(Path(given[0]), int(given[1]) if len(given) > 1 else len(PLANES))) + "\n")
+    count = int(given[1]) if len(given) > 1 else len(PLANES)
+    sys.stdout.write(json.dumps(use(Path(given[0]), count, "all" in given)) + "\n")

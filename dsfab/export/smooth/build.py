@@ -27,6 +27,7 @@ from dsfab.export.smooth.plan import SmoothPlan, SmoothSolid
 from dsfab.export.smooth.seams import Key
 from dsfab.export.smooth.solid import SmoothModel, SmoothPiece
 from dsfab.export.smooth.touching import crossings
+from dsfab.limits import DEFLECTION
 from dsfab.sparse.threads import one_blas_thread
 
 MOST_INSPECTED = 6000
@@ -39,12 +40,9 @@ HOPELESS = 40
 """Places that OCCT refuses in a first file beyond which refits are not tried in a hurry: of seven sheets with 1100 to
 3800 faces four had none, one 2, and two 104 and 216, which refits did not cure."""
 
-DEFLECTION = 1 / 4
-"""Of the triangles by which a piece is compared with the mesh, as a share of the distance that is allowed."""
-
 SECONDS = 120
 SECONDS_PER_FACE = 0.1
-"""Time for a check on the clock, many times what was measured, since others may be at work; it may not end."""
+"""Of the processor, for a check, many times what was measured; it may not end."""
 
 CLOSEST = len(TIGHTER) - 1
 """The level that no curve is refitted beyond."""

@@ -7,7 +7,6 @@ import igl
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.part import Part
 from dsfab.export.smooth.dense import chord_errors, dense, excess
 from dsfab.export.smooth.source import Curved
 from dsfab.limits import OFF_SURFACE
@@ -58,11 +57,14 @@ class Limits:
         return tree
 
 
-def limits_of(part: Part, surface: Surface, curved: Curved) -> Limits:
-    """For a part cut from a surface."""
+def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> Limits:
+    """For a solid cut from a surface; tolerance : millimetres that were asked for, `OFF_SURFACE` if 0.
+
+    What a build makes smooth solids within, and what `dsfab check` accepts of their files.
+    """
     mesh = dense(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)
     V = np.concatenate([mesh.middle + mesh.across, mesh.middle - mesh.across])
     F = np.concatenate([surface.F, surface.F + surface.n])
-    return Limits(t, part.tolerance or OFF_SURFACE * t, V, F, np.tile(chord, 2), np.tile(excess(mesh, curved), 2))
+    return Limits(t, tolerance or OFF_SURFACE * t, V, F, np.tile(chord, 2), np.tile(excess(mesh, curved), 2))

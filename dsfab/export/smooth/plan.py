@@ -14,7 +14,7 @@ from dsfab.export.smooth.acceptance import Gate, Solids
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.edges import Allowed
 from dsfab.export.smooth.layout import layout
-from dsfab.export.smooth.limits import limits_of
+from dsfab.export.smooth.limits import smooth_limits
 from dsfab.export.smooth.outline import WALL, SheetOutline, sheet_of
 from dsfab.export.smooth.solid import Builder, SmoothModel, SmoothPiece
 from dsfab.surface.mesh import Surface
@@ -52,7 +52,7 @@ class SmoothPlan:
             raise ExportError("smooth STEP needs the sheet, and only its solid is known")
         self.curved, self.solids = part.curved(), Solids(part)
         self.surface = Surface(self.curved.V, self.curved.F)
-        self.limits = limits_of(part, self.surface, self.curved)
+        self.limits = smooth_limits(self.surface, self.curved, part.tolerance)
         t, distance = self.limits.thickness, self.limits.distance
         self.allowed = Allowed(t, distance, float(np.median(self.limits.chord)))
         if part.hurry:

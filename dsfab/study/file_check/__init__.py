@@ -8,15 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsfab.errors import DsfabError
-from dsfab.limits import OFF_SURFACE, Status
+from dsfab.limits import Status
 from dsfab.pipeline.design import Design
+from dsfab.study.fabrication import Check, fabrication
 from dsfab.study.file_check.compliance import SolidCompliance, carrying
-from dsfab.study.file_check.distance import Distance, distance
+from dsfab.study.file_check.distance import Distance, deflection_for, distance
 from dsfab.study.file_check.reading import SUFFIXES, FileContents, read_shipped
 from dsfab.study.file_check.soundness import Fault, Soundness, soundness
 from dsfab.study.file_check.tetrahedra import missing
 from dsfab.study.file_check.walls import Clearance, Clearances, clearances
 from dsfab.surface import DEFAULT_TRIANGLES
+from dsfab.wording import length
 
 __all__ = [
     "SUFFIXES",
@@ -47,7 +49,7 @@ AGREES, DIFFERS = 0.05, 0.15
 class Finding:
     """One question and its answer: `solid`, `unit`, `wall`, `gap`, `design` or `compliance`.
 
-    reason : why it is unknown, a sentence; empty otherwise.
+    reason : why, a sentence; empty where the numbers say it.
     """
 
     name: str
@@ -103,7 +105,7 @@ def check_file(
     """
     tell = progress or (lambda stage, doing: None)
     tell("read", f"reading {Path(path).name}")
-    found = read_shipped(path, unit, max_triangles)
+    found = read_shipped(path, unit, max_triangles, deflection_for(design) if design else 0.0)
     tell("judge", f"looking for holes and crossings in {len(found.F):,} triangles")
     sound = soundness(found.V, found.F)
     near = None
@@ -114,12 +116,12 @@ def check_file(
     apart, carries = None, None
     if design is not None:
         tell("compare", "measuring the distance from the design")
-        apart = distance(found.V, found.F, design)
+        apart = distance(found, design)
     findings.append(_unit(found, near, apart, unit))
     if design is not None and apart is not None:
-        findings += _limits(near, design)
-        t = design.preset.statics.thickness
-        findings.append(Finding("design", "pass" if apart.largest <= OFF_SURFACE * t else "fail"))
+        same = apart.beyond <= 0
+        findings += _limits(near, design, same)
+        findings.append(Finding("design", "pass" if same else "fail"))
         carries, why = _carrying(found, design, solid, all(f.verdict == "pass" for f in findings[:2]), tell)
         findings.append(_compliance(carries, why))
     density = density or (design.preset.statics.density if design else 0.0)
@@ -135,11 +137,18 @@ def _unit(found: FileContents, near: Clearances | None, apart: Distance | None, 
     return Finding("unit", "fail" if not TOO_THIN <= near.wall.size <= TOO_THICK else "pass")
 
 
-def _limits(near: Clearances | None, design: Design) -> list[Finding]:
-    """The limits of [fabrication] that can be measured on the file."""
+def _limits(near: Clearances | None, design: Design, same: bool) -> list[Finding]:
+    """The limits of [fabrication]: as the build measured them where the file is the design, else on the file.
+
+    One thing has one gap: between the triangles of a file rays find other places than the sheet has, in wedges.
+    """
     ask, findings = design.preset.fabrication, []
+    built = {check.name: check for check in fabrication(design).checks} if same else {}
     for name, limit in (("wall", ask.min_wall), ("gap", ask.min_gap)):
         if not limit:
+            continue
+        if check := built.get(f"min_{name}"):
+            findings.append(Finding(name, check.verdict, _as_built(check)))
             continue
         here = getattr(near, name) if near else None
         if near is None:
@@ -147,6 +156,15 @@ def _limits(near: Clearances | None, design: Design) -> list[Finding]:
         else:
             findings.append(Finding(name, "fail" if here is not None and here.size < limit else "pass"))
     return findings
+
+
+def _as_built(check: Check) -> str:
+    """What the build measured, and where."""
+    if not check.value:
+        return "none in the design"
+    place = ", ".join(f"{x:.4g}" for x in check.place)
+    fine = ", smaller than the triangles of its mesh" if check.verdict == "unknown" else ""
+    return f"{length(check.value[0])} in the design{fine}, at ({place}) m; asked are {length(check.limit[0])}"
 
 
 def _carrying(

@@ -5,9 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
+from dsfab.delivery import curved_design
+from dsfab.errors import ExportError
+from dsfab.export import Limits, smooth_limits
+from dsfab.limits import DEFLECTION, FURTHER, OFF_SURFACE
 from dsfab.pipeline.design import Design
+from dsfab.study.file_check.reading import FileContents
 from dsfab.surface import Surface, nearest
 from dsfab.thickening.offset import SHIFT
+from dsfab.units import MM_PER_M
 
 SKIN = 0.9
 """A face is one of the skins where its normal and the sheet's are parallel to this cosine; others are walls."""
@@ -27,6 +33,8 @@ class Distance:
                 Thickness that the design itself took back in tight bends counts; feet and other extras have no part.
     to_design : from the file's surface to the design's solid, at most: what is too much or displaced.
     from_design : from the design's solid to the file's surface, at most: what is missing or displaced.
+    beyond    : the largest of both beyond what is allowed there, below 0 where all is within.
+    allowed   : at the place of `beyond`.
     scale     : diagonal of the file's box over that of the design.
     """
 
@@ -37,6 +45,8 @@ class Distance:
     to_place: Floats
     from_design: float
     from_place: Floats
+    beyond: float
+    allowed: float
     scale: float
 
     def __post_init__(self) -> None:
@@ -55,21 +65,73 @@ class Distance:
         return next(close, None)
 
 
-def distance(V: Floats, F: Ints, design: Design) -> Distance:
-    """Measured at vertices and centres of faces, on both sides. V (n, 3) metres, F (m, 3) of the file."""
-    to, to_place = _farthest(V, F, design.solid.V, design.solid.F)
-    back, back_place = _farthest(design.solid.V, design.solid.F, V, F)
+@dataclass(frozen=True, eq=False)
+class Allowance:
+    """How far a file's solid may be off a design's, as a build has it.
+
+    flat   : metres, everywhere.     limits : of the smooth solid; None where the file has no curved faces.
+    """
+
+    flat: float
+    limits: Limits | None = None
+
+    @classmethod
+    def of(cls, found: FileContents, design: Design) -> "Allowance":
+        """For a file: triangles of STL and 3MF are exact; planar faces of STEP may be simplified, curved ones may be
+        off by the mesh's own chord error, and their triangles, here, by their deflection."""
+        flat, asked = off_surface(design), design.preset.export.step_tolerance
+        if found.reader != "OCCT":
+            return cls(OFF_SURFACE * design.preset.statics.thickness)
+        if not found.deflection:
+            return cls(asked or FURTHER * flat)
+        try:
+            limits = smooth_limits(design.surface, curved_design(design), MM_PER_M * asked)
+        except ExportError:  # nothing but planes is made of it
+            limits = None
+        return cls(flat + found.deflection, limits)
+
+    def at(self, points: Floats) -> Floats:
+        """(k,) metres, at points (k, 3)."""
+        flat = np.full(len(points), self.flat)
+        if self.limits is None:
+            return flat
+        chord = self.limits.chord[self.limits.nearest(MM_PER_M * points)] / MM_PER_M
+        return np.asarray(flat + chord)
+
+
+def off_surface(design: Design) -> float:
+    """Metres that curves of a file may be off a design, beside the mesh's own chord error."""
+    return design.preset.export.step_tolerance or OFF_SURFACE * design.preset.statics.thickness
+
+
+def deflection_for(design: Design) -> float:
+    """Metres that triangles of a file's curved faces may be off them, to compare it with a design."""
+    return DEFLECTION * off_surface(design)
+
+
+def distance(found: FileContents, design: Design) -> Distance:
+    """Measured at vertices and centres of faces, on both sides."""
+    V, F, allowed = found.V, found.F, Allowance.of(found, design)
+    to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
+    back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
     skin, place, mean = _off_the_sheet(V, F, design)
     scale = float(np.linalg.norm(np.ptp(V, axis=0)) / np.linalg.norm(np.ptp(design.solid.box, axis=0)))
-    return Distance(skin, place, mean, to, to_place, back, back_place, scale)
+    return Distance(skin, place, mean, to, to_place, back, back_place, *max(to_excess, back_excess), scale)
 
 
-def _farthest(V: Floats, F: Ints, onto_V: Floats, onto_F: Ints) -> tuple[float, Floats]:
-    """The largest distance of vertices and centres of faces from another mesh, and where."""
+def _farthest(
+    V: Floats, F: Ints, onto_V: Floats, onto_F: Ints, allowed: Allowance
+) -> tuple[float, Floats, tuple[float, float]]:
+    """The largest distance of vertices and centres of faces from another mesh, and where; the largest excess over what
+    is allowed, and what that is there."""
     P = np.concatenate([V, V[F].mean(axis=1)])
     far = nearest(P, onto_V, onto_F).distance
     k = int(far.argmax())
-    return float(far[k]), P[k]
+    some = np.flatnonzero(far > allowed.flat)  # chord errors of the others need not be asked for
+    some = some if len(some) else np.array([k])
+    most = allowed.at(P[some])
+    worst = int((far[some] - most).argmax())
+    return float(far[k]), P[k], (float(far[some][worst] - most[worst]), float(most[worst]))
 
 
 def _off_the_sheet(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:

@@ -10,7 +10,7 @@ from dsfab.errors import ExportError, SurfaceError
 from dsfab.export.step_read import read_step
 from dsfab.surface import DEFAULT_TRIANGLES, raw_mesh
 from dsfab.surface.bridges import stl_by_trimesh
-from dsfab.units import METRES_PER, metres_per
+from dsfab.units import METRES_PER, MM_PER_M, metres_per
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")
 """What can be checked."""
@@ -20,6 +20,12 @@ STEP_BEGINS = b"ISO-10303-21"
 
 BY_CONVENTION = "mm"
 """STL files name no unit; dsfab writes millimetres, and workshops read them so."""
+
+CURVED = (
+    *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
+    b"SURFACE_OF_",
+)
+"""What a STEP file calls faces that are not planes."""
 
 SAME_PLACE = 1e-9
 """Points of a STEP file that are closer than this share of its size are one: its faces are triangulated one by one."""
@@ -33,6 +39,7 @@ class FileContents:
     unit    : of the file's numbers.                        declared : whether the file names it.
     metres  : in one of these units.                        collapsed : triangles without three different corners.
     reader  : whose reader it was.       path : of the file.
+    deflection : metres that the triangles may be off the faces of the file, which are curved in STEP; else 0.
     """
 
     path: Path
@@ -43,6 +50,7 @@ class FileContents:
     metres: float
     collapsed: int
     reader: str
+    deflection: float = 0.0
 
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))
@@ -54,11 +62,14 @@ class FileContents:
         return float(np.linalg.norm(np.ptp(self.V, axis=0)))
 
 
-def read_shipped(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> FileContents:
+def read_shipped(
+    path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
+) -> FileContents:
     """The solid in an STL, 3MF or STEP file, read by trimesh, lib3mf or OCCT: none of them wrote it.
 
     unit : of the numbers of an STL file, millimetres when left out; 3MF and STEP files name theirs.
     max_triangles : how many an STL or a 3MF file may have; what reading may cost follows from it.
+    deflection : metres that triangles may be off curved faces of STEP; 0 leaves it to the reader.
 
     Raises SurfaceError or ExportError, one sentence, for a missing, empty, unreadable or foreign file, for coordinates
     that are not finite, and for a unit given to a file that names its own.
@@ -70,7 +81,7 @@ def read_shipped(path: str | Path, unit: str | None = None, max_triangles: int =
     if unit is not None and suffix != ".stl":
         raise ExportError(f"{path} names its own unit; leave out --unit, which is for STL files")
     if suffix in (".step", ".stp"):
-        found = _step(path)
+        found = _step(path, deflection)
     else:
         raw = raw_mesh(path, max_triangles)
         here = unit or raw.unit or BY_CONVENTION
@@ -86,7 +97,7 @@ def read_shipped(path: str | Path, unit: str | None = None, max_triangles: int =
     return found
 
 
-def _step(path: Path) -> FileContents:
+def _step(path: Path, deflection: float) -> FileContents:
     if not path.is_file():
         raise ExportError(f"{path} does not exist; check the path")
     if not path.stat().st_size:
@@ -94,7 +105,7 @@ def _step(path: Path) -> FileContents:
     with path.open("rb") as file:
         if STEP_BEGINS not in file.read(1000):
             raise ExportError(f"{path} is no STEP file: it does not begin with {STEP_BEGINS.decode()}; export it again")
-    mesh = read_step(path)
+    mesh = read_step(path, deflection * MM_PER_M)
     if not mesh.solids or not len(mesh.F):
         raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
@@ -102,7 +113,14 @@ def _step(path: Path) -> FileContents:
     _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F, lost = _whole(of.reshape(-1)[mesh.F])
     metres = METRES_PER["mm"]
-    return FileContents(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT")
+    off = mesh.deflection * metres if _curved(path) else 0.0
+    return FileContents(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT", off)
+
+
+def _curved(path: Path) -> bool:
+    """Whether a STEP file has faces that are not planes."""
+    text = path.read_bytes()
+    return any(word in text for word in CURVED)
 
 
 def _joined(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:

@@ -1,0 +1,247 @@
+"""Folded sheets as what they are: flat facets that meet in straight folds, and walls across their thickness.
+
+    upper planes                      The cut sheet knows more than its solid: which of its faces lie in one plane on
+   ____________                       both skins, what is an edge of the pattern, and what a fold. Folds are mitred:
+  /|          |\\   fold               the corners of a fold lie in the planes of both facets. Walls are ruled
+ / |  facet   | \\                     between two curves, one in the upper plane and one in the lower, with the same
+/__|__________|__\\                    knots: a plane where both are straight and parallel.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.errors import ExportError
+from dsfab.export.coplanar import coplanar_regions
+from dsfab.export.curves import Curve, fitted
+from dsfab.export.part import Part
+from dsfab.export.plate import SHARE_OF_GAP, SLIMMEST, NotFlatError, enclosed, frame, gaps_between
+from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline, sheet_of
+from dsfab.export.smooth.seams import Key, run_key
+from dsfab.surface.creases import CREASE
+from dsfab.surface.topology import edge_table
+
+ROUGH = 1e-4
+"""Thicknesses that the vertices of a facet may be off its plane: files of meshes round them. They are put into it."""
+
+EXACT = 1e-5
+"""Millimetres that the corners of a fold may be off the planes that meet there, afterwards."""
+
+NARROW = 1 / 8
+"""Tolerances: openings that come nearer to a fold, or to another one, are followed as if they came so near."""
+
+FACES = 4
+"""Triangles of the cut sheet for each facet, at least: on a curved sheet each triangle is a facet of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Facet:
+    """The planes of both skins of a flat part of a sheet, the upper one first, millimetres.
+
+    origin : (2, 3) a point of each.     axes : (2, 3, 3) unit vectors, right-handed, the last one across, upwards.
+    """
+
+    origin: Floats
+    axes: Floats
+
+    def flat(self, points: Floats) -> Floats:
+        """(k, 4) points (k, 2, 3) of both skins along the first two axes of their planes."""
+        return np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4)
+
+    def lifted(self, flat: Floats) -> Floats:
+        """(k, 2, 3) points of both planes from (k, 4)."""
+        return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
+
+
+@dataclass(frozen=True, eq=False)
+class FoldedSheet:
+    """A sheet of flat facets, millimetres.
+
+    outline : its regions, each in the facet that their `chart` names, and their runs.
+    points  : (n, 2, 3) of its vertices on both skins, those of folds in the planes of all their facets.
+
+    Where more planes meet than have a point in common, each face of the mesh around it is a facet of its own.
+    """
+
+    outline: SheetOutline
+    facets: dict[int, Facet]
+    points: Floats
+    thickness: float
+
+    @property
+    def count(self) -> int:
+        """Number of facets, those of single faces apart."""
+        return int((np.bincount(self.outline.chart) > 1).sum())
+
+    @cached_property
+    def creased(self) -> bool:
+        """Whether half of the length of its folds and more are creases: else it may be the mesh of a curved sheet."""
+        F, chart = self.outline.F, self.outline.chart
+        h, k = edge_table(F).pairs.T
+        fold = chart[h // 3] != chart[k // 3]
+        h, k = h[fold], k[fold]
+        normals = np.stack([self.facets[i].axes[0, 2] for i in range(len(self.facets))])
+        ends = np.stack([F.ravel()[h], F.ravel()[h - h % 3 + (h + 1) % 3]])
+        length = np.linalg.norm(np.diff(self.points[ends, 0], axis=0)[0], axis=1)
+        sharp = np.einsum("ei,ei->e", normals[chart[h // 3]], normals[chart[k // 3]]) < np.cos(np.radians(CREASE))
+        return bool(2 * length[sharp].sum() >= length.sum() > 0)
+
+
+_FOUND: WeakKeyDictionary[Part, FoldedSheet | None] = WeakKeyDictionary()
+
+
+def folded_sheet(part: Part) -> FoldedSheet | None:
+    """The sheet of a solid whose facets are flat, two or more; None for all others. Found once for each part."""
+    if part not in _FOUND:
+        try:
+            _FOUND[part] = _folded(part)
+        except ExportError:
+            _FOUND[part] = None  # one plane, or curved
+    return _FOUND[part]
+
+
+def _folded(part: Part) -> FoldedSheet:
+    """Raises ExportError where there is no such sheet."""
+    if part.curved is None:
+        raise NotFlatError("only the solid is known")
+    curved = part.curved()
+    whole = curved.divided(np.ones((len(curved.V), 1)))
+    outline = sheet_of(whole, curved.shift)
+    skins = np.stack([outline.V + outline.D, outline.V - outline.D], axis=1)
+    thickness = 2 * float(np.median(np.linalg.norm(outline.D, axis=1)))
+    facet = _facet_of(skins, outline.F, ROUGH * thickness)
+    _ask_few(facet)
+    if float(np.max(cKDTree(part.V).query(skins[np.unique(outline.F)].reshape(-1, 3))[0])) > ROUGH * thickness:
+        raise NotFlatError("the solid is not the sheet's")
+    points, apart = _mitred(skins, outline.F, facet)
+    if apart.any():
+        facet = _apart(facet, apart[outline.F].any(axis=1))
+        _ask_few(facet)
+        points = _mitred(skins, outline.F, facet)[0]
+    outline = sheet_of(whole._replace(chart=facet), curved.shift)
+    facets = {k: _plane(points, outline.F[facet == k]) for k in range(int(facet.max()) + 1)}
+    return FoldedSheet(outline, facets, points, thickness)
+
+
+def _ask_few(facet: Ints) -> None:
+    """Raise NotFlatError where there is one facet only, or one for every few faces."""
+    if not 1 < int(facet.max()) + 1 <= len(facet) / FACES:
+        raise NotFlatError("the facets of the sheet are not flat")
+
+
+def _facet_of(skins: Floats, F: Ints, off: float) -> Ints:
+    """(m,) the facet of each face: faces that lie in one plane on both skins."""
+    table = edge_table(F)
+    both = [coplanar_regions(skins[:, s], F, table, off)[0] for s in (0, 1)]
+    return np.unique(np.stack(both, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _apart(facet: Ints, chosen: Bools) -> Ints:
+    """(m,) facets, each chosen face one of its own."""
+    alone = np.where(chosen, len(facet) + np.arange(len(facet)), facet)
+    return np.unique(alone, return_inverse=True)[1].reshape(-1)
+
+
+def _plane(skins: Floats, F: Ints) -> Facet:
+    """The planes through the mean of some faces, normal to their area."""
+    corners = skins[F].transpose(2, 1, 0, 3)  # (2, 3 corners, m, 3)
+    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(vectors, axis=2)
+    origin = np.einsum("sm,smi->si", area, corners.mean(axis=1)) / area.sum(axis=1, keepdims=True)
+    total = vectors.sum(axis=1)
+    return Facet(origin, np.stack([frame(n / np.linalg.norm(n)) for n in total]))
+
+
+def _mitred(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
+    """(n, 2, 3) the vertices moved by as little as can be into the planes of the facets around them, and those where
+    these do not meet in a point, which more than three need not.
+
+    A facet of one face has no plane of its own: it lies where its corners are.
+    """
+    count = np.bincount(facet)
+    planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
+    pairs = np.unique(np.stack([F, np.repeat(facet[:, None], 3, axis=1)], axis=2).reshape(-1, 2), axis=0)
+    pairs = pairs[count[pairs[:, 1]] > 1]
+    points, apart = skins.copy(), np.zeros(len(skins), dtype=bool)
+    start = np.searchsorted(pairs[:, 0], np.arange(len(skins) + 1))
+    for v in np.flatnonzero(np.diff(start)):
+        around = [planes[int(k)] for k in pairs[start[v] : start[v + 1], 1]]
+        for s in (0, 1):
+            N = np.array([one.axes[s, 2] for one in around])
+            off = np.array([one.axes[s, 2] @ (one.origin[s] - skins[v, s]) for one in around])
+            move = np.linalg.lstsq(N, off, rcond=1e-9)[0]
+            points[v, s] += move
+            apart[v] |= float(np.abs(N @ move - off).max()) > EXACT
+    return points, apart
+
+
+@dataclass(frozen=True, eq=False)
+class FoldedShape:
+    """A folded sheet with its walls as curves (poles (p, 4), see `Facet.flat`) by the keys of their runs."""
+
+    sheet: FoldedSheet
+    walls: dict[Key, Curve]
+
+    @property
+    def faces(self) -> int:
+        """A wall for each curve, and two skins for each region."""
+        return len(self.walls) + 2 * len(self.sheet.outline.regions)
+
+    @property
+    def deviation(self) -> float:
+        """Largest distance of a curve from its polyline, millimetres."""
+        return max((curve.deviation for curve in self.walls.values()), default=0.0)
+
+
+def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
+    """The walls as curves within a tolerance, millimetres; raises ExportError where a spline cannot follow."""
+    walls = dict[Key, Curve]()
+    for region in sheet.outline.regions:
+        facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
+        gaps = gaps_between([line[:, :2] for line in lines], tolerance, NARROW * tolerance)
+        for loop, gap in zip(region.loops, gaps, strict=True):
+            for run in loop:
+                if run.beyond == WALL:
+                    close = min(tolerance, SLIMMEST * run.width / 2, SHARE_OF_GAP * gap)
+                    walls[run_key(run)[0]] = _curve(facet.flat(sheet.points[run.vertices]), close)
+    return FoldedShape(sheet, walls)
+
+
+def region_lines(sheet: FoldedSheet, region: Region) -> list[Floats]:
+    """(k, 4) the loops of a region in the planes of its facet; the one around it is counter-clockwise.
+
+    Raises ExportError where there is not one such loop.
+    """
+    facet = sheet.facets[region.chart]
+    lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
+    if sum(enclosed(line[:, :2]) > 0 for line in lines) != 1 or sum(enclosed(line[:, 2:]) > 0 for line in lines) != 1:
+        raise ExportError("a facet of the sheet touches itself, so its outline is not one loop")
+    return lines
+
+
+def _curve(line: Floats, close: float) -> Curve:
+    """Of a line (k, 4) on both skins. Beside a fold one of these has farther to go than the other: points at equal
+    shares of both lengths are opposite each other, so that straight edges stay lines."""
+    upper, lower = line[:, :2], line[:, 2:]
+    shares = [_shares(one) for one in (upper, lower)]
+    x = np.union1d(*shares)
+    at = [[np.interp(x, share, column) for column in one.T] for share, one in zip(shares, (upper, lower), strict=True)]
+    found = fitted(np.stack([column for one in at for column in one], axis=1), close)
+    if found is None:
+        raise ExportError(f"no spline follows an outline of {len(line)} points within {close:.3g} mm")
+    return found
+
+
+def _shares(line: Floats) -> Floats:
+    """(k,) of the length of a polyline (k, 2) up to its vertices."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    return np.asarray(length / max(float(length[-1]), 1e-300))
+
+
+def is_fold(run: OutlineRun) -> bool:
+    """Whether a run lies between two facets."""
+    return run.beyond != WALL

@@ -1,0 +1,167 @@
+"""What becomes of STEP files in CAD: `python tests/benchmarks/step_table.py [NAME...] [--step WAY] [-s SECONDS]`.
+
+A name is a preset, a mesh file (in DSFAB_MESHES or anywhere; its preset is proposed), or a sheet of `OWN`. Each design
+has a process of its own, which may take so many seconds of the processor (200 unless told), and as many for what OCCT
+does with the file. A row has the way taken, faces, megabytes, seconds (of the file; of what OCCT did), half-space cuts
+valid of 8, a box cut out, section closed, written again, fillets, error of the plain rule for volumes, of the box,
+largest distance from the design (of what is allowed there), what `dsfab check` says, and how the file was made.
+"""
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import dsfab
+from dsfab.errors import DsfabError
+from dsfab.export.network import use_check
+from dsfab.preset_file import overridden
+from dsfab.study.file_check import check_file
+
+DESIGNS = (
+    *("dome", "barrel_vault", "hypar.obj", "sphere", "torus.obj", "bob.obj", "tower", "spot.obj", "snow_vault"),
+    *("globe", "cantilever", "slab", "roof_with_opening.obj", "Botanic.obj", "blub.obj", "pavilion", "boys_surface"),
+    *("folded", "cube", "helicoid", "moebius", "cylinder", "catenoid", "schwarz"),
+)
+COLUMNS = "way faces MB file_s use_s cuts box section again fillets plain bounds off check"
+
+
+def strips(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles of a grid of points (n, m, 3)."""
+    i = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
+    a, b, c, d = i[:-1, :-1].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel(), i[:-1, 1:].ravel()
+    return x.reshape(-1, 3), np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def folded() -> tuple[np.ndarray, np.ndarray]:
+    """Eight flat strips of 1 x 6 m in plan, .6 m high."""
+    u, v = np.meshgrid(np.arange(65) / 8, np.linspace(0, 6, 49), indexing="ij")
+    return strips(np.stack([u, v, 0.6 * np.abs((u + 1) % 2 - 1)], axis=2))
+
+
+def cube() -> tuple[np.ndarray, np.ndarray]:
+    """Of 2 m."""
+    import trimesh
+
+    box = trimesh.creation.box((2, 2, 2))
+    for _ in range(4):
+        box = box.subdivide()
+    return box.vertices + np.array([0, 0, 1.0]), box.faces
+
+
+def helicoid() -> tuple[np.ndarray, np.ndarray]:
+    """Three quarters of a turn, from 1 to 4 m, 3 m high."""
+    r, a = np.meshgrid(np.linspace(1, 4, 25), np.linspace(0, 1.5 * np.pi, 97), indexing="ij")
+    return strips(np.stack([r * np.cos(a), r * np.sin(a), 3 * a / a.max()], axis=2))
+
+
+def moebius() -> tuple[np.ndarray, np.ndarray]:
+    """Of radius 3 m, 1.6 m wide; its ends are joined by place."""
+    w, a = np.meshgrid(np.linspace(-0.8, 0.8, 13), np.linspace(0, 2 * np.pi, 121), indexing="ij")
+    r = 3 + w * np.cos(a / 2)
+    V, F = strips(np.stack([r * np.cos(a), r * np.sin(a), 1 + w * np.sin(a / 2)], axis=2))
+    _, first, of = np.unique(np.round(V, 9), axis=0, return_index=True, return_inverse=True)
+    return V[first], of.reshape(-1)[F]
+
+
+def cylinder() -> tuple[np.ndarray, np.ndarray]:
+    """A half of radius 3 m whose grid runs at 45 degrees."""
+    u, v = np.meshgrid(np.linspace(0, np.pi, 65), np.linspace(0, 8, 57), indexing="ij")
+    return strips(np.stack([3 * np.cos(u), v + u, 3 * np.sin(u)], axis=2))
+
+
+def schwarz() -> tuple[np.ndarray, np.ndarray]:
+    """A cell of Schwarz's P surface, 6 m."""
+    from skimage.measure import marching_cubes  # type: ignore[import-not-found]
+
+    x = np.linspace(-np.pi, np.pi, 41)
+    X, Y, Z = np.meshgrid(x, x, x, indexing="ij")
+    V, F, *_ = marching_cubes(np.cos(X) + np.cos(Y) + np.cos(Z), 0.0, spacing=(0.15, 0.15, 0.15))
+    return V, F
+
+
+OWN: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
+    f.__name__: f for f in (folded, cube, helicoid, moebius, cylinder, schwarz)
+}
+
+
+def design(name: str, step: str, folder: Path) -> "dsfab.Design":
+    """The design of a name."""
+    path = next((p for p in (Path(name), Path(os.environ.get("DSFAB_MESHES", ".")) / name) if p.is_file()), None)
+    if name in OWN:
+        V, F = OWN[name]()
+        path = folder / f"{name}.obj"
+        lines = [*("v {:.9g} {:.9g} {:.9g}".format(*v) for v in V), *("f {} {} {}".format(*(f + 1)) for f in F)]
+        path.write_text("\n".join(lines) + "\n")
+    preset = dsfab.preset_for(path) if path else dsfab.load_preset(name)
+    return dsfab.run(overridden(preset, {"export.step": step}))
+
+
+def row(name: str, step: str, seconds: float) -> str:
+    """A line of the table."""
+    with tempfile.TemporaryDirectory() as folder:
+        made, path, said = design(name, step, Path(folder)), Path(folder) / "a.step", list[str]()
+        begin = os.times()
+        try:
+            made.write(path, note=said.append)
+        except DsfabError as error:
+            return f"none: {str(error)[:160]}"
+        took = sum(os.times()[:4]) - sum(begin[:4])
+        found = used(path, seconds)
+        checked = check_file(path, made, solid=False)
+        apart, size = checked.distance, path.stat().st_size / 1e6
+        assert apart is not None
+        failed = ",".join(f.name for f in checked.findings if f.verdict == "fail") or "pass"
+        off = f"{1e3 * (apart.beyond + apart.allowed):.2g}/{1e3 * apart.allowed:.2g}"
+        way, faces = said[0].split()[2].rstrip(",:"), path.read_bytes().count(b"=ADVANCED_FACE(")
+        return f"{way} {faces} {size:.2f} {took:.0f} {words(found, made)} {off} {failed} | {said[0][:200]}"
+
+
+def used(path: Path, seconds: float) -> dict[str, object]:
+    """What OCCT says of the use of a file; nothing where it takes longer than it may."""
+    command = [sys.executable, "-P", use_check.__file__, str(path), "8", "all"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=limit(seconds))
+    return dict(json.loads(done.stdout)) if done.stdout else {}
+
+
+def words(said: dict[str, object], made: "dsfab.Design") -> str:
+    """From the seconds of OCCT to the error of the box."""
+    if not said:
+        return "- - - - - - - -"
+    box = np.array(said["box"]).reshape(2, 3) / 1e3
+    bounds = np.abs(box - made.solid.box).max() / np.linalg.norm(np.ptp(made.solid.box, axis=0))
+    plain = said["plain"] / said["volume"] - 1  # type: ignore[operator]
+    yes = " ".join("yes" if said[k] else "no" for k in ("boxed", "closed", "again"))
+    return f"{said['seconds']:.0f} {said['sound']} {yes} {said['fillets']}/{said['sharp']} {plain:+.0e} {bounds:.0e}"
+
+
+def limit(seconds: float) -> Callable[[], None]:
+    """What gives a process so many seconds of the processor."""
+    return lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+
+
+if __name__ == "__main__":
+    asked = argparse.ArgumentParser()
+    asked.add_argument("names", nargs="*", default=DESIGNS)
+    asked.add_argument("--step", default="auto")
+    asked.add_argument("-s", "--seconds", type=float, default=200)
+    asked.add_argument("--alone", action="store_true", help="this process makes the row")
+    given = asked.parse_args()
+    if given.alone:
+        print(row(given.names[0], given.step, given.seconds))
+        sys.exit()
+    print("design", COLUMNS, "| how")
+    for one in given.names:
+        begin = time.monotonic()
+        command = [sys.executable, __file__, one, "--step", given.step, "-s", str(given.seconds), "--alone"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=limit(given.seconds))
+        text = done.stdout.strip() or f"ended: {(done.stderr.strip().splitlines() or [str(done.returncode)])[-1]}"
+        print(one, text, f"({time.monotonic() - begin:.0f} s on the clock)", flush=True)

@@ -1,0 +1,135 @@
+"""Planar STEP of folded sheets: facets as planes that meet in their folds; OCCT's word on them (slow)."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import igl
+import numpy as np
+import pytest
+from scipy.sparse import csr_array, eye_array
+
+from dsfab.delivery.files import curved_sheet
+from dsfab.export import StepOptions, write
+from dsfab.export.folds import folded_shape, folded_sheet
+from dsfab.export.folds_text import planar_file
+from dsfab.export.ladder import attempts, prepare
+from dsfab.export.network import use_check
+from dsfab.export.part import part_of
+from dsfab.export.program import run_program
+from dsfab.slicing import Sheet
+from dsfab.surface import SHAPES, Surface
+from dsfab.thickening import offsets, thicken
+from tests.zoo import grid
+
+T, SLOPE = 0.04, 0.6
+
+
+def roof(cells: int = 10, slope: float = SLOPE) -> Surface:
+    """Two strips of 2 x 1 m in plan, which rise to a ridge along x."""
+    flat = grid(2 * cells, 2 * cells, 2.0, 2.0)
+    return Surface(flat.V + np.array([0, 0, slope]) * (1 - np.abs(flat.V[:, 1:2] - 1)), flat.F)
+
+
+def pyramid() -> Surface:
+    """Five facets of other slopes: their planes do not meet in a point once they are shifted."""
+    base = np.array([[1.0, 0, 0], [0.2, 1, 0.1], [-0.9, 0.4, 0], [-0.7, -0.8, 0.3], [0.4, -1, 0]])
+    F = np.stack([np.zeros(5), 1 + np.arange(5), 1 + (np.arange(5) + 1) % 5], axis=1).astype(np.int64)
+    V, F = igl.upsample(np.concatenate([[[0, 0, 0.6]], base]), F, 3)
+    return Surface(V, F)
+
+
+def folded(surface: Surface, void: np.ndarray):
+    """The solid without the faces `void` of a surface, the part that STEP takes of it, and its sheet."""
+    used, F = np.unique(surface.F[~void], return_inverse=True)
+    kept = Surface(surface.V[used], F.reshape(-1, 3))
+    weights = csr_array(eye_array(surface.n, format="csr")[used])
+    parent = np.flatnonzero(~void)
+    curved = curved_sheet(surface, Sheet(kept, parent, np.zeros(kept.m, dtype=np.int64), weights), T)
+    solid = thicken(kept, offsets(surface, T).D[used])
+    part = replace(prepare(part_of(solid, "roof", 10**6)), curved=lambda: curved, step="planar", tolerance=1.0)
+    return part, solid, curved
+
+
+def openings(surface: Surface) -> np.ndarray:
+    """(m,) the faces of one square opening in a strip, and of one across the ridge."""
+    x, y = surface.centroids[:, 0], surface.centroids[:, 1]
+    return ((x > 0.2) & (x < 0.6) & (y > 0.3) & (y < 0.7)) | ((x > 1.2) & (x < 1.6) & (y > 0.6) & (y < 1.4))
+
+
+def test_two_strips_are_planes_that_meet_in_a_mitred_ridge():
+    surface = roof()
+    part, _, _ = folded(surface, openings(surface))
+    sheet = folded_sheet(part)
+    assert (sheet.count, len(sheet.outline.regions)) == (2, 2)
+    ridge = np.flatnonzero(np.isclose(sheet.outline.V[:, 1], 1000))
+    height = 1000 * (SLOPE + np.array([1, -1]) * T / 2 * np.hypot(1, SLOPE))
+    np.testing.assert_allclose(sheet.points[ridge, :, 2], np.tile(height, (len(ridge), 1)), atol=1e-6)
+    text = "".join(planar_file(part).texts)
+    walls = 4 + 2 * 3 + 6  # of the opening in a strip, of the one across, of the outline
+    assert text.count("=PLANE(") == text.count("=ADVANCED_FACE(") == walls + 4
+    assert "B_SPLINE" not in text
+    assert text.count("=ORIENTED_EDGE(") == 2 * text.count("=EDGE_CURVE(")
+
+
+def off_planes(sheet) -> float:
+    """The largest distance of a vertex from a plane of its facets, millimetres."""
+    found = []
+    for k, facet in sheet.facets.items():
+        corners = sheet.points[np.unique(sheet.outline.F[sheet.outline.chart == k])]
+        found.append(np.abs(np.einsum("ksi,si->ks", corners - facet.origin, facet.axes[:, 2])).max())
+    return max(found)
+
+
+def test_vertices_that_a_file_rounded_are_put_into_their_planes():
+    exact = roof()
+    surface = Surface(np.round(exact.V @ np.array([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1 / 7]]).T, 6), exact.F)
+    part, _, _ = folded(surface, openings(exact))
+    sheet = folded_sheet(part)
+    assert sheet.count == 2
+    assert off_planes(sheet) < 1e-5
+
+
+def test_faces_around_a_corner_where_too_many_planes_meet_are_facets_of_their_own():
+    surface = pyramid()
+    part, _, _ = folded(surface, np.zeros(surface.m, dtype=bool))
+    sheet = folded_sheet(part)
+    top = int(np.linalg.norm(sheet.outline.V - [0, 0, 600], axis=1).argmin())
+    around = (top == sheet.outline.F).any(axis=1)
+    assert sheet.count == 5
+    assert (np.bincount(sheet.outline.chart)[sheet.outline.chart[around]] == 1).all()
+    assert off_planes(sheet) < 1e-5
+    assert len(folded_shape(sheet, 1.0).walls) >= 5
+
+
+def test_curved_and_plane_sheets_are_not_folded():
+    for name in ("plate", "hypar"):
+        surface = SHAPES[name]() if name == "plate" else SHAPES[name](edge=0.8)
+        part, _, _ = folded(surface, np.zeros(surface.m, dtype=bool))
+        assert folded_sheet(part) is None
+
+
+@pytest.mark.parametrize(("slope", "first"), [(SLOPE, "planar"), (0.1, "smooth")])
+def test_only_creases_are_taken_for_folds_unasked(slope, first):
+    """A cylinder's mesh has flat strips, too."""
+    surface = roof(slope=slope)
+    part, _, _ = folded(surface, openings(surface))
+    assert folded_sheet(part).count == 2
+    assert folded_sheet(part).creased == (first == "planar")
+    assert next(attempts(replace(part, step="auto"))).step == first
+    assert next(attempts(part)).step == "planar"
+
+
+@pytest.mark.slow
+def test_a_roof_with_openings_is_written_cut_and_measured(tmp_path):
+    surface = roof()
+    void = openings(surface)
+    _, solid, curved = folded(surface, void)
+    said, path = list[str](), tmp_path / "roof.step"
+    write(solid, path, step=StepOptions("auto", curved=partial(lambda: curved)), note=said.append)
+    assert said[0].startswith("STEP is planar, 2 flat facets mitred at their folds")
+    found = json.loads(run_program(use_check.__file__, str(path), seconds=300))
+    assert (found["faces"], found["valid"], found["sound"], found["boxed"]) == (20, True, 8, True)
+    assert (found["closed"], found["again"]) == (True, True)
+    assert found["fillets"] >= 4
+    assert found["volume"] == pytest.approx(1e9 * T * surface.areas[~void].sum(), rel=1e-9)
