@@ -23,13 +23,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dsfab.app.carrier import carried
 from dsfab.app.editor import server as doors
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.figures import figures
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.page import static_files
 from dsfab.app.editor.payload import colours, creased, model, packed, widths
-from dsfab.app.editor.process import carried
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mesh, opened_shipped

@@ -8,6 +8,8 @@ import pytest
 import trimesh
 
 from dsfab.app.cli import main
+from dsfab.export import require_writable_file
+from dsfab.pipeline import design as stages
 from dsfab.preset_file import load_preset
 from dsfab.study.check_model import uncut_model
 from tests.calculix import ccx, needs_ccx, solved
@@ -184,3 +186,35 @@ def test_cases_combinations_springs_and_clamped_edges_go_along(tmp_path):
     assert "support 2 stands on springs of (0, 0, 200000) N/m in all" in top
     assert "support 1 is clamped" in top
     assert "SUPPORT_2" not in top
+
+
+COMMANDS = {
+    "export": ["export", DOME_MODES, "--to", "stl", "-o", "IN/a.stl"],
+    "export of a model": ["export", DOME_MODES, "--to", "calculix", "-o", "IN/deep/a.inp"],
+    "export of a folder's name": ["export", DOME_MODES, "--to", "stl", "-o", "FOLDER"],
+    "workshop": ["workshop", DOME_MODES, "-o", "IN/parts"],
+    "explore": ["explore", DOME_MODES, "--vary", "diffusion.r=1,10", "-o", "IN/sheet"],
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_cannot_be_written_is_told_before_any_work(capsys, tmp_path, monkeypatch, command):
+    def worked(*_):
+        raise AssertionError("it worked first")
+
+    monkeypatch.setattr(stages, "surface_step", worked)
+    monkeypatch.setattr("dsfab.study.check_model.surface_step", worked, raising=False)
+    (tmp_path / "in").write_text("a file, and no folder")
+    (tmp_path / "a.stl").mkdir()
+    places = {"IN": str(tmp_path / "in"), "FOLDER": str(tmp_path / "a.stl")}
+    *words, where = COMMANDS[command]
+    told = refused(capsys, *words, where.replace("IN", places["IN"]).replace("FOLDER", places["FOLDER"]))
+    assert str(tmp_path) in told
+    assert "choose another" in told
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.stl", "in"]
+
+
+def test_a_file_in_folders_that_are_still_to_be_made_may_be_written(tmp_path):
+    require_writable_file(tmp_path / "new" / "deep" / "a.stl")
+    require_writable_file(tmp_path / "a.stl")
+    assert list(tmp_path.iterdir()) == []

@@ -218,3 +218,63 @@ def test_fields_that_did_not_move_are_those_solved_again():
         wanted = spsolve(csc_array(diags_array(mass) + reach**2 * stiffness), load)
         load = mass[:, None] * (wanted.argmax(axis=1)[:, None] == np.arange(6))
     assert fields == pytest.approx(wanted, abs=1e-9)
+
+
+def tried(monkeypatch, side, offs, stretch=(1.0, 1.0), **how):
+    """What `fitted` answers about side x side points of which the attempts are off by so much, and the poles of these.
+
+    A point that is not inside is off by far more, and the first of the two points of each row by half as much.
+    """
+    uv = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2) / (side - 1) * stretch
+    Q, weight, inside = np.random.default_rng(3).random((len(uv), 6)), np.ones(len(uv)), np.ones(len(uv), dtype=bool)
+    inside[0] = False
+    counts, left = [], list(offs)
+
+    def through(_uv, _Q, given, count, smoothing):
+        assert given is weight
+        assert smoothing == patch_fits.SMOOTHING
+        counts.append(count)
+        found, off = Q.copy(), left.pop(0)
+        found[7] += off * np.array([0.0, 0.3, 0.4, 0.6, 0.0, 0.8])
+        found[0] += 100.0
+        return None, found
+
+    monkeypatch.setattr(patch_fits, "_through", through)
+    fit = patch_fits.fitted(uv, Q, inside, weight, 1.0, **how)
+    assert left == []
+    assert fit.off == pytest.approx(offs[-1])
+    return counts, fit
+
+
+def test_poles_grow_with_the_fourth_root_of_what_a_fit_is_off(monkeypatch):
+    """Twice as many at most, 1.15 times at least, 1.05 times what the root says between; what is just near enough is
+    taken."""
+    counts, fit = tried(monkeypatch, 100, [16.0, 2.0, 1.001, 1.0 - 1e-12])
+    assert counts == [(8, 8), (16, 16), (20, 20), (23, 23)]
+    assert fit.size == pytest.approx(16 * 1.05 * 2**0.25 * 1.15)
+    assert not fit.starved
+    assert tried(monkeypatch, 100, [1.0], first=11.0)[0] == [(11, 11)]
+
+
+@pytest.mark.parametrize(
+    ("side", "how", "poles", "starved"),
+    [
+        (100, {"most_poles": 20}, [8, 16, 20], False),  # no more are allowed
+        (32, {}, [8, 16, 20], True),  # 1024 points are for 20.2 poles each way
+        (16, {"first": 30.0}, [10], True),
+        (16, {"most_poles": 10}, [8, 10], False),
+    ],
+)
+def test_poles_grow_up_to_what_is_allowed_and_what_the_points_are_for(monkeypatch, side, how, poles, starved):
+    counts, fit = tried(monkeypatch, side, [1e6] * len(poles), **how)
+    assert counts == [(n, n) for n in poles]
+    assert fit.starved == starved
+    assert fit.size == min(np.sqrt(side**2 / 2.5), how.get("most_poles", 48))
+
+
+@pytest.mark.parametrize(
+    ("stretch", "poles"),
+    [((4.0, 1.0), (16, 6)), ((1.0, 2.0), (6, 11)), ((1000.0, 1.0), (25, 6)), ((1.0, 1000.0), (6, 25))],
+)
+def test_poles_are_as_far_apart_both_ways_up_to_ten_to_one(monkeypatch, stretch, poles):
+    assert tried(monkeypatch, 100, [0.5], stretch)[0] == [poles]

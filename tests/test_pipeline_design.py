@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 import dsfab
+from dsfab.app.carrier import carried
 from dsfab.app.cli import main
-from dsfab.app.editor.process import carried
 from dsfab.delivery.archive import read_archive, write_archive
 from dsfab.errors import PatternError, PresetError
 from dsfab.pipeline import Design, draft

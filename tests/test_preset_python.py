@@ -12,8 +12,8 @@ import pytest
 import trimesh
 
 import dsfab
+from dsfab.app.carrier import carried
 from dsfab.app.cli import main
-from dsfab.app.editor.process import carried
 from dsfab.app.editor.source import Opened
 from dsfab.delivery.archive import MESH, read_archive
 from dsfab.errors import DsfabError, PresetError, SurfaceError

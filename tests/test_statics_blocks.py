@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dsfab.arrays import distinct
 from dsfab.statics import Elements, Material, added, bending_stiffness, membrane_stiffness
 from dsfab.statics.blocks import vertex_pairs
 from dsfab.statics.hinges import angle_gradients, hinges
@@ -78,3 +79,13 @@ def test_both_are_stored_alike_and_the_pattern_is_made_once():
     assert abs(K - (membrane + bending)).max() == 0
     other = membrane_stiffness(surface, STEEL, H, elements=Elements("constant", None))
     assert abs(added(other, bending) - K).max() <= 1e-15 * abs(K).max()
+
+
+@pytest.mark.parametrize("dtype", [np.int32, np.int64, np.uint8])
+def test_distinct_numbers_are_numpys(dtype):
+    rng = np.random.default_rng(2)
+    for shape in ((0,), (1,), (1000,), (20, 30)):
+        keys = rng.integers(0, 200, shape).astype(dtype)
+        assert np.array_equal(distinct(keys), np.unique(keys))
+    ends = np.array([np.iinfo(dtype).min, np.iinfo(dtype).max], dtype=dtype)
+    assert np.array_equal(distinct(ends[[1, 0, 1]]), ends)

@@ -9,7 +9,7 @@ import pytest
 
 from dsfab.errors import SurfaceError
 from dsfab.surface import ClosedCurves
-from dsfab.surface.drawing_files import _loops
+from dsfab.surface.drawing_files import CLOSE, _loops
 from dsfab.surface.formats.curves import DrawingBudget
 from dsfab.surface.formats.dxf import read_dxf
 from dsfab.surface.plane_loops import enclosed_area
@@ -106,3 +106,49 @@ def test_many_lines_are_joined_in_about_as_many_steps(tmp_path):
     (loop,) = _loops(lines, "here", DrawingBudget())
     assert len(loop) == 1500
     assert enclosed_area(loop[:, :2]) == pytest.approx(750 * np.sin(2 * np.pi / 1500), rel=1e-9)
+
+
+def curves(*runs, far=5.0):
+    """`_loops` of runs in the plane, and of one more curve of 3 x 4, so that ends within `close` = CLOSE x 5 meet."""
+    box = np.array([[0, 0], [3, 0], [3, 4], [0, 4], [0, 0]]) * (far / 5.0)
+    return [loop.tolist() for loop in _loops([spatial(box), *map(spatial, runs)], "here", DrawingBudget())][1:]
+
+
+def spatial(run):
+    return np.c_[np.asarray(run, dtype=float), np.zeros(len(run))]
+
+
+def test_ends_meet_within_a_share_of_the_diagonal_of_all_curves():
+    triangle = np.array([[1, 1], [2, 1], [2, 2], [1, 1]], dtype=float)
+    for far in (5.0, 50.0):
+        for gap, whole in ((1.0, True), (0.99, True), (1.01, False)):
+            triangle[0] = 0, 0  # a gap is what it is to the last bit there
+            triangle[-1] = gap * CLOSE * far, 0
+            if whole:
+                assert curves(triangle, far=far) == [spatial(triangle[:-1]).tolist()]
+            else:
+                with pytest.raises(SurfaceError, match=r"here has a curve that is open: its ends at \(0, 0, 0\)"):
+                    curves(triangle, far=far)
+
+
+def test_the_diagonal_is_that_of_every_curve():
+    """Each curve alone would be closed by 5 CLOSE; together they are 500 wide, and either end of the box counts."""
+    open_ = np.array([[0, 0], [3, 0], [3, 4], [0, 100 * CLOSE]])
+    for there in ([400, 300], [-400, -300]):
+        far = np.array([[0, 0], [0, 1], [1, 1], [0, 0]]) + there
+        found = list(_loops([spatial(open_), spatial(far)], "here", DrawingBudget()))
+        assert [len(loop) for loop in found] == [3, 3]
+        with pytest.raises(SurfaceError, match="open"):
+            list(_loops([spatial(open_)], "here", DrawingBudget()))
+
+
+def test_runs_of_many_points_are_joined_at_their_last_ones():
+    there, back = [[1, 1], [1.5, 1], [2, 1]], [[1, 1], [1.2, 2], [1.8, 2], [2, 1]]
+    assert curves(there, back) == [spatial([*there, *back[2:0:-1]]).tolist()]
+
+
+def test_three_points_are_a_curve_and_two_are_not_however_near():
+    assert curves([[1, 1], [2, 1], [1, 1]]) == [spatial([[1, 1], [2, 1]]).tolist()]
+    near = 0.5 * CLOSE * 5
+    short, rest = [[1, 1], [1 + near, 1]], [[1 + near, 1], [2, 1], [2, 2], [1, 1]]
+    assert curves(short, rest) == [spatial([*short, *rest[1:-1]]).tolist()]

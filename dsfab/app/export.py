@@ -88,7 +88,10 @@ def export(
     reporter, built = Reporter(quiet), built_design(preset, given)
     if step.estimate:
         return estimate_step(given, reporter, built)
+    from dsfab.export import require_writable_file
+
     ask = _asked(to, output, folder, given.name, sheet)
+    require_writable_file(ask.path)
     try:
         told = write_file(given, built, ask, reporter)
         reporter.done()

@@ -57,12 +57,13 @@ def built_folder(name: str) -> Path | None:
 
     Raises PresetError for a folder that it did not write.
     """
-    from dsfab.export import complete
     from dsfab.preset_list import shipped_presets
 
     folder = Path(name)
     if name in shipped_presets() or not folder.is_dir():
         return None
+    from dsfab.export import complete
+
     complete(folder)
     if not (folder / "preset.toml").is_file():
         raise PresetError(f"{folder} has no preset.toml, so dsfab did not build it; give a preset or a built folder")

@@ -1,22 +1,24 @@
 """`dsfab preview`: one design, seen before anything is cut; again whenever its file is saved."""
 
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
-from numpy.typing import NDArray
 
+from dsfab.app.first_picture import FirstPicture
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, built_folder, picture_size
 from dsfab.app.terminal import Reporter, out
 from dsfab.errors import DsfabError
-from dsfab.render.answers import asking
-from dsfab.render.colouring import MODES, check_show
 from dsfab.wording import size
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from dsfab.pipeline import Design
     from dsfab.preset import Preset
     from dsfab.render.previewers import Previewers
@@ -44,6 +46,8 @@ ASKED = {"utilisation": "strength", "buckling": "buckling", "frequency": "freque
 
 def shows(text: str, preset: "Preset") -> tuple[str, ...]:
     """The names in 'structure', 'modes', 'all', 'structure,stress'; raises DsfabError for those that there are not."""
+    from dsfab.render.colouring import MODES, check_show
+
     names: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word == "all":
@@ -121,34 +125,70 @@ def preview(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
-    from dsfab.render.opengl import require_rendering
+    reporter = Reporter(quiet)
+    with _first_picture(picture, reporter) as first:
+        folder = built_folder(preset)
+        file = preset if folder is None else str(folder / "preset.toml")
+        given = source.read(file)
+        page = picture.page(given, folder or Path())
+        if watch and not Path(file).is_file():
+            raise DsfabError(
+                f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first"
+            )
+        with _drawing(page, reporter, folder, first) as draw:
+            if watch:
+                return _watch(Path(file), lambda: draw(source.read(file)), reporter)
+            draw(given)
+    return 0
+
+
+@contextmanager
+def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
+    """Inside, another process gets ready to draw first: where a person waits for one picture, and a core is free."""
+    single = "," not in picture.show and picture.show.strip() not in (*WORDS, *FINISHED)
+    if not (single and reporter.watched) or (os.cpu_count() or 1) == 1:
+        yield None
+        return
+    with FirstPicture(lambda: reporter.say("preview     a first picture is there, its widths follow")) as first:
+        yield first
+
+
+@contextmanager
+def _drawing(
+    page: Page, reporter: Reporter, folder: Path | None, first: FirstPicture | None
+) -> "Iterator[Callable[[Preset], None]]":
+    """Inside, what is given draws the page of a preset into its file; `folder` is where that was built, if it was."""
+    from dsfab.render.opengl import require_rendering, take_for_granted
     from dsfab.render.previewers import Previewers
 
-    folder = built_folder(preset)
-    file = preset if folder is None else str(folder / "preset.toml")
-    given = source.read(file)
-    page = picture.page(given, folder or Path())
-    if watch and not Path(file).is_file():
-        raise DsfabError(f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first")
-    require_rendering()
-    reporter = Reporter(quiet)
-    with Previewers(show=page.names[0], **page.options) as previewers:
+    if first is None:
+        require_rendering()
+    options = {"show": page.names[0], **page.options}
+
+    def sketched(design: "Design") -> None:
+        if first:
+            first.draw(design, page.path, page.pixels, options)
+
+    with Previewers(sketched if first else None, **options) as previewers:
 
         def draw(preset: "Preset") -> None:
             if page.names[0] in FINISHED:
                 _draw_finished(preset, page, reporter, folder)
+            elif first and not previewers.made:
+                with first.replaced():
+                    previewers.drafted(preset, reporter)
+                    if (window := first.finish()) is not None:
+                        take_for_granted(window)
+                    _draw(previewers, preset, page, reporter)
             else:
                 _draw(previewers, preset, page, reporter)
-            if not quiet:
+            if not reporter.quiet:
                 out(f"  {page.path}  {size(page.path.stat().st_size)}")
 
         try:
-            if watch:
-                return _watch(Path(file), lambda: draw(source.read(file)), reporter)
-            draw(given)
+            yield draw
         finally:
             reporter.stop()
-    return 0
 
 
 def _layers(text: str) -> tuple[str, ...]:
@@ -165,6 +205,7 @@ def _layers(text: str) -> tuple[str, ...]:
 
 def _draw(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
     """One picture, or several on one page, into one file."""
+    from dsfab.render.answers import asking
     from dsfab.render.panels import panels
     from dsfab.render.png import write_png
 
@@ -204,7 +245,7 @@ def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path
         reporter.say(f"note ({note.stage}): {note.text}")
 
 
-def _measured(design: "Design", page: Page, reporter: Reporter) -> NDArray[Any]:
+def _measured(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
     """The solid, and where it is smallest."""
     from dsfab.render.fabrication import workshop_picture
     from dsfab.study.fabrication import fabrication
@@ -215,7 +256,7 @@ def _measured(design: "Design", page: Page, reporter: Reporter) -> NDArray[Any]:
     return workshop_picture(design, made, size=page.pixels, view=page.options["view"], ground=page.options["ground"])
 
 
-def _members(design: "Design", page: Page, reporter: Reporter) -> NDArray[Any]:
+def _members(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
     """The sheet, with its members named."""
     from dsfab.render import members_picture
 

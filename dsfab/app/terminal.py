@@ -11,9 +11,15 @@ class Reporter:
     """Says on standard error what is being done, and how long it took. `quiet` says nothing."""
 
     def __init__(self, quiet: bool = False) -> None:
+        self.quiet = quiet
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
         self._stage: tuple[str, str, float] | None = None
         self._status: Status | None = None
+
+    @property
+    def watched(self) -> bool:
+        """Whether a person may be waiting: it speaks, and to a terminal."""
+        return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:
         """A stage begins, and with it the one before ends."""

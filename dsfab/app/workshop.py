@@ -62,6 +62,7 @@ def workshop(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
+    from dsfab.export import require_writable
     from dsfab.pipeline import Design
     from dsfab.render import up_axis
     from dsfab.workshop import workshop_plan, write_workshop
@@ -69,6 +70,8 @@ def workshop(
     given, folder = source_of(preset, options_source(source, flags.model, flags.stock, flags.thickness))
     if flags.ifc:
         _check_ifc(given)
+    target = output or folder / ("model" if given.workshop.model else "workshop")
+    require_writable(target)
     reporter = Reporter(quiet)
     try:
         design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
@@ -82,7 +85,7 @@ def workshop(
     if not quiet:
         for note in plan.notes:
             out(note)
-    where = write_workshop(plan, output or folder / ("model" if plan.model else "workshop"), given.name, documents)
+    where = write_workshop(plan, target, given.name, documents)
     if not quiet:
         _say_files(plan, where, documents)
     return 0

@@ -1,6 +1,6 @@
 """From a solid to a file: millimetres, the unit written into it, read back by another reader before it has its name."""
 
-from dsfab.export.atomic import replacing, write_chunks
+from dsfab.export.atomic import replacing, require_writable_file, write_chunks
 from dsfab.export.estimate import Estimate
 from dsfab.export.flat import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf, flat_dxf, flat_svg
 from dsfab.export.folder import complete, require_writable, whole_or_nothing
@@ -38,6 +38,7 @@ __all__ = [
     "replacing",
     "require_rhino",
     "require_writable",
+    "require_writable_file",
     "smooth_limits",
     "step_estimates",
     "temporary_folder",

@@ -38,11 +38,28 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, target)
     except OSError as error:
-        reason = _ADVICE.get(error.errno or 0, f"{error.strerror or error}; choose another folder or name")
-        raise ExportError(f"{path} could not be written: {reason}") from error
+        raise _refusal(path, error) from error
     finally:
         with suppress(OSError):  # nothing was written, or nothing can be done
             temporary.unlink()
+
+
+def require_writable_file(path: Path) -> None:
+    """Raise ExportError where a file cannot be written, before minutes of work; nothing is changed by asking.
+
+    Of a folder that is still to be made, the nearest one above it that is there is asked.
+    """
+    target = Path(os.path.realpath(path))
+    there = next(folder for folder in target.parents if os.path.lexists(folder))
+    try:
+        _ask(target, there / partial_name(target.suffix))
+    except OSError as error:
+        raise _refusal(path, error) from error
+
+
+def _refusal(path: Path, error: OSError) -> ExportError:
+    reason = _ADVICE.get(error.errno or 0, f"{error.strerror or error}; choose another folder or name")
+    return ExportError(f"{path} could not be written: {reason}")
 
 
 def _ask(target: Path, temporary: Path) -> None:

@@ -1,6 +1,7 @@
 """`Design`: a preset and everything that is made of it, stage by stage, each when it is first asked for."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -9,16 +10,16 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from dsfab import ways_out
 from dsfab.arrays import Floats
-from dsfab.errors import PresetError
+from dsfab.errors import PatternError, PresetError
 from dsfab.pipeline.beam_model import beam_agreement, beam_model
 from dsfab.pipeline.buildable import require_buildable
-from dsfab.pipeline.directions import diffusion_step
+from dsfab.pipeline.directions import diffusion_step, without_modes
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.member_checks import member_utilisation
-from dsfab.pipeline.pattern_stage import Before, pattern_stage
+from dsfab.pipeline.pattern_stage import Before, ChosenWay, chosen_way, pattern_stage, sketched_pattern
 from dsfab.pipeline.structure import statics_step
 from dsfab.pipeline.surface_stage import surface_step
 from dsfab.preset import STAGES, Preset
@@ -174,7 +175,36 @@ class Design:
     @cached_property
     def pattern(self) -> PatternResult:
         """Stage 4: the stripes, before anything is cut."""
-        return pattern_stage(self.preset, self.stressed, self._log, self._before)
+        made = pattern_stage(self.preset, self.stressed, self._log, self._way(self.stressed))
+        vars(self).pop("_chosen")  # what is wanted of it is in the pattern
+        return made
+
+    def _way(self, given: StressedSurface) -> ChosenWay:
+        """Where the stripes run: once for a sketch and the pattern after it."""
+        if "_chosen" not in vars(self):
+            vars(self)["_chosen"] = chosen_way(self.preset, given, self._log, self._before)
+        way: ChosenWay = vars(self)["_chosen"]
+        return way
+
+    def sketch(self, modes: bool = True) -> "Design | None":
+        """A design whose pattern is about what `pattern` will be, found in a tenth of the time: for a first picture.
+
+        modes : whether it has modes; without, those that evenly spaced stripes have no use for are left for later.
+
+        None where its widths cannot be counted: `pattern` says why. Raises the DsfabError of the stage that refuses.
+        """
+        ask = self.preset.pattern
+        if modes or self.has("diffusion") or ask.method != "stripes" or ask.width.rule == "stressed":
+            given = self.stressed
+        else:
+            tensors = without_modes(self.preset, self.surface, self.statics)
+            given = StressedSurface(self.surface, self.statics, tensors)
+        way = self._way(given)
+        with suppress(PatternError):
+            drawn = sketched_pattern(given, way)
+            known = {"surface": given.surface, "statics": given.statics, "diffusion": given.diffusion, "pattern": drawn}
+            return self.known(self.preset, None, **known)
+        return None
 
     @cached_property
     def slicing(self) -> SlicingResult:

@@ -5,7 +5,10 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.diffusion import (
     CLEAR,
+    DiffusionTensors,
     Labelling,
+    Modes,
+    Symmetry,
     combined_stress,
     diffusion_operator,
     diffusion_tensors,
@@ -46,11 +49,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
     if log.progress:
         log.progress("diffusion", f"computing {ask.modes} modes of both families")
     with log.row("diffusion"):
-        loads = statics.loads(preset.followed).values()
-        symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
-        sigma = followed_stress(preset, surface, statics)
-        sigma = symmetry.stress(sigma) if symmetry else sigma
-        tensors = diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+        symmetry, tensors = _tensors(preset, surface, statics)
         operators = [diffusion_operator(surface, D) for D in (tensors.major, tensors.minor)]
     with log.row("modes"):
         axes = load_axes(surface, statics.load)
@@ -72,6 +71,22 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
     if (share := float(tensors.isotropic @ surface.areas) / surface.area) > 0.5:
         log.note("diffusion", _unclear(share, ask.labelling))
     return DiffusionResult(tensors, major, minor)
+
+
+def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[Symmetry | None, DiffusionTensors]:
+    """Those of [diffusion], and the symmetry that it asks for."""
+    ask = preset.diffusion
+    loads = statics.loads(preset.followed).values()
+    symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
+    sigma = followed_stress(preset, surface, statics)
+    sigma = symmetry.stress(sigma) if symmetry else sigma
+    return symmetry, diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+
+
+def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> DiffusionResult:
+    """Tensors alone: for who draws evenly spaced stripes at once, and solves for modes later."""
+    none = Modes(np.zeros(0), np.zeros((surface.n, 0)))
+    return DiffusionResult(_tensors(preset, surface, statics)[1], none, none)
 
 
 def _unclear(share: float, labelling: Labelling) -> str:

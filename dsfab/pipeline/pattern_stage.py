@@ -7,7 +7,7 @@ from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import even_step, same_stripes
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.method import Way, method_step
-from dsfab.pipeline.patterns import pattern_step
+from dsfab.pipeline.patterns import pattern_step, sketched_step
 from dsfab.pipeline.regions import one_sided_words
 from dsfab.pipeline.stressing import stressed_step
 from dsfab.preset import Family, Pattern, Preset
@@ -24,8 +24,15 @@ class Before(NamedTuple):
     seconds: float
 
 
-def pattern_stage(preset: Preset, given: StressedSurface, log: Log, before: Before | None = None) -> PatternResult:
-    """The stripes of a preset, with all that it leaves to be chosen.
+class ChosenWay(NamedTuple):
+    """A way to draw stripes before their widths are known, and all that was tried for it, best first."""
+
+    way: Way
+    attempts: tuple[Attempt, ...] = ()
+
+
+def chosen_way(preset: Preset, given: StressedSurface, log: Log, before: Before | None = None) -> ChosenWay:
+    """Where the stripes of a preset run, with all that it leaves to be chosen but the width that a share asks for.
 
     before : its stripes are taken where at most their widths, and what is kept besides them, have changed.
     """
@@ -41,10 +48,25 @@ def pattern_stage(preset: Preset, given: StressedSurface, log: Log, before: Befo
     if way.even:
         for told in _idle_frequencies(preset.pattern, given.surface):
             log.note("pattern", told)
+    return ChosenWay(way, attempts)
+
+
+def pattern_stage(preset: Preset, given: StressedSurface, log: Log, chosen: ChosenWay) -> PatternResult:
+    """The stripes of a preset, that way."""
+    way = chosen.way
     drawn = pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
     asked = None if way.preset is preset else way.preset.pattern
     give_back()  # what the solvers held: whoever draws needs memory of another shape
-    return replace(drawn, asked=asked, attempts=attempts)
+    return replace(drawn, asked=asked, attempts=chosen.attempts)
+
+
+def sketched_pattern(given: StressedSurface, chosen: ChosenWay) -> PatternResult:
+    """The stripes as wide as a count of points says, at a tenth of the time: for a picture that another one replaces.
+
+    Off by what round corners and filled openings add. Raises PatternError where no width keeps what is asked.
+    """
+    way = chosen.way
+    return sketched_step(way.preset, given, way.choice, way.grading, way.even)
 
 
 def _idle_frequencies(ask: Pattern, surface: Surface) -> list[str]:

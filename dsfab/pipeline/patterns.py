@@ -53,6 +53,9 @@ SLIMMEST = 0.5
 PLAIN_SHARE = 0.5
 """The share of material that stripes are about, where none is asked."""
 
+SKETCHED_TOLERANCE = 4e-3
+"""How closely a sketch keeps what is asked: counts are off by as much."""
+
 SHARE_SNAP = 0.05
 """Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
 
@@ -149,6 +152,23 @@ def pattern_step(
             result, total = corrected(ask.width, made, share.nearest, added, lambda: bridged_share(surface))
         log.note("pattern", _solved(preset, widths, result.factor, total))
     return result
+
+
+def sketched_step(
+    preset: Preset,
+    given: StressedSurface,
+    choice: Choice | None = None,
+    grading: Floats | None = None,
+    even: EvenStripes | None = None,
+) -> PatternResult:
+    """`pattern_step` with widths that were found by counting points, without any cut."""
+    surface = given.surface
+    kept = kept_regions(preset, surface, given.load, even)
+    families = striped_families(preset, given, member_widths(preset, surface).radius, grading, even)
+    search = WidthSearch(counted_share(surface, kept, COUNTED), SKETCHED_TOLERANCE)
+    layers, factor = solved_layers(preset, surface, kept, families, search)
+    found = pattern_of(preset, families, layers)
+    return replace(found, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, given, layers))
 
 
 def member_widths(preset: Preset, surface: Surface) -> Widths:

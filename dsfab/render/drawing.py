@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 Ground = Literal["paper", "white", "transparent"]
 """What a structure stands on."""
 
-FINER = 2
-"""Drawn at twice the size and averaged: smooth edges."""
+FINER = light.FINE.finer
+"""How many times as large a fine picture is drawn before it is averaged."""
 
 FADE = 0.12
 """Shadows fade out towards the edges of the page over this share of its height."""
@@ -48,7 +48,8 @@ def rendered(
     """The picture without words; `clear` leaves the paper away and gives the shadows their share of opacity."""
     from PIL import Image
 
-    width, height = FINER * size[0], FINER * size[1]
+    finer = quality.finer
+    width, height = finer * size[0], finer * size[1]
     all_lamps = light.lamps(stage.view, stage.view.floor, quality.fitting(size[1]))
     pixels = scene.pixels(stage.view, width, height)
     level = None
@@ -62,7 +63,7 @@ def rendered(
     hit = np.isfinite(pixels.depth)
     canvas[hit, :3] = _inked(pixels, hit, brightness, lines, palette)
     canvas[hit, 3:] = 255
-    return Image.fromarray(canvas).reduce(FINER)
+    return Image.fromarray(canvas).reduce(finer)
 
 
 def _open(share: Floats32, width: int, height: int) -> Bytes:

@@ -7,7 +7,6 @@ plaster model.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from dsfab.arrays import Bools, Floats
 from dsfab.render.scene import Floats32, Pixels, Scene
@@ -38,6 +37,7 @@ class LightQuality:
 
     sharp : that of the sun's, whose shadows are sharper; coarse : that of the others.
     blur  : of the floor's shadows, of the sun and of the others, as shares of the picture's height.
+    finer : drawn at so many times the size and averaged: smooth edges.
     """
 
     sun: int = 10
@@ -46,6 +46,7 @@ class LightQuality:
     sharp: int = 1280
     coarse: int = 768
     blur: tuple[float, float] = (0.004, 0.028)
+    finer: int = 2
 
     def fitting(self, height: int) -> "LightQuality":
         """The same for a picture of this many rows: what lamps see need not be finer than what the eye sees."""
@@ -55,6 +56,9 @@ class LightQuality:
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """For a picture that stands alone, and for one of a hundred."""
+
+ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)
+"""For one that another one replaces in a moment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +231,8 @@ def _floor_share(
     light: Floats32, there: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
     """(h, w) share of light on the floor; the sky's shadows, few lamps' worth, are blurred to what many would give."""
+    from scipy.ndimage import gaussian_filter  # whoever only needs to know what light there is waits for it otherwise
+
     whole = sum(open_light)
     share = np.ones(there.shape, dtype=np.float32)
     for part, free, blur in zip(light, open_light, blurs, strict=True):

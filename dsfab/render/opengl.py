@@ -29,6 +29,24 @@ raise SystemExit(0 if pixels.GetTuple3(0) == (255.0, 0.0, 0.0) else 3)
 """
 
 
+_KNOWN: set[str] = set()
+"""Kinds of window that need not be asked about."""
+
+
+def take_for_granted(window: str | None = None) -> str:
+    """Draw from now on without asking, with this kind of window or the first that would be asked about; which it is.
+
+    For a process that may crash, and for one that was told by such a process what it has drawn with.
+    """
+    name = _candidates(os.environ.get(WINDOW, ""))[0] if window is None else window
+    _KNOWN.add(name)
+    if name:
+        os.environ[WINDOW] = name
+    else:
+        os.environ.pop(WINDOW, None)
+    return name
+
+
 def require_rendering() -> None:
     """Make sure that pictures can be drawn, choosing VTK's window for a machine without a screen.
 
@@ -38,7 +56,7 @@ def require_rendering() -> None:
     chosen = os.environ.get(WINDOW, "")
     if not chosen:
         os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
-    working = next((name for name in _candidates(chosen) if _draws(name)), None)
+    working = next((name for name in _candidates(chosen) if name in _KNOWN or _draws(name)), None)
     if working is None:
         raise DsfabError(_missing(chosen))
     if working:

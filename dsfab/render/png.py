@@ -6,14 +6,17 @@ from pathlib import Path
 from dsfab.render.scene import Bytes
 
 
-def write_png(pixels: Bytes, path: Path) -> Path:
-    """Write a picture, whole or not at all; returns its path. Raises ExportError for a file that cannot be written."""
+def write_png(pixels: Bytes, path: Path, effort: int = 6) -> Path:
+    """Write a picture, whole or not at all; returns its path. Raises ExportError for a file that cannot be written.
+
+    effort : to make the file small, 1 to 9.
+    """
     from PIL import Image
 
     from dsfab.export.atomic import replacing
 
     with replacing(path) as temporary:
-        Image.fromarray(pixels).save(temporary, format="PNG")
+        Image.fromarray(pixels).save(temporary, format="PNG", compress_level=effort)
     return path
 
 

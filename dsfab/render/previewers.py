@@ -1,21 +1,26 @@
 """One previewer after another: the one there is draws the next preset if it can, and what was solved is kept."""
 
-from typing import Any, Self
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Self
 
-from dsfab.pipeline import Progress, draft
+from dsfab.pipeline import Progress
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
-from dsfab.render.previewer import Previewer
+from dsfab.render.colouring import MODES
+
+if TYPE_CHECKING:
+    from dsfab.render.previewer import Previewer
 
 
 class Previewers:
     """Previewers for presets that follow one another; use as `with Previewers(view=..., ...) as previewers`.
 
-    options : those of `Previewer`, for all of them.
+    sketched : called with a sketch of each design that is not there yet (see `Design.sketch`).
+    options  : those of `Previewer`, for all of them.
     """
 
-    def __init__(self, **options: Any) -> None:
-        self._options = options
+    def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
+        self._sketched, self._options = sketched, options
         self._previewer: Previewer | None = None
         self.made: Design | None = None
 
@@ -31,8 +36,10 @@ class Previewers:
             self._previewer.close()
         self._previewer = None
 
-    def showing(self, preset: Preset, progress: Progress | None = None) -> Previewer:
+    def showing(self, preset: Preset, progress: Progress | None = None) -> "Previewer":
         """A previewer that shows this preset; raises DsfabError for what cannot be made or drawn."""
+        from dsfab.render.previewer import Previewer  # a sketch is drawn elsewhere meanwhile
+
         if self._previewer and self._previewer.can_display(preset):
             self._previewer.display(preset)
             return self._previewer
@@ -43,5 +50,10 @@ class Previewers:
 
     def drafted(self, preset: Preset, progress: Progress | None = None) -> Design:
         """What is drawn: with the stages of the last one before the first section that differs."""
-        self.made = draft(preset, progress, self.made)
+        design = Design.of(preset, self.made, progress)
+        if self._sketched and not design.has("pattern"):
+            sketch = design.sketch(modes=self._options.get("show") in MODES)
+            if sketch:
+                self._sketched(sketch)
+        self.made = design.until("pattern")
         return self.made

@@ -95,6 +95,21 @@ class Window:
         return _numbers(values)
 
 
+def warm_up() -> None:
+    """Load what draws, and draw nothing once: for a process that waits until it is asked for a picture."""
+    import PIL.ImageDraw
+    import PIL.ImageFont
+    import PIL.PngImagePlugin  # noqa: F401
+    import pyvista  # noqa: F401
+    import scipy.ndimage  # noqa: F401
+
+    import dsfab.export  # noqa: F401  (it writes pictures)
+
+    window = Window()
+    window.draw()
+    window.close()
+
+
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
     """A mesh of points (n, 3) and faces (m, 3), its corners split at edges sharper than `split`, degrees.
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, from_segments
+from dsfab.arrays import Bools, Floats, Ints, distinct, from_segments
 from dsfab.slicing.mesh_edit import GAIN, Cut, independent
 from dsfab.slicing.sheet import VOID
 from dsfab.surface.neighbours import on_boundary
@@ -63,7 +63,7 @@ def collapsed(cut: Cut, tolerance: float) -> tuple[Cut, int]:
 def _candidates(cut: Cut) -> Moves:
     """Moves away from poor cells, of vertices that were made by the cut, within all uncut faces around them."""
     poor = (cut.angle < POOR) & (cut.family != VOID)
-    edge = np.unique(cut.edges.of[poor])
+    edge = distinct(cut.edges.of[poor])
     v, w = np.concatenate([cut.edges.ends[edge], cut.edges.ends[edge][:, ::-1]]).T
     made = (cut.support[v] >= 0).sum(axis=1) > 1
     v, w = v[made], w[made]
@@ -127,7 +127,7 @@ def _linked(cut: Cut, moves: Moves, row: Ints, F: Ints) -> Bools:
     """
     others = np.repeat(row, 3), F.ravel()
     known = (others[1] != moves.v[others[0]]) & (others[1] != moves.w[others[0]])
-    pair = np.unique(others[0][known] * len(cut.V) + others[1][known])
+    pair = distinct(others[0][known] * len(cut.V) + others[1][known])
     at, x = pair // len(cut.V), pair % len(cut.V)
     there = cut.edge(x, moves.w[at])
     common = np.bincount(at[there >= 0], minlength=len(moves.v))

@@ -19,7 +19,7 @@ from scipy.linalg.blas import dsyrk, dtrsm, dtrsv, zherk, ztrsm, ztrsv
 from scipy.linalg.lapack import dpotrf, zpotrf
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, distinct
 from dsfab.sparse.dissection import along_a_curve, dissection_keys, point_graph
 from dsfab.sparse.threads import one_blas_thread
 
@@ -110,13 +110,13 @@ def _touched_points(row: Index, column: Index, first: Ints) -> tuple[list[Ints],
     n = int(first[-1])
     front = np.repeat(np.arange(len(first) - 1), np.diff(first))
     outside = front[row] != front[column]
-    at, point = np.divmod(np.unique(front[column[outside]] * n + row[outside]), n)
+    at, point = np.divmod(distinct(front[column[outside]] * n + row[outside]), n)
     direct = np.split(point, np.searchsorted(at, np.arange(1, len(first) - 1)))
     touched: list[Ints] = []
     children: list[list[int]] = [[] for _ in direct]
     for s, points in enumerate(direct):
         inherited = [touched[c][np.searchsorted(touched[c], first[s + 1]) :] for c in children[s]]
-        touched.append(np.unique(np.concatenate([points, *inherited])) if inherited else points)
+        touched.append(distinct(np.concatenate([points, *inherited])) if inherited else points)
         if len(touched[s]):
             children[front[touched[s][0]]].append(s)
     return touched, children

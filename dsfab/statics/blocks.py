@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_array, csr_array
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, distinct
 from dsfab.surface import next_half_edge
 from dsfab.surface.mesh import Surface
 
@@ -44,7 +44,7 @@ class VertexPairs:
             return cls(n, ends, np.arange(len(ends)), np.zeros(0, dtype=np.int64))
         across = hinge[:, 2:].min(axis=1) * n + hinge[:, 2:].max(axis=1)
         apart = hinge[:, 2] != hinge[:, 3]
-        keys = np.unique(np.concatenate([edge, across[apart]]))
+        keys = distinct(np.concatenate([edge, across[apart]]))
         opposite = np.where(apart, np.searchsorted(keys, across), len(keys))
         return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
 
@@ -78,11 +78,10 @@ class VertexPairs:
         """
         low, high = self.ends.T
         below = blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
-        own = [
-            -np.bincount(low, upper, self.n) - np.bincount(high, lower, self.n)
-            for upper, lower in zip(blocks, below, strict=True)
-        ]
-        mean = (np.stack(own).reshape(3, 3, -1) + np.stack(own).reshape(3, 3, -1).transpose(1, 0, 2)) / 2
+        own = np.empty((3, 3, self.n))
+        for entry, upper, lower in zip(own.reshape(9, -1), blocks, below, strict=True):
+            entry[:] = -np.bincount(low, upper, self.n) - np.bincount(high, lower, self.n)
+        mean = (own + own.transpose(1, 0, 2)) / 2
         begin, column, number = self._places
         # block by block: the places of single entries would take a third of the memory of the matrix
         values = np.concatenate([blocks.T, below.T, mean.reshape(9, -1).T])[number].reshape(-1, 3, 3)

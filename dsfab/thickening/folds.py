@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, distinct
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import smoothing_pairs
 from dsfab.thickening.intersect import intersecting_pairs, pairs_after_moves
@@ -105,7 +105,7 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
-    used = np.unique(corner)
+    used = distinct(corner)
     kinds, of = np.unique(label[used], return_inverse=True)
     fold = np.full(len(V), -1)
     fold[used] = of

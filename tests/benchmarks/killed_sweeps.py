@@ -42,6 +42,9 @@ OF_WORKERS = 0.6
 """Share of the kills that hit a worker."""
 BETWEEN = (0, 0, 1, 1, 1, 2)
 """How many runs end from one kill to the next: so the kills spread over a sweep on a fast and on a busy machine."""
+HURRY = 4
+"""By so much sooner a kill comes where the sweep is ahead of its kills."""
+RUNS = 60
 MISSING = 3
 """Exit code of a sweep with runs that are missing."""
 
@@ -76,10 +79,11 @@ def disturbed(words: tuple[str, ...], kills: int, longest: float, dice: random.R
     hit, ended, starts, folder = 0, 0, 1, Path(words[-1])
     scheduler = start(*words)
     while hit + ended < kills:
-        wanted = done(folder) + dice.choice(BETWEEN)
+        late = done(folder) * kills > RUNS * (hit + ended)  # or the sweep would end before its kills
+        wanted = done(folder) + (0 if late else dice.choice(BETWEEN))
         while scheduler.poll() is None and not (workers(scheduler.pid) and done(folder) >= wanted):
             time.sleep(0.05)
-        time.sleep(dice.uniform(0, longest))
+        time.sleep(dice.uniform(0, longest / HURRY if late else longest))
         code = scheduler.poll()
         if code == 0:
             raise SystemExit(f"the sweep had ended after {hit + ended} kills; take more designs, or larger ones")
@@ -129,7 +133,7 @@ def main() -> int:
         if start(str(plan), "-o", f"{home}/calm").wait():
             raise SystemExit("the undisturbed sweep failed")
         calm = content(Path(home) / "calm")
-        longest = sum(row.seconds or 0.0 for row in SweepFolder.at(Path(home) / "calm").rows()) / 60
+        longest = sum(row.seconds or 0.0 for row in SweepFolder.at(Path(home) / "calm").rows()) / RUNS
         for seed in range(asked.seed, asked.seed + asked.rounds):
             folder = Path(home) / f"seed-{seed}"
             begun = time.monotonic()

@@ -1,9 +1,7 @@
 """Builds and readings of meshes in a process of their own: cancelled at once, wherever they are."""
 
-import io
 import json
 import os
-import pickle
 import queue
 import shutil
 import signal
@@ -11,35 +9,23 @@ import subprocess
 import sys
 import tempfile
 import threading
-import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import dsfab
+from dsfab.app.carrier import carried, carried_preset
 from dsfab.app.editor.building import BuildRequest, EditorBuild
 from dsfab.app.editor.job import JobProgress
 from dsfab.app.editor.source import MeshRequest, Opened
 from dsfab.errors import DsfabError
-from dsfab.preset import Preset
-from dsfab.preset_file import preset_from, preset_toml
 from dsfab.proposal import Decision
 
 PAUSE = 0.1
 """Seconds after which somebody looks whether the job was cancelled."""
 
 PROGRAM = "import sys; sys.path.append(sys.argv[1]); from dsfab.app.editor.builder import main; main()"
-
-
-class _Carrier(pickle.Pickler):
-    def reducer_override(self, thing: object) -> Any:
-        if isinstance(thing, Preset):  # its parts are of classes that were made when dsfab was imported
-            return _preset, (preset_toml(thing),)
-        if isinstance(thing, MappingProxyType):
-            return _proxy, (dict(thing),)
-        return NotImplemented
 
 
 class BuilderError(RuntimeError):
@@ -75,7 +61,7 @@ def opened_apart(request: MeshRequest, progress: JobProgress) -> Opened:
         _process(Path(aside)) as process,
     ):
         told = _followed(process, asked, progress, "reading the mesh", "make it coarser")
-    return Opened(_preset(told["preset"]), (), request.name, tuple(Decision(**one) for one in told["decided"]))
+    return Opened(carried_preset(told["preset"]), (), request.name, tuple(Decision(**one) for one in told["decided"]))
 
 
 def _followed(
@@ -153,18 +139,3 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
         if pipe:
             with suppress(OSError):
                 pipe.close()
-
-
-def carried(thing: object) -> bytes:
-    """A draft as bytes for `pickle.loads` in another process of ours, with what pickle does not know by itself."""
-    file = io.BytesIO()
-    _Carrier(file, protocol=5).dump(thing)
-    return file.getvalue()
-
-
-def _preset(text: str) -> Preset:
-    return preset_from(tomllib.loads(text))
-
-
-def _proxy(values: dict[Any, Any]) -> Mapping[Any, Any]:
-    return MappingProxyType(values)

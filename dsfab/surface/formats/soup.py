@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, distinct
 from dsfab.surface.formats.record import PolygonFile, counted
 from dsfab.surface.polygons import Polygons
 
@@ -24,13 +24,13 @@ def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
     used[corners] = True
     if not _some_places_twice(V[used]):
         return file, ()
-    soup = len(mesh.sizes) > 1 and len(np.unique(corners)) == len(corners)
+    soup = len(mesh.sizes) > 1 and len(distinct(corners)) == len(corners)
     if not soup and not _free(mesh, corners).any():
         return file, ()
     fewer, became = _first_at_each_place(V)
     welded = became[corners]
     crowded = np.unique(_edges(mesh, welded), return_counts=True)[1].max() > 2
-    gone = len(np.unique(corners)) - len(np.unique(welded))
+    gone = len(distinct(corners)) - len(distinct(welded))
     if crowded or not gone or not (soup or not _free(mesh, welded).any()):
         return file, ()
     words = f"{counted(gone, 'vertex')} joined with others at exactly the same place"

@@ -1,0 +1,156 @@
+"""A first picture while a person waits: drawn apart, replaced by the true one, and gone where that is refused."""
+
+import os
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from dsfab.app import first_picture, preview
+from dsfab.app.cli import main
+from dsfab.app.first_picture import FirstPicture
+from dsfab.app.terminal import Reporter
+from dsfab.errors import PatternError
+from dsfab.pipeline import Design, draft
+from dsfab.pipeline import design as stages
+from dsfab.preset_file import load_preset
+from dsfab.render import opengl
+from dsfab.render.light import ROUGH
+from dsfab.render.previewer import Previewer
+from tests.presets import DOME_MODES
+
+STRIPES = {"surface.edge": 1.0, "pattern.method": "stripes", "pattern.major.spacing": 2.0, "pattern.minor.spacing": 2.0}
+SHARES = {
+    "modes": {"surface.edge": 0.9},
+    "stripes": STRIPES,
+    "graded": {**STRIPES, "pattern.width.rule": "graded"},
+    "no share": {**STRIPES, "pattern.width.solid_fraction": 0.0, "pattern.width.member": 0.3},
+}
+
+DRAWS = """
+import sys, pickle, pathlib
+n = int.from_bytes(sys.stdin.buffer.read(8), "little")
+sys.path.append(sys.argv[1])
+path, = pickle.loads(sys.stdin.buffer.read(n))
+pathlib.Path(path).write_bytes(b"first")
+print("aWindow")
+"""
+
+
+@pytest.mark.parametrize("ask", [pytest.param(one, marks=[pytest.mark.slow] * (one == "graded")) for one in SHARES])
+def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
+    preset = load_preset(DOME_MODES, SHARES[ask])
+    design = Design.of(preset)
+    sketch = design.sketch(modes=False)
+    assert design.has("diffusion") == (ask == "modes")
+    assert not design.has("pattern")
+    calm = draft(preset)
+    assert design.pattern.factor == calm.pattern.factor
+    for one, other in zip(design.pattern.half_widths, calm.pattern.half_widths, strict=True):
+        assert np.array_equal(one, other)
+    assert sketch.pattern.factor == pytest.approx(calm.pattern.factor, rel=0.25)  # round corners weigh on large faces
+    assert len(sketch.pattern.fields) == len(calm.pattern.fields)
+
+
+def test_widths_that_cannot_be_counted_are_no_sketch_and_refused_by_the_pattern():
+    design = Design.of(load_preset(DOME_MODES, {"surface.edge": 0.9, "pattern.width.solid_fraction": 0.02}))
+    assert design.sketch() is None
+    with pytest.raises(PatternError, match=r"cannot keep 2\.0%"):
+        _ = design.pattern
+
+
+def test_a_rough_picture_is_as_large_and_about_as_light():
+    made = draft(load_preset(DOME_MODES, {"surface.edge": 0.9, "pattern.width": {}}))
+    with Previewer(made) as previewer:
+        rough, fine = previewer.picture((160, 120), quality=ROUGH), previewer.picture((160, 120))
+    assert rough.shape == fine.shape == (120, 160, 3)
+    means = [one.reshape(15, 8, 20, 8, 3).mean(axis=(1, 3)) for one in (rough, fine)]
+    assert abs(means[0] - means[1]).mean() < 4
+    assert not np.array_equal(rough, fine)
+
+
+@pytest.fixture
+def drawn_apart(monkeypatch):
+    """Programs that draw in no time, asked with the path alone; what is known of windows is forgotten at the end."""
+    monkeypatch.setattr("dsfab.app.carrier.carried", lambda asked: pickle.dumps([str(asked[1])]))
+    monkeypatch.setattr(opengl, "_KNOWN", set())
+    monkeypatch.setenv(opengl.WINDOW, "another")
+    return lambda program: monkeypatch.setattr(first_picture, "PROGRAM", program)
+
+
+def test_it_is_there_before_the_true_one_and_says_what_can_draw(drawn_apart, tmp_path):
+    drawn_apart(DRAWS)
+    told, path = [], tmp_path / "a.png"
+    with FirstPicture(lambda: told.append(path.read_bytes())) as first, first.replaced():
+        first.draw(None, path, (160, 120), {})
+        first.draw(None, tmp_path / "second.png", (160, 120), {})
+        window = first.finish()
+        assert told == [b"first"]
+        path.write_bytes(b"true")
+    assert path.read_bytes() == b"true"
+    assert [one.name for one in tmp_path.iterdir()] == ["a.png"]
+    assert opengl.take_for_granted(window) == "aWindow"
+    opengl.require_rendering()  # by a window that no machine has: nobody is asked
+    assert os.environ[opengl.WINDOW] == "aWindow"
+
+
+@pytest.mark.parametrize("before", [b"older", b"", None])
+def test_after_a_refusal_the_file_is_what_it_was(drawn_apart, tmp_path, before):
+    drawn_apart(DRAWS)
+    path = tmp_path / "a.png"
+    if before is not None:
+        path.write_bytes(before)
+
+    def refused(first):
+        with first.replaced():
+            first.draw(None, path, (160, 120), {})
+            first.finish()
+            assert path.read_bytes() == b"first"
+            raise PatternError("no such share")
+
+    with FirstPicture(lambda: None) as first, pytest.raises(PatternError):
+        refused(first)
+    assert (path.read_bytes() if path.exists() else None) == before
+
+
+@pytest.mark.parametrize("program", ["exit(3)", "import os; os.abort()", "import time; time.sleep(60)"])
+def test_a_process_that_cannot_draw_says_nothing(drawn_apart, monkeypatch, tmp_path, program):
+    drawn_apart(program)
+    monkeypatch.setattr(first_picture, "SECONDS", 0.1)
+    told = []
+    with FirstPicture(lambda: told.append(1)) as first, first.replaced():
+        first.draw(None, tmp_path / "a.png", (160, 120), {})
+        first.finish()
+    assert told == []
+    assert set() == opengl._KNOWN
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_it_is_begun_before_anything_is_loaded():
+    code = "import sys, dsfab.app.preview; print(*{'numpy', 'pydantic', 'dsfab.surface'} & {*sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+@pytest.mark.slow
+def test_a_person_who_waits_sees_it_and_gets_the_same_picture_as_one_who_does_not(monkeypatch, tmp_path, capsys):
+    asked = ["preview", DOME_MODES, "--set", "surface.edge=0.8", "--size", "320x240", "-o"]
+    assert main([*asked, str(tmp_path / "calm.png")]) == 0
+    monkeypatch.setattr(Reporter, "watched", True)
+    seen, path = [], tmp_path / "watched.png"
+    monkeypatch.setattr(preview, "_draw", lambda *a, draw=preview._draw: (seen.append(path.read_bytes()), draw(*a)))
+    assert main([*asked, str(path)]) == 0
+    calm = (tmp_path / "calm.png").read_bytes()
+    assert seen[0][:4] == calm[:4]
+    assert seen[0] != calm
+    assert path.read_bytes() == calm
+    assert "a first picture is there" in capsys.readouterr().err
+
+    def refused(*_):
+        raise PatternError("no such share")
+
+    monkeypatch.setattr(stages, "pattern_stage", refused)
+    assert main([*asked, str(path)]) == 1
+    assert path.read_bytes() == calm
