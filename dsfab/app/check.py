@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.check_nonlinear import Nonlinear, check_nonlinear
+from dsfab.app.check_nonlinear import AS_A_FILE, Nonlinear, check_nonlinear
 from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
 from dsfab.app.terminal import Reporter, out
 from dsfab.wording import length, mass
@@ -85,7 +85,7 @@ def check(
     expected: Expected = Expected(),
     reading: Reading = Reading(),
     density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0,
-    nonlinear: Nonlinear = Nonlinear(),
+    nonlinear: Nonlinear = AS_A_FILE,
     solid: Annotated[bool, Parameter(help="With a preset: also compare compliance by a solid model.")] = True,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON instead of text.")] = False,
     quiet: Quiet = False,
