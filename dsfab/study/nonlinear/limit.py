@@ -8,7 +8,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import StaticsError
 from dsfab.pipeline import Design, Progress, loads_on, silent
 from dsfab.study.nonlinear.calculix import LoadPath, load_path, lowest_buckling, require_ccx
-from dsfab.study.nonlinear.solid import SolidModel, solid_model
+from dsfab.study.nonlinear.solid import WedgeModel, solid_model
 from dsfab.wording import length
 
 OF_SPAN = 1 / 300
@@ -100,7 +100,7 @@ def _vertex_normals(V: Floats, F: Ints, normal: Floats) -> Floats:
 
 
 def solid_check(
-    model: SolidModel, case: str, imperfection: float, seconds: float, progress: Progress
+    model: WedgeModel, case: str, imperfection: float, seconds: float, progress: Progress
 ) -> NonlinearCheck:
     """The same of a solid; imperfection in metres, seconds that each run of CalculiX may take."""
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
