@@ -97,6 +97,7 @@ def test_forces_and_supports_of_the_sheet_are_those_of_the_solid():
     assert not len(model.opposite)
     hinged = solid_model(s, up(s), 0.01, Material(210e9, 0.0), replace(load, clamped=np.zeros(0, dtype=bool)))
     assert len(hinged.fixed) == 2 * 3
+    assert hinged.solid.nodes[hinged.fixed[:, 0], 2] == pytest.approx(0)  # in the middle of the thickness
     assert len(hinged.opposite) == 3 * 3  # two corners and the edge between them
     low, top = hinged.solid.nodes[hinged.opposite[:, 0]], hinged.solid.nodes[hinged.opposite[:, 1]]
     assert np.abs(top - low) == pytest.approx(np.tile([0, 0, 0.01], (9, 1)))

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
 from types import MappingProxyType
 
 import numpy as np
@@ -52,7 +51,8 @@ class MemberBays:
         if not rows:
             none = np.zeros((0, STATIONS))
             return cls((), (), none, none, thickness, np.zeros(0), none, {})
-        member, bay = (tuple(chain.from_iterable(row[k] for row in rows)) for k in (0, 1))
+        member = tuple(name for row in rows for name in row[0])
+        bay = tuple(name for row in rows for name in row[1])
         length, s, width, curvature = (np.concatenate([row[2][k] for row in rows]) for k in range(4))
         by_case = {
             case: np.concatenate([one.forces[case].reshape(-1, STATIONS, 6) for one in forces.values()])
