@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.check_nonlinear import Nonlinear, check_nonlinear
+from dsfab.app.check_nonlinear import AS_A_FILE, Nonlinear, check_nonlinear
 from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
 from dsfab.app.terminal import Reporter, out
 from dsfab.wording import length, mass
@@ -65,10 +65,11 @@ class Expected:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Reading:
-    """How a file is read."""
+    """How a file is read, and of what it is."""
 
     unit: Annotated[str | None, Parameter(help="Unit of an STL file's numbers: mm, cm, m, in, ft [mm].")] = None
     max_triangles: MaxTriangles = None
+    density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0
 
     @property
     def most(self) -> int:
@@ -84,8 +85,7 @@ def check(
     *,
     expected: Expected = Expected(),
     reading: Reading = Reading(),
-    density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0,
-    nonlinear: Nonlinear = Nonlinear(),
+    nonlinear: Nonlinear = AS_A_FILE,
     solid: Annotated[bool, Parameter(help="With a preset: also compare compliance by a solid model.")] = True,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON instead of text.")] = False,
     quiet: Quiet = False,
@@ -110,7 +110,7 @@ def check(
         if name is not None:
             read_shipped(file, reading.unit, reading.most)  # a file that cannot be read is told before any work begins
             design = expected.design(name, reporter)
-        checked = check_file(file, design, reading.unit, density, solid, reporter, reading.most)
+        checked = check_file(file, design, reading.unit, reading.density, solid, reporter, reading.most)
         reporter.done()
     finally:
         reporter.stop()

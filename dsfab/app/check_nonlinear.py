@@ -25,8 +25,8 @@ class Nonlinear:
         bool,
         Parameter(
             negative=(),
-            help="Of a preset or built folder in place of a file: load the cut sheet by CalculiX (ccx, installed apart) "
-            "until it gives way, with large displacements and an imperfection. Takes minutes, finer meshes hours.",
+            help="Of a preset or built folder in place of a file: load the cut sheet by CalculiX (ccx, which you "
+            "install) until it gives way, with large displacements and an imperfection. Takes minutes to hours.",
         ),
     ] = False
     case: Annotated[
@@ -36,6 +36,10 @@ class Nonlinear:
         float | None, Parameter(help="Metres, in the shape of the first buckling [the longest side / 300].")
     ] = None
     minutes: Annotated[float, Parameter(help="That each of the two or three runs of CalculiX may take.")] = 60.0
+
+
+AS_A_FILE = Nonlinear()
+"""What is checked is a file."""
 
 
 def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, quiet: bool) -> int:

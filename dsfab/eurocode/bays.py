@@ -51,13 +51,14 @@ class MemberBays:
         if not rows:
             none = np.zeros((0, STATIONS))
             return cls((), (), none, none, thickness, np.zeros(0), none, {})
-        member, bay, length = (sum((row[k] for row in rows), ()) for k in (0, 1, 2))
-        five = [np.concatenate([row[k] for row in rows]) for k in (3, 4, 5)]
+        member = tuple(name for row in rows for name in row[0])
+        bay = tuple(name for row in rows for name in row[1])
+        length, s, width, curvature = (np.concatenate([row[2][k] for row in rows]) for k in range(4))
         by_case = {
             case: np.concatenate([one.forces[case].reshape(-1, STATIONS, 6) for one in forces.values()])
             for case in names
         }
-        return cls(member, bay, five[0], five[1], thickness, np.array(length), five[2], by_case)
+        return cls(member, bay, s, width, thickness, length, curvature, by_case)
 
     def some(self, cases: list[str]) -> "MemberBays":
         """The same with the forces of some cases only."""
@@ -66,15 +67,14 @@ class MemberBays:
 
 def _member_bays(
     graph: MemberGraph, one: MemberForces
-) -> tuple[tuple[str, ...], tuple[str, ...], tuple[float, ...], Floats, Floats, Floats]:
-    """Of one member: its name and those of its bays, their lengths, s, width and curvature (b, 5) each."""
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[Floats, Floats, Floats, Floats]]:
+    """Of one member: its name and those of its b bays; their lengths (b,), and s, width and curvature (b, 5) each."""
     axis, nodes = graph.by_id[one.member].axis, graph.along[one.member]
     assert axis is not None
     lengths = graph.bays(one.member).tolist()
     known = {f"{nodes[k].id} {nodes[(k + 1) % len(nodes)].id}": length for k, length in enumerate(lengths)}
     names = one.bay[::STATIONS]
     s = one.s.reshape(-1, STATIONS)
-    at = s % axis.length if axis.closed else s
-    kn = np.interp(at, axis.s, axis.kn)
-    member = (one.member,) * len(names)
-    return member, names, tuple(known[name] for name in names), s, one.width.reshape(-1, STATIONS), kn
+    kn = np.interp(s % axis.length if axis.closed else s, axis.s, axis.kn)
+    numbers = np.array([known[name] for name in names]), s, one.width.reshape(-1, STATIONS), kn
+    return (one.member,) * len(names), names, numbers

@@ -70,13 +70,14 @@ class TimberGrade:
 
 def _solid(name: str, fm: float, ft: float, fc: float, fv: float, E05: float, G05: float) -> TimberGrade:
     source = "EN 338:2016, table 1; G05 = E05 / 16"
-    values = tuple(x * MPA for x in (fm, ft, fc, fv, E05, G05, fm, fv))
-    return TimberGrade(name, "solid timber", *values, 0.0, source)
+    strengths = fm * MPA, ft * MPA, fc * MPA, fv * MPA
+    return TimberGrade(name, "solid timber", *strengths, E05 * MPA, G05 * MPA, fm * MPA, fv * MPA, 0.0, source)
 
 
 def _glued(name: str, fm: float, ft: float, fc: float, E05: float) -> TimberGrade:
-    values = tuple(x * MPA for x in (fm, ft, fc, 3.5, E05, 540, fm, 3.5))
-    return TimberGrade(name, "glulam", *values, 0.0, "EN 14080:2013, table 5")
+    strengths = fm * MPA, ft * MPA, fc * MPA, 3.5 * MPA
+    source = "EN 14080:2013, table 5"
+    return TimberGrade(name, "glulam", *strengths, E05 * MPA, 540 * MPA, fm * MPA, 3.5 * MPA, 0.0, source)
 
 
 TIMBER = {

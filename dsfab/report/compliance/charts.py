@@ -41,7 +41,8 @@ def lettering(**more: Any) -> Iterator[None]:
     import matplotlib as mpl
 
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # one of the fonts is enough
-    with mpl.rc_context({**FONT, **more}):
+    settings: dict[Any, Any] = {**FONT, **more}
+    with mpl.rc_context(settings):
         yield
 
 

@@ -7,11 +7,11 @@ limit     linear buckling, its shape as an imperfection, the path of loads: `non
 
 from dsfab.study.nonlinear.calculix import require_ccx
 from dsfab.study.nonlinear.limit import NonlinearCheck, limit_of, nonlinear_check, solid_check
-from dsfab.study.nonlinear.solid import SolidModel, solid_model
+from dsfab.study.nonlinear.solid import WedgeModel, solid_model
 
 __all__ = [
     "NonlinearCheck",
-    "SolidModel",
+    "WedgeModel",
     "limit_of",
     "nonlinear_check",
     "require_ccx",

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import StaticsError
-from dsfab.study.nonlinear.solid import SolidModel
+from dsfab.study.nonlinear.solid import WedgeModel
 from dsfab.study.verification.solids import CCX
 
 SMALLEST = 1e-3
@@ -44,7 +44,7 @@ def require_ccx() -> str:
     return found
 
 
-def lowest_buckling(model: SolidModel, seconds: float) -> tuple[float, Floats]:
+def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
     """The lowest factor on the loads at which the solid buckles by linear theory, and (p, 3) its shape, any size.
 
     Raises StaticsError where CalculiX finds none.
@@ -61,7 +61,7 @@ def lowest_buckling(model: SolidModel, seconds: float) -> tuple[float, Floats]:
     return float(factor[1]), mode
 
 
-def load_path(model: SolidModel, nodes: Floats, factors: tuple[float, ...], watched: Ints, seconds: float) -> LoadPath:
+def load_path(model: WedgeModel, nodes: Floats, factors: tuple[float, ...], watched: Ints, seconds: float) -> LoadPath:
     """How nodes (w,) move as loads grow to each of `factors` in turn, in `STEPS` steps each, with large displacements.
 
     nodes : (p, 3) where the solid is at first, metres. Where the program cannot go on the path ends.
@@ -80,7 +80,7 @@ def load_path(model: SolidModel, nodes: Floats, factors: tuple[float, ...], watc
     return LoadPath(load, u, bool(time[-1] > len(factors) - 1e-6))
 
 
-def _model(model: SolidModel, nodes: Floats) -> Iterator[str]:
+def _model(model: WedgeModel, nodes: Floats) -> Iterator[str]:
     """Everything before the step."""
     solid, used = model.solid, np.unique(model.solid.elements)
     yield "*NODE, NSET=ALL\n"

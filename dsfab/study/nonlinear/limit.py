@@ -8,7 +8,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import StaticsError
 from dsfab.pipeline import Design, Progress, loads_on, silent
 from dsfab.study.nonlinear.calculix import LoadPath, load_path, lowest_buckling, require_ccx
-from dsfab.study.nonlinear.solid import SolidModel, solid_model
+from dsfab.study.nonlinear.solid import WedgeModel, solid_model
 from dsfab.wording import length
 
 OF_SPAN = 1 / 300
@@ -19,6 +19,8 @@ SOFT = 100.0
 """A structure has given way when a step of the load moves it so many times as far as the first one did."""
 CANDIDATE, JUMP = 10.0, 5.0
 """What is looked at in finer steps, and how much farther than the step before a snap moves."""
+NEAR = 0.02
+"""Factors that differ by less than this share need no finer steps between them."""
 WATCHED = 1000
 """Vertices of the sheet whose displacements are read, at most."""
 
@@ -98,7 +100,7 @@ def _vertex_normals(V: Floats, F: Ints, normal: Floats) -> Floats:
 
 
 def solid_check(
-    model: SolidModel, case: str, imperfection: float, seconds: float, progress: Progress
+    model: WedgeModel, case: str, imperfection: float, seconds: float, progress: Progress
 ) -> NonlinearCheck:
     """The same of a solid; imperfection in metres, seconds that each run of CalculiX may take."""
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
@@ -124,12 +126,11 @@ def solid_check(
 
 def softest(path: LoadPath) -> tuple[float, float] | None:
     """The factors between which a path moves the structure most for its load; None where no step moves it much farther
-    than the first."""
+    than the first, or where they are near each other already."""
     moves = _moves(path)
     step = int(moves.argmax())
-    if moves[step] > CANDIDATE:
-        return float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
-    return None
+    below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
+    return (below, above) if moves[step] > CANDIDATE and above - below > NEAR * above else None
 
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:

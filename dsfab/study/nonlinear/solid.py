@@ -1,4 +1,4 @@
-"""`SolidModel`: a cut sheet as a solid of quadratic wedges (C3D15), with what holds it and what presses on it."""
+"""`WedgeModel`: a cut sheet as a solid of quadratic wedges (C3D15), with what holds it and what presses on it."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ THROUGH = (1 / 6, 1 / 6, 2 / 3)
 
 
 @dataclass(frozen=True, eq=False)
-class SolidModel:
+class WedgeModel:
     """solid : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
     opposite : (r, 3) two nodes and a direction in which they move oppositely: the sheet may turn there.
     force    : (p, 3) newtons.
@@ -29,7 +29,7 @@ class SolidModel:
     force: Floats
 
 
-def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> SolidModel:
+def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
     """One wedge through the thickness for each triangle.
 
     normal : (n, 3) at the vertices, unit vectors, all to one side.    thickness : metres.
@@ -45,7 +45,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     force = np.zeros_like(solid.nodes)
     for column, share in zip(solid.columns.T, THROUGH, strict=True):
         np.add.at(force, column, share * load.force)
-    return SolidModel(solid, material, fixed, opposite, force)
+    return WedgeModel(solid, material, fixed, opposite, force)
 
 
 def _supports(solid: Wedges, surface: Surface, load: LoadCase, held: Bools) -> tuple[Ints, Ints]:
