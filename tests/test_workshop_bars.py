@@ -20,7 +20,9 @@ from dsfab.wording import length
 from dsfab.workshop import Layering, strip_limits, workshop_plan
 from dsfab.workshop.bars import BarStock, bar_lattice, bar_plan, half_plane_clip, member_lattice
 from dsfab.workshop.drawings import part_drawing
-from dsfab.workshop.routes import chosen_route
+from dsfab.workshop.legs import Footing, leg_lines, leg_plates
+from dsfab.workshop.parts import polygon_area
+from dsfab.workshop.routes import chosen_route, planned_bars
 from dsfab.workshop.tables import bar_rows, table_csv
 from tests.analytic import SURFACES
 
@@ -290,6 +292,65 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     near = chosen_route(bolted, graph, Layering(0.04, 2, 0.08))
     assert near.name == "strips"
     assert "but bars are no way either" in near.reason
+
+
+@pytest.mark.parametrize("t", [10, 45, 90, 120])
+def test_legs_are_level_and_point_outwards(t):
+    """On a sphere, where the normal is t off the vertical: the fold is t; normals that point inwards turn its sign."""
+    t = np.radians(t)
+    n = np.array([np.sin(t), 0.0, np.cos(t)])
+    footing = Footing(np.array([5 * n]), np.array([0.0, 0.0, 1.0]), 0.1, 0.016)
+    (leg,) = footing.legs(np.array([5 * n]), n[None], [0.1]).values()
+    (other,) = footing.legs(np.array([5 * n]), -n[None], [0.1]).values()
+    assert abs(leg.fold) == pytest.approx(t if t <= np.pi / 2 else np.pi - t)
+    for one, normal in ((leg, n), (other, -n)):
+        assert one.way @ n == pytest.approx(0, abs=1e-12)
+        assert one.way[2] < 0
+        level = np.cos(one.fold) * one.way + np.sin(one.fold) * normal
+        assert level == pytest.approx([1 if t <= np.pi / 2 else -1, 0, 0], abs=1e-9)
+    assert footing.legs(np.array([5 * n + [0.3, 0, 0]]), n[None], [0.1]) == {}
+    flat = footing.legs(np.array([5 * n]), np.array([[0.0, 0.0, 1.0]]), [0.1])
+    assert flat == {0: None}
+
+
+def test_a_plate_below_strips_has_a_hole_for_the_bolt_of_its_node_and_two_for_anchors():
+    graph = graph_of("cylinder")
+    node = max((one for one in graph.nodes if one.kind == "crossing"), key=lambda one: one.point[0])
+    footing = Footing(node.point[None], np.array([0.0, 0.0, 1.0]), 1e-3, 0.016)
+    parts, flat = leg_plates(graph, Layering(0.018, 2, 0.012), footing, 0.005)
+    (part,) = parts
+    assert flat == []
+    assert part.thickness == 0.005
+    assert part.layer == pytest.approx(-0.009 - 0.009 - 0.0025)  # below the lower of two layers
+    assert [hole.bolt for hole in part.holes] == [node.id, "anchor", "anchor"]
+    assert [hole.diameter for hole in part.holes] == [0.012, 0.016, 0.016]
+    at, (fold,) = np.array([hole.at for hole in part.holes]), part.folds
+    assert fold.line[:, 0] - at[0, 0] == pytest.approx(np.full(2, 0.12 / 2 + 0.012), abs=3e-3)
+    assert at[1:, 0] - fold.line[0, 0] == pytest.approx([3 * 0.016, 7 * 0.016])
+    slope = np.arctan2(abs(node.normal[0]), node.normal[2])
+    assert fold.angle == pytest.approx(-slope, abs=1e-6)
+    (line,) = leg_lines([fold.angle], [])
+    assert line.endswith(f"folded by {np.degrees(slope):.0f} to {np.degrees(slope):.0f} degrees to be level")
+    assert leg_lines([], ["N1"]) == [line for line in leg_lines([0.5], ["N1"]) if line.startswith("no leg at N1: ")]
+
+
+def test_plates_of_a_vault_have_legs_along_its_springing_as_steep_as_the_arch_is_there(vault):
+    """An arch of 2.5 m over 8 m: at half of the band from its edge it falls by acos(1 - 2.5 / R) - band / 2R."""
+    asked = Design.of(overridden(vault.preset, {"workshop.route": "bars", "workshop.anchor": 0.016}), vault)
+    plan, R = planned_bars(asked.until("slicing"), vault.members), (4**2 + 2.5**2) / 5
+    legs = [joint for joint in plan.found.joints if joint.leg]
+    assert len(legs) > 20
+    assert not plan.legless
+    assert all(abs(abs(joint.node.point[0]) - 4) < 0.2 or abs(abs(joint.node.point[1]) - 4) < 0.2 for joint in legs)
+    wanted = np.arcsin(4 / R) - 0.1 / R
+    assert [joint.leg.fold for joint in legs] == pytest.approx(np.full(len(legs), wanted), abs=np.radians(1.5))
+    parts = {part.id: part for part in plan.parts}
+    for joint in legs:
+        part = parts[joint.node.id]
+        assert sum(hole.diameter == 0.016 for hole in part.holes) == 2
+        assert len(part.folds) == len(joint.bars) + 1
+        assert polygon_area(part.outline) > 0
+    assert any("plates at supports have a leg with anchors, folded by 6" in line for line in plan.lines)
 
 
 @pytest.mark.slow
