@@ -134,7 +134,7 @@ class BarLattice:
         """Whether an arm there would be apart from all others where it is folded."""
         others = np.array([self.bars[k].ends[side].azimuth for k, side in joint.bars])
         gap = float(np.abs(np.angle(np.exp(1j * (others - azimuth)))).min())
-        return joint.half <= joint.root * np.tan(gap / 2)
+        return bool(joint.half <= joint.root * np.tan(gap / 2))
 
 
 @dataclass(frozen=True, eq=False)
