@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats, lock, locked
 from dsfab.surface import simplified_line
@@ -177,8 +178,8 @@ def _near(one: Floats, two: Floats) -> bool:
     """Whether each of points (k, 2) has one of the others (k, 2) at its place."""
     if len(one) != len(two):
         return False
-    away = np.linalg.norm(one[:, None] - two[None], axis=2) if len(one) else np.zeros((0, 0))
-    return bool((away.min(axis=1, initial=np.inf) < SAME).all() and (away.min(axis=0, initial=np.inf) < SAME).all())
+    pairs = ((one, two), (two, one)) if len(one) else ()
+    return all(bool((np.asarray(cKDTree(P).query(Q)[0]) < SAME).all()) for P, Q in pairs)
 
 
 def label(text: str, at: Floats, angle: float, height: float) -> tuple[Floats, ...]:
