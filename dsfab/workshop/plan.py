@@ -156,7 +156,8 @@ def _curved(
     limits = strip_limits(graph, surface, layering.thickness, limit, ask.bolt)
     strips = strip_parts(graph, layering, room, ask.splice == "cover", ground)
     discs = [member for member in graph.members if is_plate(member)]
-    plates = plate_parts(graph, discs, node_normals(design, graph), layering.height(layering.plates), layering.bolt)
+    below, left = layering.height(layering.plates), {node for node, _ in strips.left}
+    plates = plate_parts(graph, discs, node_normals(design, graph), below, layering.bolt, left)
     if not strips.pieces and not plates:
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
     lines = model_notes(limits, graph, ask.model, ask.bolt) if ask.model else limits.lines
@@ -183,6 +184,12 @@ def _plate_notes(plates: list[FlatPart]) -> list[str]:
 def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> list[str]:
     """What is to be known of splices, holes, packing and what is not built."""
     found = []
+    if strips.stopped:
+        shown = ", ".join(strips.stopped[:5]) + (", ..." if len(strips.stopped) > 5 else "")
+        found.append(
+            f"{_count(len(strips.stopped), 'strip')} stop before their ends, where they would run into others of their "
+            f"layer: {shown}; {_count(len(strips.left), 'node')} without them"
+        )
     if strips.near:
         found.append(f"{strips.near} of {strips.splices} splices are nearer to a node than a cover plate is long")
     if strips.missing:
