@@ -18,7 +18,18 @@ from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset, overridden
 from dsfab.wording import length
 from dsfab.workshop import Layering, strip_limits, workshop_plan
-from dsfab.workshop.bars import BarStock, bar_lattice, bar_plan, half_plane_clip, member_lattice
+from dsfab.workshop.bars import (
+    CLEAR,
+    BarEnd,
+    BarStock,
+    Bay,
+    LatticeBar,
+    bar_lattice,
+    bar_part,
+    bar_plan,
+    half_plane_clip,
+    member_lattice,
+)
 from dsfab.workshop.drawings import part_drawing
 from dsfab.workshop.legs import Footing, leg_lines, leg_plates
 from dsfab.workshop.parts import polygon_area
@@ -229,6 +240,22 @@ def test_a_half_plane_cuts_a_square():
     assert len(half_plane_clip(square, np.array([1.0, 0.0]), -1.0)) == 0
 
 
+def test_a_corner_is_cut_along_the_plane_between_two_bars():
+    """In one plane, at an angle g: half a clearance beside the line at g / 2, that begins e before the bar."""
+    g, e, half = np.radians(40), 0.1, 0.06
+    ends = BarEnd(0, 0.0, 0.0, np.pi, g, e), BarEnd(1, 0.0, 0.0, np.pi, np.pi, e)
+    up = np.tile([0.0, 0.0, 1.0], (2, 1))
+    bay = Bay("A1.1", "A1", (0, 1), (0.0, 1.2), 2 * half)
+    bar = LatticeBar(bay, ends, np.array([[0.0, 0, 0], [1.0, 0, 0]]), up, 0.0)
+    part, clear = bar_part(bar, ("N1", "N2"), STOCK), CLEAR * STOCK.bolt
+    corners = part.outline - part.holes[0].at + [STOCK.bolts(bar)[0][0], 0.0]
+    reach = (half * np.cos(g / 2) + clear / 2) / np.sin(g / 2) - e
+    wanted = [(clear, -half), (1 - clear, -half), (1 - clear, half), (reach, half)]
+    assert len(corners) == 5
+    for corner in wanted:
+        assert np.linalg.norm(corners - corner, axis=1).min() < 1e-9
+
+
 @pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])
 def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(name):
     """In space: the plane between two bars that stands on the plate has all of each bar on its side."""
@@ -288,6 +315,7 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     thin = chosen_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
     assert thin.name == "strips"
     assert "can be bent" in thin.reason
+    assert chosen_route(vault, graph, Layering(1.01 * limits.thickest, 2, 0.012)).name == "bars"
     bolted = Design.of(overridden(vault.preset, {"workshop.bolt": 0.08}), vault).until("slicing")
     near = chosen_route(bolted, graph, Layering(0.04, 2, 0.08))
     assert near.name == "strips"
