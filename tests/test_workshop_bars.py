@@ -298,7 +298,8 @@ def test_members_too_near_to_each_other_for_bars_are_refused_in_a_sentence():
 
 @pytest.fixture(scope="module")
 def vault():
-    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3, "statics.material": "GL24h"})).until("slicing")
+    changes = {"surface.edge": 0.3, "statics.material": "GL24h", "workshop.stock": [[5.0, 1.25]]}
+    return Design.of(load_preset("barrel_vault", changes)).until("slicing")
 
 
 def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault):
@@ -319,6 +320,10 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     bolted = Design.of(overridden(vault.preset, {"workshop.bolt": 0.08}), vault).until("slicing")
     near = chosen_route(bolted, graph, Layering(0.04, 2, 0.08))
     assert near.name == "strips"
+    small = Design.of(overridden(vault.preset, {"workshop.stock": [[2.5, 1.25]]}), vault).until("slicing")
+    long = chosen_route(small, graph, Layering(0.04, 2, 0.012))
+    assert long.name == "strips"
+    assert "but bars are longer than the stock (B" in long.reason
     assert "but bars are no way either" in near.reason
 
 
@@ -410,6 +415,7 @@ def test_bars_of_a_model_and_bars_longer_than_the_stock_are_refused_in_a_sentenc
     )
     with pytest.raises(PatternError, match="a model is built of strips"):
         workshop_plan(model)
-    short = Design.of(overridden(vault.preset, {"workshop.route": "bars"}), vault).until("slicing")
+    stock = {"workshop.route": "bars", "workshop.stock": [[2.5, 1.25]]}
+    short = Design.of(overridden(vault.preset, stock), vault).until("slicing")
     with pytest.raises(PatternError, match=r"part B\d+\.\d is 2\.\d+ x 0\.2\d* m and fits on no sheet"):
         workshop_plan(short)

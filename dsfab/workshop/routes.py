@@ -1,5 +1,6 @@
 """`Route`: in which way a design is built, and why, in numbers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,13 @@ from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.members import MemberGraph, spherical_normals
 from dsfab.pipeline import Design
+from dsfab.preset_workshop import Workshop
 from dsfab.wording import length
 from dsfab.workshop.bars import BarPlan, BarStock, bar_plan
 from dsfab.workshop.layering import Layering
 from dsfab.workshop.legs import Footing
 from dsfab.workshop.limits import StripLimits, strip_limits
-from dsfab.workshop.parts import LABEL
+from dsfab.workshop.parts import LABEL, FlatPart
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -80,7 +82,18 @@ def _by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floa
         return Route("strips", f"{why}, but bars are no way either: {error}")
     if bars.loose:
         return Route("strips", f"{why}, but {len(bars.loose)} bars would be too short for bolts")
+    long = longest_unfit(bars.parts, design.preset.workshop)
+    if long:
+        return Route("strips", f"{why}, but bars are longer than the stock ({long.id} is {length(long.size[0])})")
     return Route("bars", f"{why}; the thickest strips that could be bent are {length(limits.thickest)}", bars)
+
+
+def longest_unfit(parts: Sequence[FlatPart], ask: Workshop) -> FlatPart | None:
+    """The longest of the parts that fit on no sheet of the stock, along or across it; None where all do."""
+    room = [(a - 2 * ask.gap, b - 2 * ask.gap) for a, b in ask.stock]
+    room += [(b, a) for a, b in room]
+    unfit = [part for part in parts if not any(part.size[0] <= a and part.size[1] <= b for a, b in room)]
+    return max(unfit, key=lambda part: float(part.size[0]), default=None)
 
 
 def node_normals(design: Design, graph: MemberGraph) -> Floats:
