@@ -25,7 +25,10 @@ class Workshop(Section):
     layers: Literal[2, 4] = 2
     """strips: how many lie on each other where two members cross; of 2 each member is in one, of 4 in two."""
     plate: Annotated[float, Gt(0)] = 0.005
-    """bars: metres; thickness of the plates of nodes."""
+    """Metres; thickness of the plates of nodes (bars), and of those with anchors."""
+    anchor: Annotated[float, Ge(0)] = 0.0
+    """Metres; diameter of anchors. At supports plates go on to the ground in a folded leg with two holes for these; 0:
+    without."""
     bolt: Annotated[float, Gt(0)] = 0.012
     """Metres; diameter of the bolts, and of their holes."""
     gap: Annotated[float, Ge(0)] = 0.008

@@ -18,9 +18,22 @@ from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset, overridden
 from dsfab.wording import length
 from dsfab.workshop import Layering, strip_limits, workshop_plan
-from dsfab.workshop.bars import BarStock, bar_lattice, bar_plan, half_plane_clip, member_lattice
+from dsfab.workshop.bars import (
+    CLEAR,
+    BarEnd,
+    BarStock,
+    Bay,
+    LatticeBar,
+    bar_lattice,
+    bar_part,
+    bar_plan,
+    half_plane_clip,
+    member_lattice,
+)
 from dsfab.workshop.drawings import part_drawing
-from dsfab.workshop.routes import chosen_route
+from dsfab.workshop.legs import Footing, leg_lines, leg_plates
+from dsfab.workshop.parts import polygon_area
+from dsfab.workshop.routes import chosen_route, planned_bars
 from dsfab.workshop.tables import bar_rows, table_csv
 from tests.analytic import SURFACES
 
@@ -227,6 +240,22 @@ def test_a_half_plane_cuts_a_square():
     assert len(half_plane_clip(square, np.array([1.0, 0.0]), -1.0)) == 0
 
 
+def test_a_corner_is_cut_along_the_plane_between_two_bars():
+    """In one plane, at an angle g: half a clearance beside the line at g / 2, that begins e before the bar."""
+    g, e, half = np.radians(40), 0.1, 0.06
+    ends = BarEnd(0, 0.0, 0.0, np.pi, g, e), BarEnd(1, 0.0, 0.0, np.pi, np.pi, e)
+    up = np.tile([0.0, 0.0, 1.0], (2, 1))
+    bay = Bay("A1.1", "A1", (0, 1), (0.0, 1.2), 2 * half)
+    bar = LatticeBar(bay, ends, np.array([[0.0, 0, 0], [1.0, 0, 0]]), up, 0.0)
+    part, clear = bar_part(bar, ("N1", "N2"), STOCK), CLEAR * STOCK.bolt
+    corners = part.outline - part.holes[0].at + [STOCK.bolts(bar)[0][0], 0.0]
+    reach = (half * np.cos(g / 2) + clear / 2) / np.sin(g / 2) - e
+    wanted = [(clear, -half), (1 - clear, -half), (1 - clear, half), (reach, half)]
+    assert len(corners) == 5
+    for corner in wanted:
+        assert np.linalg.norm(corners - corner, axis=1).min() < 1e-9
+
+
 @pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])
 def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(name):
     """In space: the plane between two bars that stands on the plate has all of each bar on its side."""
@@ -269,7 +298,8 @@ def test_members_too_near_to_each_other_for_bars_are_refused_in_a_sentence():
 
 @pytest.fixture(scope="module")
 def vault():
-    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3, "statics.material": "GL24h"})).until("slicing")
+    changes = {"surface.edge": 0.3, "statics.material": "GL24h", "workshop.stock": [[5.0, 1.25]]}
+    return Design.of(load_preset("barrel_vault", changes)).until("slicing")
 
 
 def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault):
@@ -286,10 +316,74 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     thin = chosen_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
     assert thin.name == "strips"
     assert "can be bent" in thin.reason
+    assert chosen_route(vault, graph, Layering(1.01 * limits.thickest, 2, 0.012)).name == "bars"
     bolted = Design.of(overridden(vault.preset, {"workshop.bolt": 0.08}), vault).until("slicing")
     near = chosen_route(bolted, graph, Layering(0.04, 2, 0.08))
     assert near.name == "strips"
+    small = Design.of(overridden(vault.preset, {"workshop.stock": [[2.5, 1.25]]}), vault).until("slicing")
+    long = chosen_route(small, graph, Layering(0.04, 2, 0.012))
+    assert long.name == "strips"
+    assert "but bars are longer than the stock (B" in long.reason
     assert "but bars are no way either" in near.reason
+
+
+@pytest.mark.parametrize("t", [10, 45, 90, 120])
+def test_legs_are_level_and_point_outwards(t):
+    """On a sphere, where the normal is t off the vertical: the fold is t; normals that point inwards turn its sign."""
+    t = np.radians(t)
+    n = np.array([np.sin(t), 0.0, np.cos(t)])
+    footing = Footing(np.array([5 * n]), np.array([0.0, 0.0, 1.0]), 0.1, 0.016)
+    (leg,) = footing.legs(np.array([5 * n]), n[None], [0.1]).values()
+    (other,) = footing.legs(np.array([5 * n]), -n[None], [0.1]).values()
+    assert abs(leg.fold) == pytest.approx(t if t <= np.pi / 2 else np.pi - t)
+    for one, normal in ((leg, n), (other, -n)):
+        assert one.way @ n == pytest.approx(0, abs=1e-12)
+        assert one.way[2] < 0
+        level = np.cos(one.fold) * one.way + np.sin(one.fold) * normal
+        assert level == pytest.approx([1 if t <= np.pi / 2 else -1, 0, 0], abs=1e-9)
+    assert footing.legs(np.array([5 * n + [0.3, 0, 0]]), n[None], [0.1]) == {}
+    flat = footing.legs(np.array([5 * n]), np.array([[0.0, 0.0, 1.0]]), [0.1])
+    assert flat == {0: None}
+
+
+def test_a_plate_below_strips_has_a_hole_for_the_bolt_of_its_node_and_two_for_anchors():
+    graph = graph_of("cylinder")
+    node = max((one for one in graph.nodes if one.kind == "crossing"), key=lambda one: one.point[0])
+    footing = Footing(node.point[None], np.array([0.0, 0.0, 1.0]), 1e-3, 0.016)
+    parts, flat = leg_plates(graph, Layering(0.018, 2, 0.012), footing, 0.005)
+    (part,) = parts
+    assert flat == []
+    assert part.thickness == 0.005
+    assert part.layer == pytest.approx(-0.009 - 0.009 - 0.0025)  # below the lower of two layers
+    assert [hole.bolt for hole in part.holes] == [node.id, "anchor", "anchor"]
+    assert [hole.diameter for hole in part.holes] == [0.012, 0.016, 0.016]
+    at, (fold,) = np.array([hole.at for hole in part.holes]), part.folds
+    assert fold.line[:, 0] - at[0, 0] == pytest.approx(np.full(2, 0.12 / 2 + 0.012), abs=3e-3)
+    assert at[1:, 0] - fold.line[0, 0] == pytest.approx([3 * 0.016, 7 * 0.016])
+    slope = np.arctan2(abs(node.normal[0]), node.normal[2])
+    assert fold.angle == pytest.approx(-slope, abs=1e-6)
+    (line,) = leg_lines([fold.angle], [])
+    assert line.endswith(f"folded by {np.degrees(slope):.0f} to {np.degrees(slope):.0f} degrees to be level")
+    assert leg_lines([], ["N1"]) == [line for line in leg_lines([0.5], ["N1"]) if line.startswith("no leg at N1: ")]
+
+
+def test_plates_of_a_vault_have_legs_along_its_springing_as_steep_as_the_arch_is_there(vault):
+    """An arch of 2.5 m over 8 m: at half of the band from its edge it falls by acos(1 - 2.5 / R) - band / 2R."""
+    asked = Design.of(overridden(vault.preset, {"workshop.route": "bars", "workshop.anchor": 0.016}), vault)
+    plan, R = planned_bars(asked.until("slicing"), vault.members), (4**2 + 2.5**2) / 5
+    legs = [joint for joint in plan.found.joints if joint.leg]
+    assert len(legs) > 20
+    assert not plan.legless
+    assert all(abs(abs(joint.node.point[0]) - 4) < 0.2 or abs(abs(joint.node.point[1]) - 4) < 0.2 for joint in legs)
+    wanted = np.arcsin(4 / R) - 0.1 / R
+    assert [joint.leg.fold for joint in legs] == pytest.approx(np.full(len(legs), wanted), abs=np.radians(1.5))
+    parts = {part.id: part for part in plan.parts}
+    for joint in legs:
+        part = parts[joint.node.id]
+        assert sum(hole.diameter == 0.016 for hole in part.holes) == 2
+        assert len(part.folds) == len(joint.bars) + 1
+        assert polygon_area(part.outline) > 0
+    assert any("plates at supports have a leg with anchors, folded by 6" in line for line in plan.lines)
 
 
 @pytest.mark.slow
@@ -321,6 +415,7 @@ def test_bars_of_a_model_and_bars_longer_than_the_stock_are_refused_in_a_sentenc
     )
     with pytest.raises(PatternError, match="a model is built of strips"):
         workshop_plan(model)
-    short = Design.of(overridden(vault.preset, {"workshop.route": "bars"}), vault).until("slicing")
+    stock = {"workshop.route": "bars", "workshop.stock": [[2.5, 1.25]]}
+    short = Design.of(overridden(vault.preset, stock), vault).until("slicing")
     with pytest.raises(PatternError, match=r"part B\d+\.\d is 2\.\d+ x 0\.2\d* m and fits on no sheet"):
         workshop_plan(short)

@@ -1,20 +1,16 @@
 """Parts as drawings: what is cut, drilled and engraved, each on its own layer."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from dsfab.arrays import Floats
 from dsfab.export import FlatCircle, FlatDrawing, FlatLine
-from dsfab.surface import simplified_line
 from dsfab.units import MM_PER_M
 from dsfab.workshop.letters import strokes
 from dsfab.workshop.nesting import NestedSheet
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plan import WorkshopPlan
 
-TOLERANCE = 2e-5
-"""Metres that a drawn outline may be off the part's."""
 BETWEEN = 1.15
 """From sheet to sheet on the drawing of all, over the longest one."""
 TITLE, SMALL_TITLE = 0.06, 0.06
@@ -43,8 +39,9 @@ def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
 
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
     """Outline, openings, engraved lines and folds of a part."""
-    yield FlatLine("CUT", _closed(part.outline), closed=True)
-    yield from (FlatLine("SLOTS", _closed(slot), closed=True) for slot in part.slots)
+    outline, *slots = part.contours
+    yield FlatLine("CUT", outline, closed=True)
+    yield from (FlatLine("SLOTS", slot, closed=True) for slot in slots)
     yield from (FlatLine("ENGRAVE", mark) for mark in part.marks)
     yield from (FlatLine("FOLD", fold.line) for fold in part.folds)
 
@@ -52,12 +49,6 @@ def part_lines(part: FlatPart) -> Iterator[FlatLine]:
 def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
     """The holes of a part."""
     return tuple(FlatCircle("HOLES", (float(h.at[0]), float(h.at[1])), h.diameter) for h in part.holes)
-
-
-def _closed(P: Floats) -> Floats:
-    """(k, 2) corners of a closed polygon, without those that lie on a line with others."""
-    space: Sequence[Floats] = (P, P[:1])
-    return simplified_line(np.pad(np.concatenate(space), ((0, 0), (0, 1))), TOLERANCE)[:-1, :2]
 
 
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
@@ -75,6 +66,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
+            _ = nested.part.contours  # found before it is moved, once for all drawings
             part = nested.placed.moved(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)

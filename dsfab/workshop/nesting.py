@@ -8,6 +8,7 @@ fewest square metres win, so boxes never need fewer.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -19,6 +20,8 @@ COLUMN = 0.01
 """Metres; or the longest sheet over `MOST`, if that is less."""
 MOST = 250
 """Columns of a sheet."""
+KNOWN = 4096
+"""Shapes of turned parts that are kept."""
 AROUND = 16
 """Directions in which the outline of a part is moved by half of the gap."""
 NEAR = 1e-9
@@ -175,12 +178,14 @@ def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        windows = np.lib.stride_tricks.sliding_window_view(sheet.skyline, k)
+        windows = _windows(sheet.skyline, k)
         rise = (windows - shape.lower).max(axis=1)
         height = rise + shape.top
-        lost = (rise * k + shape.total - windows.sum(axis=1)) / k
         right = gap + step * np.arange(len(windows)) + shape.size[0]
         inside = (height <= top + NEAR) & (right <= sheet.size[0] - gap + NEAR)
+        if not inside.any():
+            continue
+        lost = (rise * k + shape.total - windows.sum(axis=1)) / k
         score = np.where(inside, height + lost, np.inf)
         at = int(score.argmin())
         if np.isfinite(score[at]) and (best is None or score[at] < best[0] - NEAR):
@@ -199,17 +204,31 @@ def _placed(sheet: _Open, turns: list[_Shape], ask: _Raster) -> bool:
     return True
 
 
+def _windows(skyline: Floats, k: int) -> Floats:
+    """(q, k) each run of k columns, a view: numpy's own function for that takes longer than what is done with it."""
+    (step,) = skyline.strides
+    return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))
+
+
 def _shapes(part: FlatPart, ask: _Raster, boxes: bool) -> list[_Shape]:
     """A part along the sheet and turned round, and across it where it is short enough; of a box two turns are two."""
-    found = list[_Shape]()
-    for turn in (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2):
-        outline = part.outline @ turning(turn)
-        low, size = outline.min(axis=0), np.ptp(outline, axis=0)
-        if found and size[1] > ask.tallest:
-            continue
-        lower, upper = _box_columns(size, ask) if boxes else _columns(outline - low, size, ask)
-        found.append(_Shape(part, turn, low, size, lower, upper, float(upper.max()), float(lower.sum())))
-    return found
+    turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
+    found = [_shape(part, turn, boxes, ask.gap, ask.step) for turn in turns[:1]]
+    tall = part.size[0] > ask.tallest  # across the sheet
+    return found + [_shape(part, turn, boxes, ask.gap, ask.step) for turn in turns[1:] if not (tall and _across(turn))]
+
+
+def _across(turn: float) -> bool:
+    return abs(turn) == np.pi / 2
+
+
+@lru_cache(maxsize=KNOWN)
+def _shape(part: FlatPart, turn: float, boxes: bool, gap: float, step: float) -> _Shape:
+    """A part turned so. Parts are nested several times: on other stock, and to see what would save sheets."""
+    outline = part.outline @ turning(turn)
+    low, size, ask = outline.min(axis=0), np.ptp(outline, axis=0), _Raster(gap, step, np.inf)
+    lower, upper = _box_columns(size, ask) if boxes else _columns(outline - low, size, ask)
+    return _Shape(part, turn, low, size, lower, upper, float(upper.max()), float(lower.sum()))
 
 
 def _count(size: Floats, ask: _Raster) -> int:

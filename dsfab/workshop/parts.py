@@ -4,12 +4,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats, lock, locked
+from dsfab.surface import simplified_line
 from dsfab.workshop.letters import strokes
 
 SAME = 2e-4
 """Metres within which the corners and holes of parts agree that are one part, cut several times."""
+TOLERANCE = 2e-5
+"""Metres that a drawn outline may be off the part's."""
 LABEL, SMALL = 0.02, 0.008
 """Heights of the names of parts and of nodes, metres; less on narrow parts."""
 
@@ -76,15 +80,33 @@ class FlatPart:
         """Square metres, without its openings."""
         return polygon_area(self.outline) - sum(abs(polygon_area(slot)) for slot in self.slots)
 
-    @property
+    @cached_property
     def size(self) -> Floats:
         """(2,) length and width of the box around it, metres."""
         return np.asarray(np.ptp(self.outline, axis=0))
 
+    @cached_property
+    def contours(self) -> tuple[Floats, ...]:
+        """(k, 2) each: the outline, then the slots, without corners that lie on a line with others; metres."""
+        return tuple(locked(_closed(loop), np.float64, (None, 2)) for loop in (self.outline, *self.slots))
+
+    @cached_property
+    def radii(self) -> Floats:
+        """(k,) ascending, of the corners of the outline from the origin, metres: of equal parts they are alike."""
+        return np.sort(np.linalg.norm(self.outline, axis=1))
+
+    @cached_property
+    def features(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """(k, 2) corners of the outline, middles of the holes, corners of the slots, and middles of the folds, these
+        farther out the more they are folded: a fifth of a degree makes parts differ."""
+        slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
+        folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
+        return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
+
     def moved(self, turn: float, shift: Floats) -> "FlatPart":
         """Turned by an angle, radians, then shifted by (2,) metres."""
         R = turning(turn)
-        return replace(
+        made = replace(
             self,
             outline=self.outline @ R + shift,
             holes=tuple(Hole(hole.at @ R + shift, hole.diameter, hole.bolt) for hole in self.holes),
@@ -93,6 +115,9 @@ class FlatPart:
             axis=self.axis @ R + shift,
             folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
+        if "contours" in self.__dict__:  # they move along, which takes less than finding them again
+            made.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
+        return made
 
     def lying(self) -> "FlatPart":
         """With its longer direction along x, its middle at the origin: how it lies on a drawing and on the stock."""
@@ -103,6 +128,12 @@ class FlatPart:
     def centred(self) -> "FlatPart":
         """With the middle of its box at the origin."""
         return self.moved(0.0, -(self.outline.min(axis=0) + self.outline.max(axis=0)) / 2)
+
+
+def _closed(P: Floats) -> Floats:
+    """(k, 2) corners of a closed polygon, without those that lie on a line with others."""
+    closed = np.concatenate((P, P[:1]))
+    return np.asarray(simplified_line(np.pad(closed, ((0, 0), (0, 1))), TOLERANCE)[:-1, :2])
 
 
 def turning(angle: float) -> Floats:
@@ -137,24 +168,18 @@ def congruent(one: FlatPart, two: FlatPart) -> bool:
         return False
     if (np.abs(one.size - two.size) > 2 * SAME).any():
         return False
-    pairs = list(zip(_corners(one), _corners(two), strict=True))
+    if (np.abs(one.radii - two.radii) > SAME).any():
+        return False
+    pairs = list(zip(one.features, two.features, strict=True))
     return any(all(_near(P, turn * Q) for P, Q in pairs) for turn in (1, -1))
-
-
-def _corners(part: FlatPart) -> tuple[Floats, Floats, Floats, Floats]:
-    """(k, 2) corners of the outline, middles of the holes, corners of the slots, and middles of the folds, these
-    farther out the more they are folded: a fifth of a degree makes parts differ."""
-    slots = np.concatenate(part.slots) if part.slots else np.zeros((0, 2))
-    folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in part.folds]).reshape(-1, 2)
-    return part.outline, np.array([hole.at for hole in part.holes]).reshape(-1, 2), slots, folds
 
 
 def _near(one: Floats, two: Floats) -> bool:
     """Whether each of points (k, 2) has one of the others (k, 2) at its place."""
     if len(one) != len(two):
         return False
-    away = np.linalg.norm(one[:, None] - two[None], axis=2) if len(one) else np.zeros((0, 0))
-    return bool((away.min(axis=1, initial=np.inf) < SAME).all() and (away.min(axis=0, initial=np.inf) < SAME).all())
+    pairs = ((one, two), (two, one)) if len(one) else ()
+    return all(bool((np.asarray(cKDTree(P).query(Q)[0]) < SAME).all()) for P, Q in pairs)
 
 
 def label(text: str, at: Floats, angle: float, height: float) -> tuple[Floats, ...]:

@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.members import MemberGraph
@@ -17,16 +15,16 @@ from dsfab.workshop.base import base_notes, base_parts
 from dsfab.workshop.ground import Ground
 from dsfab.workshop.hints import sheet_hints
 from dsfab.workshop.layering import OWN, Layering
+from dsfab.workshop.legs import leg_lines, leg_plates
 from dsfab.workshop.limits import strip_limits
 from dsfab.workshop.model import CARD, LETTERS, model_notes, packing_parts, scaled_graph, scaled_surface
 from dsfab.workshop.nesting import NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, congruent, shape_key
 from dsfab.workshop.plates import is_plate, plate_parts
-from dsfab.workshop.routes import chosen_route, node_normals
+from dsfab.workshop.routes import UP, chosen_route, footing_of, node_normals
 from dsfab.workshop.sheet import sheet_parts
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
 
-UP = np.array([0.0, 0.0, 1.0])
 CLEARANCE = 1e-4
 """Metres that a slot in the plate of a model is wider than its tab, to each side."""
 TABS = 4.0
@@ -92,7 +90,7 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
     graph, layering = (None, None) if flat else _built_graph(design)
-    route = chosen_route(design, graph, layering)
+    route = chosen_route(design, graph, layering, up)
     thickness = ask.thickness or design.preset.statics.thickness / _scale(design)
     if route.bars:
         parts, notes, layering = list(route.bars.parts), list(route.bars.lines), None
@@ -158,7 +156,8 @@ def _curved(
     limits = strip_limits(graph, surface, layering.thickness, limit, ask.bolt)
     strips = strip_parts(graph, layering, room, ask.splice == "cover", ground)
     discs = [member for member in graph.members if is_plate(member)]
-    plates = plate_parts(graph, discs, node_normals(design, graph), layering.height(layering.plates), layering.bolt)
+    below, left = layering.height(layering.plates), {node for node, _ in strips.left}
+    plates = plate_parts(graph, discs, node_normals(design, graph), below, layering.bolt, left)
     if not strips.pieces and not plates:
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
     lines = model_notes(limits, graph, ask.model, ask.bolt) if ask.model else limits.lines
@@ -166,6 +165,9 @@ def _curved(
     parts = [*strips.pieces, *strips.covers, *plates]
     if ask.model:
         parts += packing_parts(graph, layering)
+    if footing := footing_of(design, up):
+        feet, flat = leg_plates(graph, layering, footing, ask.plate)
+        parts, notes = [*parts, *feet], [*notes, *leg_lines([foot.folds[0].angle for foot in feet], flat)]
     if ground:
         base = base_parts(ground, surface, strips.feet, room)
         parts, notes = [*parts, *base], [*notes, *base_notes(ground, strips.feet, base)]
@@ -182,6 +184,12 @@ def _plate_notes(plates: list[FlatPart]) -> list[str]:
 def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> list[str]:
     """What is to be known of splices, holes, packing and what is not built."""
     found = []
+    if strips.stopped:
+        shown = ", ".join(strips.stopped[:5]) + (", ..." if len(strips.stopped) > 5 else "")
+        found.append(
+            f"{_count(len(strips.stopped), 'strip')} stop before their ends, where they would run into others of their "
+            f"layer: {shown}; {_count(len(strips.left), 'node')} without them"
+        )
     if strips.near:
         found.append(f"{strips.near} of {strips.splices} splices are nearer to a node than a cover plate is long")
     if strips.missing:

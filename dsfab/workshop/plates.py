@@ -1,6 +1,6 @@
 """Flat plates: discs, and members that turn within their own width, flattened from their cells [Liu et al. 2008]."""
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import igl
@@ -30,15 +30,23 @@ def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
 
 
 def plate_parts(
-    graph: MemberGraph, members: Sequence[Member], normals: Floats, height: float, bolt: float
+    graph: MemberGraph,
+    members: Sequence[Member],
+    normals: Floats,
+    height: float,
+    bolt: float,
+    left: Container[str] = (),
 ) -> list[FlatPart]:
     """Members of a graph as plates at a height over the surface, with holes of a diameter at their nodes, metres;
-    normals (n, 3) at the vertices of its sheet."""
+    normals (n, 3) at the vertices of its sheet. Nodes that are left, by their names, have none."""
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
-    return [_plate(graph, member, normals, height, bolt) for member in members]
+    return [_plate(graph, member, normals, (height, bolt), left) for member in members]
 
 
-def _plate(graph: MemberGraph, member: Member, normals: Floats, height: float, bolt: float) -> FlatPart:
+def _plate(
+    graph: MemberGraph, member: Member, normals: Floats, size: tuple[float, float], left: Container[str]
+) -> FlatPart:
+    height, bolt = size
     surface = graph.sheet.surface
     used, F = np.unique(surface.F[member.cells], return_inverse=True)
     flat = FlattenedMesh.of(surface.V[used] + height * normals[used], F.reshape(-1, 3))
@@ -46,7 +54,7 @@ def _plate(graph: MemberGraph, member: Member, normals: Floats, height: float, b
     holes = []
     for node in graph.along[member.id]:
         at = flat.at(node.point + height * node.normal)
-        if _inside(outline, at, EDGE * bolt):
+        if node.id not in left and _inside(outline, at, EDGE * bolt):
             holes.append(Hole(at, bolt, node.id))
     middle = outline.mean(axis=0)
     marks = label(member.id, middle, 0.0, min(LABEL, 0.1 * float(np.ptp(outline, axis=0).min())))

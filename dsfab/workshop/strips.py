@@ -8,6 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.members import Member, MemberGraph, Node
 from dsfab.workshop.course import StripCourse, member_course
+from dsfab.workshop.crowns import stopped_courses
 from dsfab.workshop.development import Development
 from dsfab.workshop.ground import Ground, StripFoot, footed_outline
 from dsfab.workshop.layering import END, Layering
@@ -45,6 +46,8 @@ class StripParts:
 
     missing : names of nodes without a hole in a member, as its middle runs beside them.
     near    : splices that are nearer to a node than they should be.    splices : all of them.
+    stopped : names of members that stop before they run into others of their layer.
+    left    : nodes that these do not reach, by their names, with the member's.
     feet    : with the names of their parts, where the strips of a model stand on its plate.
     """
 
@@ -53,6 +56,8 @@ class StripParts:
     missing: list[str] = field(default_factory=list)
     near: int = 0
     splices: int = 0
+    stopped: list[str] = field(default_factory=list)
+    left: set[tuple[str, str]] = field(default_factory=set)
     feet: list[tuple[str, StripFoot]] = field(default_factory=list)
 
 
@@ -77,14 +82,33 @@ def strip_parts(
     ground  : what they stand on with tabs; None where their ends are not changed.
     """
     found = StripParts()
-    for member in graph.members:
-        if is_strip(member):
-            course = member_course(graph, member, END * layering.bolt, 2 * layering.half_cover)
-            bolts = node_bolts(graph, member, course)
-            for number in layering.numbers(member.family):
-                own, feet = ground.on_ground(course, layering.height(number)) if ground else (course, ())
-                _Strip(graph, member, own, number, layering, feet).into(found, bolts, room, covered)
+    members = [member for member in graph.members if is_strip(member)]
+    courses = {one.id: member_course(graph, one, END * layering.bolt, 2 * layering.half_cover) for one in members}
+    courses |= _stopped(graph, members, courses, layering, found)
+    for member in members:
+        course = courses[member.id]
+        bolts = node_bolts(graph, member, course)
+        for number in layering.numbers(member.family):
+            own, feet = ground.on_ground(course, layering.height(number)) if ground else (course, ())
+            _Strip(graph, member, own, number, layering, feet).into(found, bolts, room, covered)
     return found
+
+
+def _stopped(
+    graph: MemberGraph, members: list[Member], courses: dict[str, StripCourse], layering: Layering, found: StripParts
+) -> dict[str, StripCourse]:
+    """Courses that stop before they run into others of their family; said in `found`."""
+    joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
+    new = dict[str, StripCourse]()
+    for family in dict.fromkeys(member.family for member in members):
+        mine = {one.id: courses[one.id] for one in members if one.family == family}
+        nodes = {name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], mine[name])] for name in mine}
+        new |= stopped_courses(mine, nodes, joined, END * layering.bolt)
+    for name, course in new.items():
+        bolts = node_bolts(graph, graph.by_id[name], course)
+        found.left |= {(bolt.name, name) for bolt in bolts if not course.begin <= bolt.s <= course.end}
+    found.stopped += sorted(new)
+    return new
 
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:

@@ -112,7 +112,7 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     graph, preset = plan.graph, design.preset
     assert graph is not None
     size = np.ptp(graph.sheet.surface.V, axis=0)
-    area = sum(part.area for part in plan.parts)
+    area = sum(part.area for part in plan.parts if not part.thickness)
     bolts = {hole.bolt for part in plan.parts for hole in part.holes}
     stock = ", ".join(sorted({f"{a:g} x {b:g} m" for a, b in (sheet.size for sheet in plan.sheets)}))
     longest = max(plan.parts, key=lambda part: part.size[0])

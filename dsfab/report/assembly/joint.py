@@ -1,6 +1,6 @@
 """The page of a node: its plate before it is folded, the bars on it, and one of them from the side."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 
 import numpy as np
 
@@ -15,13 +15,19 @@ SHOWN = 1.7
 
 
 def joint_pages(plan: WorkshopPlan) -> list[Page]:
-    """One node in full: the plate with most arms, its bars as they lie on it, and a bar seen from the side."""
+    """One node in full: the plate with most arms, its bars as they lie on it, and a bar seen from the side; and one
+    with a leg, if there are any."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.found.joints if joint.node.joined]
-    if not joints:
-        return []
-    name = max(joints, key=lambda joint: len(joint.bars)).node.id
-    return [(f"How a node is put together: {name}", _joint_page(plan, name))]
+    pages = list[Page]()
+    for words, some in (
+        ("How a node is put together", [joint for joint in joints if not joint.leg]),
+        ("How a node stands on the ground", [joint for joint in joints if joint.leg]),
+    ):
+        if some:
+            name = max(some, key=lambda joint: len(joint.bars)).node.id
+            pages.append((f"{words}: {name}", _joint_page(plan, name)))
+    return pages
 
 
 def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
@@ -29,7 +35,8 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
     joint = next(one for one in plan.bars.found.joints if one.node.id == name)
     arms = plate_arms(joint, plan.bars.found, plan.bars.stock)
     parts = {part.id: part for part in plan.parts}
-    bars = [bar_on_plate(parts[arm.bar], arm, bool(side)) for arm, (_, side) in zip(arms, joint.bars, strict=True)]
+    last = {plan.bars.found.bars[k].bay.id: side == 1 for k, side in joint.bars}
+    bars = [bar_on_plate(parts[arm.bar], arm, last[arm.bar]) for arm in arms if arm.bar in last]
     part = parts[name]
     plate, middle = part.outline, part.holes[0].at
 
@@ -45,14 +52,15 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
         paper.lines([fitted.of(bar) for bar in bars], QUIET, 0.5, closed=True)
         paper.lines([fitted.of(plate - middle)], INK, 0.8, closed=True)
         paper.lines([fitted.of(fold.line - middle) for fold in part.folds], RED, 0.6)
-        places = fitted.of(np.array([hole.at - middle for hole in part.holes]))
-        paper.circles(places, part.holes[0].diameter * scale, INK)
+        for hole in part.holes:
+            paper.circles(fitted.of(hole.at - middle)[None], hole.diameter * scale, INK)
         for arm in arms:
-            x, y = fitted.of(arm.at(arm.root + 1.25 * (arm.end - arm.root), 0.0)).tolist()
+            beyond = 1.25 if arm.bar in last else 1.15
+            x, y = fitted.of(arm.at(arm.root + beyond * (arm.end - arm.root), 0.0)).tolist()
             paper.text((x, y - 1), arm.bar, 9, side="middle", bold=True)
         right = PaperBox(PAGE.x + 0.62 * PAGE.wide, PAGE.y, 0.38 * PAGE.wide, PAGE.high)
         _arm_table(paper, right, arms)
-        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, max(arms, key=_folded))
+        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, max(arms, key=_folded), last)
 
     return draw
 
@@ -100,8 +108,9 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
         paper.text((x, y - 8 - 3.4 * k), line, 7.5, QUIET)
 
 
-def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm) -> None:
-    """A bar on its arm from the side, to scale: the plate's middle, its fold, the bar and its bolts."""
+def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, bars: Container[str]) -> None:
+    """The arm of a plate from the side, to scale: the plate's middle, its fold, the bar and its bolts. A leg has no
+    bar, and is drawn level, as it lies on the ground."""
     assert plan.bars is not None
     stock = plan.bars.stock
     c, s = float(np.cos(arm.dip)), float(np.sin(arm.dip))
@@ -118,18 +127,24 @@ def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm) -
     leg = slab(fold, d, m, arm.end - arm.fold, -t, t)
     begin = arm.root - arm.fold + CLEAR * stock.bolt
     bar = slab(fold + stock.lever * m, d, m, SHOWN * (arm.end - arm.fold), -half, half) + begin * d
-    every = np.concatenate([middle, leg, bar])
+    turn = np.eye(2) if arm.bar in bars else np.stack([d, m], axis=1)
+    shown = [one @ turn for one in ((middle, leg, bar) if arm.bar in bars else (middle, leg))]
+    every = np.concatenate(shown)
     scale, said = usual_scale(min(np.array([box.wide - 4, box.high - 16]) / np.ptp(every, axis=0)))
     fitted = Fitted.into(every.min(axis=0), every.max(axis=0), box, scale)
-    paper.text((box.x, box.y + box.high + 2), f"Bar {arm.bar} on its arm, from the side, {said}", 9)
-    paper.lines([fitted.of(one) for one in (middle, leg, bar)], INK, 0.7, closed=True)
+    words = f"Bar {arm.bar} on its arm" if arm.bar in bars else "The leg on the ground"
+    paper.text((box.x, box.y + box.high + 2), f"{words}, from the side, {said}", 9)
+    paper.lines([fitted.of(one) for one in shown], INK, 0.7, closed=True)
     for r in arm.holes:
         place = fold + (r - arm.fold) * d
+        if arm.bar not in bars:
+            paper.lines([fitted.of(np.array([place - 4 * t * m, place + 4 * t * m]) @ turn)], RED, 0.6)
+            continue
         ends = np.array(
             [place - 2 * t * m - 0.5 * stock.bolt * m, place + (2 * half + 2 * t) * m + 0.5 * stock.bolt * m]
         )
         paper.lines([fitted.of(ends)], RED, 0.6)
-    node = np.array([[0.0, -stock.lever - 6 * t], [0.0, half]])
+    node = np.array([[0.0, -stock.lever - 6 * t], [0.0, half]]) @ turn
     paper.lines([fitted.of(node)], QUIET, 0.4)
     x, y = fitted.of(node[1]).tolist()
     paper.text((x, y + 1.5), "node", 7.5, QUIET, "middle")

@@ -56,7 +56,20 @@ def _plate_quads(joint: Joint, found: BarLattice, stock: BarStock) -> Floats:
         corners.append((fold - joint.half * left, fold + joint.half * left))
         end = root + last * d
         quads.append(np.array([corners[-1][0], end - joint.half * left, end + joint.half * left, corners[-1][1]]))
+    if joint.leg:
+        quads += _leg_quads(joint, middle)
     for one, two in zip(corners, [*corners[1:], corners[0]], strict=True):
         quads.append(np.array([middle, one[0], one[1], middle]))
         quads.append(np.array([middle, one[1], two[0], middle]))
     return np.array(quads)
+
+
+def _leg_quads(joint: Joint, middle: Floats) -> list[Floats]:
+    """(4, 3) each: the leg of a plate, and a triangle between it and the middle."""
+    leg, n = joint.leg, joint.node.normal
+    assert leg is not None
+    aside = joint.half * np.cross(n, leg.way)
+    fold = middle + joint.root * leg.way
+    end = fold + leg.long * (np.cos(leg.fold) * leg.way + np.sin(leg.fold) * n)
+    leg_itself = np.array([fold - aside, end - aside, end + aside, fold + aside])
+    return [leg_itself, np.array([middle, fold - aside, fold + aside, middle])]

@@ -7,7 +7,7 @@ plate of a node, from outside       bar, from outside
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from dsfab.workshop.parts import SMALL, FlatPart, Fold, Hole, label
 BOLTS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Bolt diameters from the clear end of a bar to its bolts, from one to the next, and from the last to the end of the
 plate: the first of these that there is room for."""
+GROUND = "ground"
+"""The name of the leg of a plate, in the place of that of a bar."""
 SMALLEST = 0.003
 """Metres; lower letters are left out."""
 SPREAD = 0.9
@@ -114,7 +116,9 @@ def plate_part(joint: Joint, found: BarLattice, stock: BarStock) -> FlatPart:
     arms = plate_arms(joint, found, stock)
     outline = _plate_outline(joint, arms)
     holes = [Hole(np.zeros(2), stock.bolt, joint.node.id)]
-    holes += [Hole(arm.at(r, 0.0), stock.bolt, arm.bar) for arm in arms for r in arm.holes]
+    anchor = joint.leg.anchor if joint.leg else 0.0
+    wide = {arm.bar: anchor if arm.bar == GROUND else stock.bolt for arm in arms}
+    holes += [Hole(arm.at(r, 0.0), wide[arm.bar], arm.bar) for arm in arms for r in arm.holes]
     folds = tuple(
         Fold(np.stack([arm.at(arm.fold, -joint.half), arm.at(arm.fold, joint.half)]), arm.dip) for arm in arms
     )
@@ -130,8 +134,17 @@ def plate_part(joint: Joint, found: BarLattice, stock: BarStock) -> FlatPart:
 
 
 def plate_arms(joint: Joint, found: BarLattice, stock: BarStock) -> "list[PlateArm]":
-    """The arms of a node's plate, counter-clockwise."""
-    return [PlateArm.of(joint, found.bars[k], side, stock) for k, side in joint.bars]
+    """The arms of a node's plate, counter-clockwise; its leg among them."""
+    arms = [PlateArm.of(joint, found.bars[k], side, stock) for k, side in joint.bars]
+    if joint.leg is None:
+        return arms
+    leg, root = joint.leg, joint.root
+    holes = tuple(root + r for r in leg.holes)
+    azimuth = found.azimuth(joint, leg.way)
+    arms.append(PlateArm(GROUND, azimuth, -leg.fold, root, holes, root + leg.long, 0.0, root))
+    arms.sort(key=lambda arm: arm.azimuth)
+    gaps = np.diff([arm.azimuth for arm in arms], append=2 * np.pi)
+    return [replace(arm, after=float(gap)) for arm, gap in zip(arms, gaps, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@
                  bar          ·   other it turns by the twist.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.members import MemberGraph
 from dsfab.workshop.bars.lattice import CLEAR, LEAST, Bay, Lattice, LatticeNode
+from dsfab.workshop.legs import Footing, Leg
 
 ROUNDS = 30
 """Rounds to where the roots of a bar are; what each moves them is e / (distance - e) of what the one before did."""
@@ -89,12 +90,14 @@ class Joint:
     """Bars at a node, counter-clockwise from the first: (number of the bar, 0 for its beginning or 1 for its end).
 
     half : metres; half of the width of the arms of its plate.    root : metres from the node to the folds, about.
+    leg  : of its plate, at a support.
     """
 
     node: LatticeNode
     bars: tuple[tuple[int, int], ...]
     half: float
     root: float
+    leg: Leg | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +107,34 @@ class BarLattice:
     bars: tuple[LatticeBar, ...]
     joints: tuple[Joint, ...]
     lattice: Lattice
+
+    def azimuth(self, joint: Joint, way: Floats) -> float:
+        """Radians, 0 to 2 pi, from the first bar of a joint to a direction (3,), counter-clockwise about its normal."""
+        (k, side), n = joint.bars[0], joint.node.normal
+        x = _level((self.bars[k].direction * (1 - 2 * side))[None], n[None])[0]
+        return float(np.mod(np.arctan2(way @ np.cross(n, x), way @ x), 2 * np.pi))
+
+    def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
+        """With legs at supports, and names of nodes there that have none: too flat, or a bar is in its way."""
+        joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
+        points, normals = (
+            np.array([getattr(self.joints[k].node, name) for k in joined]) for name in ("point", "normal")
+        )
+        widths = [max(self.bars[one].bay.width for one, _ in self.joints[k].bars) for k in joined]
+        joints, without = list(self.joints), list[str]()
+        for k, leg in footing.legs(points.reshape(-1, 3), normals.reshape(-1, 3), widths).items():
+            joint = joints[joined[k]]
+            if leg is None or not self._is_free(joint, self.azimuth(joint, leg.way)):
+                without.append(joint.node.id)
+            else:
+                joints[joined[k]] = replace(joint, leg=leg)
+        return replace(self, joints=tuple(joints)), without
+
+    def _is_free(self, joint: Joint, azimuth: float) -> bool:
+        """Whether an arm there would be apart from all others where it is folded."""
+        others = np.array([self.bars[k].ends[side].azimuth for k, side in joint.bars])
+        gap = float(np.abs(np.angle(np.exp(1j * (others - azimuth)))).min())
+        return bool(joint.half <= joint.root * np.tan(gap / 2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from dsfab.wording import length
 from dsfab.workshop.bars.cutting import BarStock, bar_part, plate_part
 from dsfab.workshop.bars.joints import BarLattice, LatticeBar, bar_lattice
 from dsfab.workshop.bars.lattice import is_barred, member_lattice
+from dsfab.workshop.legs import Footing, leg_lines
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plates import plate_parts
 
@@ -20,11 +21,13 @@ SHOWN = 5
 
 @dataclass(frozen=True, eq=False)
 class BarPlan:
-    """Bars with their angles, what they are cut from, and all parts: bars, plates of nodes, and discs."""
+    """Bars with their angles, what they are cut from, and all parts: bars, plates of nodes, and discs; and names of
+    nodes at supports whose plates have no leg."""
 
     found: BarLattice
     stock: BarStock
     parts: tuple[FlatPart, ...]
+    legless: tuple[str, ...] = ()
 
     @property
     def loose(self) -> tuple[str, ...]:
@@ -34,21 +37,24 @@ class BarPlan:
     @property
     def lines(self) -> tuple[str, ...]:
         """Sentences: what is possible, and what is not."""
-        return (*_possible(self), *_left_out(self))
+        legged = {joint.node.id: joint.leg for joint in self.found.joints if joint.leg}
+        return (*_possible(self), *leg_lines([leg.fold for leg in legged.values()], self.legless), *_left_out(self))
 
 
-def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock) -> BarPlan:
-    """The bars, plates and discs of a graph; normals (n, 3) at the vertices of its sheet.
+def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
+    """The bars, plates and discs of a graph; normals (n, 3) at the vertices of its sheet; with legs where it is held.
 
     Raises PatternError where nodes are too near to each other for bars.
     """
     found = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
+    found, legless = found.with_legs(footing) if footing else (found, [])
     nodes = found.lattice.nodes
     bars = [bar_part(bar, (nodes[bar.ends[0].node].id, nodes[bar.ends[1].node].id), stock) for bar in found.bars]
     plates = [plate_part(joint, found, stock) for joint in found.joints if joint.node.joined]
     discs = [member for member in graph.members if not is_barred(member) and member.kind != "fill"]
     below = -(stock.bar + stock.plate)
-    return BarPlan(found, stock, (*bars, *plates, *plate_parts(graph, discs, normals, below, stock.bolt)))
+    parts = (*bars, *plates, *plate_parts(graph, discs, normals, below, stock.bolt))
+    return BarPlan(found, stock, parts, tuple(legless))
 
 
 def _possible(plan: BarPlan) -> Iterator[str]:

@@ -1,0 +1,90 @@
+"""Where ends of strips run into each other in one layer, as meridians do at a crown: some go on, others stop.
+
+ \\ | /        three of one layer, too near to each other at their ends: every second stops at its
+──┼─┼─┼──      last node before
+  | | |
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Floats
+from dsfab.workshop.course import StripCourse
+
+FINE = 6.0
+"""Places along strips are tried so many times per width."""
+TOUCH = 0.98
+"""Strips overlap where their middles are nearer to each other than this share of their mean width."""
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """The end of a strip, its last or its first one, as places (k, 3) from there inwards, with arc lengths (k,)."""
+
+    name: str
+    last: bool
+    width: float
+    places: Floats
+    s: Floats
+
+    @classmethod
+    def of(cls, name: str, course: StripCourse, last: bool) -> "_End":
+        width = float(np.median(course.left + course.right))
+        count = max(int(FINE * (course.end - course.begin) / width), 2)
+        s = np.linspace(course.begin, course.end, count)
+        s = s[::-1] if last else s
+        return cls(name, last, width, course.at(s)[0], s)
+
+    def clear_of(self, other: "_End") -> float | None:
+        """The arc length from which on it is clear of another one, where both overlap at their ends; else None."""
+        least = TOUCH * (self.width + other.width) / 2
+        away = np.asarray(cKDTree(other.places).query(self.places)[0])
+        far = np.linalg.norm(other.places[0] - self.places[0]) > least
+        if far or away[0] > least or (away <= least).all():
+            return None
+        return float(self.s[int((away > least).argmax())])
+
+
+def stopped_courses(
+    courses: Mapping[str, StripCourse], nodes: Mapping[str, Sequence[float]], joined: set[frozenset[str]], past: float
+) -> dict[str, StripCourse]:
+    """Those courses of strips of one layer that stop before they run into others: `past` metres beyond their last node
+    before that, or where they would touch if there is none.
+
+    nodes : arc lengths of the nodes on each.    joined : pairs that share a node, and are to be notched there.
+    """
+    ends = [_End.of(name, one, last) for name, one in courses.items() if not one.closed for last in (False, True)]
+    near = _near_pairs(ends)
+    kept, stopped = list[_End](), dict[str, StripCourse]()
+    for k, end in enumerate(ends):
+        rivals = [one for one in kept if (one in near[k]) and frozenset((one.name, end.name)) not in joined]
+        clear = [s for one in rivals if (s := end.clear_of(one)) is not None]
+        if not clear:
+            kept.append(end)
+            continue
+        course = stopped.get(end.name, courses[end.name])
+        stopped[end.name] = _stopped(course, end.last, min(clear) if end.last else max(clear), nodes[end.name], past)
+    return stopped
+
+
+def _near_pairs(ends: Sequence[_End]) -> list[set[_End]]:
+    """Of each end those others that are as near to it as they are wide."""
+    found = [set[_End]() for _ in ends]
+    for (i, one), (j, other) in combinations(enumerate(ends), 2):
+        if one.name != other.name and np.linalg.norm(one.places[0] - other.places[0]) < (one.width + other.width) / 2:
+            found[i].add(other)
+            found[j].add(one)
+    return found
+
+
+def _stopped(course: StripCourse, last: bool, clear: float, nodes: Sequence[float], past: float) -> StripCourse:
+    """A course that ends at its last node before it is no more clear, or there."""
+    if last:
+        before = [s + past for s in nodes if course.begin < s and s + past <= clear]
+        return replace(course, end=max(before, default=clear))
+    after = [s - past for s in nodes if s < course.end and s - past >= clear]
+    return replace(course, begin=min(after, default=clear))
