@@ -129,6 +129,13 @@ def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
     return np.asarray(ascending[np.diff(ascending, prepend=ascending[:1] - 1) != 0])
 
 
+def complement(indices: Ints, count: int) -> Ints:
+    """(count - k,) what of 0 to count - 1 is not among k different indices, ascending."""
+    left = np.ones(count, dtype=bool)
+    left[indices] = False
+    return np.flatnonzero(left)
+
+
 def _sorted(keys: Ints) -> tuple[Ints, Ints]:
     """`sorted_order` of integers (k,), and the integers in that order."""
     bits = max(len(keys) - 1, 1).bit_length()

@@ -4,6 +4,7 @@ import os
 import pickle
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from dsfab.preset_file import load_preset
 from dsfab.render import opengl
 from dsfab.render.light import ROUGH
 from dsfab.render.previewer import Previewer
+from dsfab.render.sketch_program import _caption
 from tests.presets import DOME_MODES
 
 STRIPES = {"surface.edge": 1.0, "pattern.method": "stripes", "pattern.major.spacing": 2.0, "pattern.minor.spacing": 2.0}
@@ -154,3 +156,16 @@ def test_a_person_who_waits_sees_it_and_gets_the_same_picture_as_one_who_does_no
     monkeypatch.setattr(stages, "pattern_stage", refused)
     assert main([*asked, str(path)]) == 1
     assert path.read_bytes() == calm
+
+
+@pytest.mark.parametrize(
+    ("show", "width", "said"),
+    [
+        ("structure", {"solid_fraction": 0.4}, "first picture, members about as wide as they will be"),
+        ("structure", {}, "first picture"),
+        ("major_mode", {"solid_fraction": 0.4}, "first picture, major mode"),
+    ],
+)
+def test_the_first_picture_says_how_far_it_can_be_trusted(show, width, said):
+    preset = load_preset(DOME_MODES, {"pattern.width": width})
+    assert _caption(SimpleNamespace(preset=preset, words=""), show) == f"dome_modes - {said}"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.arrays import distinct
+from dsfab.arrays import complement, distinct
 from dsfab.statics import Elements, Material, added, bending_stiffness, membrane_stiffness
 from dsfab.statics.blocks import vertex_pairs
 from dsfab.statics.hinges import angle_gradients, hinges
@@ -89,3 +89,9 @@ def test_distinct_numbers_are_numpys(dtype):
         assert np.array_equal(distinct(keys), np.unique(keys))
     ends = np.array([np.iinfo(dtype).min, np.iinfo(dtype).max], dtype=dtype)
     assert np.array_equal(distinct(ends[[1, 0, 1]]), ends)
+
+
+def test_what_is_not_among_indices_is_the_rest():
+    for taken in ([], [3], [5, 0, 2], range(7)):
+        indices = np.array(taken, dtype=np.int64)
+        assert np.array_equal(complement(indices, 7), np.setdiff1d(np.arange(7), indices))

@@ -10,6 +10,7 @@ import pickle
 import sys
 import threading
 
+from dsfab.render.colouring import WHOLE_SHEET
 from dsfab.render.light import ROUGH
 from dsfab.render.opengl import take_for_granted
 from dsfab.render.png import write_png
@@ -24,10 +25,17 @@ def main() -> None:
     source = sys.stdin.buffer
     sketch, path, size, options = pickle.loads(source.read(int.from_bytes(source.read(8), "little")))
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    words = f"{sketch.preset.name} - first picture, members about as wide as they will be"
     with Previewer(sketch, **options) as previewer:
-        write_png(previewer.picture(size, words, ROUGH), path, effort=1)
+        write_png(previewer.picture(size, _caption(previewer, options["show"]), ROUGH), path, effort=1)
     sys.stdout.write(f"{window}\n")
+
+
+def _caption(previewer: Previewer, show: str) -> str:
+    """That it is the first, and how far it can be trusted."""
+    words = previewer.words or (show.replace("_", " ") if show in WHOLE_SHEET else "")
+    if not words and previewer.preset.pattern.width.solid_fraction:
+        words = "members about as wide as they will be"
+    return ", ".join(filter(None, (f"{previewer.preset.name} - first picture", words)))
 
 
 def _end_with_parent() -> None:

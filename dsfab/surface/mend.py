@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, lengths
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, complement, lengths
 from dsfab.surface.places import merged
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
 
@@ -82,14 +82,14 @@ def _with_area(V: Floats, F: Ints) -> Ints:
 
 def _unrepeated(_: Floats, F: Ints) -> Ints:
     """(k,) faces without those that join the corners of an earlier one."""
-    return np.setdiff1d(np.arange(len(F)), duplicate_faces(F))
+    return complement(duplicate_faces(F), len(F))
 
 
 def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
     """(k,) faces that are not the third or a later one on an edge."""
     edges = edge_table(F)
     late = [np.flatnonzero((edges.of == edge).any(axis=1))[2:] for edge in np.flatnonzero(edges.count > 2)]
-    return np.setdiff1d(np.arange(len(F)), np.concatenate(late) if late else [])
+    return complement(np.concatenate([np.zeros(0, dtype=np.int64), *late]), len(F))
 
 
 def _in_large_pieces(V: Floats, F: Ints) -> Ints:

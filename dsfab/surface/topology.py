@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.arrays import Bools, Ints, first
+from dsfab.arrays import Bools, Ints, complement, first
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +231,7 @@ def duplicate_faces(F: Ints) -> Ints:
     """(k,) indices of the faces of F (m, 3) that join the same three vertices as an earlier one, in either
     orientation."""
     seen = np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1]
-    return np.setdiff1d(np.arange(len(F)), seen)
+    return complement(seen, len(F))
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
