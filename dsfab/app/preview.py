@@ -1,4 +1,4 @@
-"""`dsfab preview`: one design, seen before anything is cut; again whenever its file is saved."""
+"""`dsfab preview`: one design, seen before any file is written; again whenever its file is saved."""
 
 import time
 from collections.abc import Callable
@@ -114,7 +114,7 @@ def preview(
     ] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset before it is cut: a picture in a few seconds.
+    """Draw a preset in a few seconds: evenly spaced stripes as they are built, all else before it is cut.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def preview(
         def draw(preset: "Preset") -> None:
             if page.names[0] in FINISHED:
                 _draw_finished(preset, page, reporter, folder)
-            else:
+            elif page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter):
                 _draw(previewers, preset, page, reporter)
             if not quiet:
                 out(f"  {page.path}  {size(page.path.stat().st_size)}")
@@ -184,6 +184,28 @@ def _draw(previewers: "Previewers", preset: "Preset", page: Page, reporter: Repo
     if previewers.made:
         for note in previewers.made.notes:
             reporter.say(f"note ({note.stage}): {note.text}")
+
+
+def _draw_structure(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> bool:
+    """Evenly spaced stripes as they are built, and whether they could be: what is drawn before they are cut has loose
+    ends, holes at singular points of the stress and sharp corners that the structure has not."""
+    from dsfab.render.finished import structure_picture
+    from dsfab.render.png import write_png
+
+    design = previewers.drafted(preset, reporter)
+    if not design.pattern.even:
+        return False
+    try:
+        design = design.until("thickening")
+    except DsfabError as error:
+        reporter.say(f"note (preview): drawn before it is cut, for it cannot be: {error}")
+        return False
+    reporter("preview", f"drawing {page.path.name}")
+    write_png(structure_picture(design, size=page.pixels, **page.options), page.path)
+    reporter.done()
+    for note in design.notes:
+        reporter.say(f"note ({note.stage}): {note.text}")
+    return True
 
 
 def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
