@@ -1,7 +1,7 @@
 """What evenly spaced stripes are like, beside what was asked of them: `python -m tests.benchmarks.stripes_quality`.
 
 One row for each shipped preset that has them, each design of the gallery and, with DSFAB_MESHES, each mesh there: by
-the preset `roof` (`figurine` where it is closed) on the mesh as it is, at the default spacing. Names choose some of them.
+the preset `roof` (`figurine` where it is closed) on the mesh as it is, at the default spacing. Names choose some.
 
     P95/P5     of the spacing, of the major and of the minor family
     ends, slits    that stop in the air, and that are narrower than the members beside them; of the cut sheet
