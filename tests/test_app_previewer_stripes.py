@@ -1,12 +1,17 @@
 """Evenly spaced stripes as they are drawn: what is seen is what is cut, and light shows no seam of the chart."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from PIL import Image
 
+from dsfab.app.cli import main
 from dsfab.app.preview import shows
-from dsfab.errors import DsfabError
+from dsfab.errors import DsfabError, PatternError
 from dsfab.pipeline import Design, draft
 from dsfab.preset_file import load_preset, overridden
+from dsfab.render.finished import structure_picture
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import shading
 from dsfab.render.striped_mesh import StripedMesh, only_numbers
@@ -95,6 +100,33 @@ def test_a_reach_alone_is_a_number(dome: Design, monkeypatch: pytest.MonkeyPatch
                 previewer.set(changes)
     assert only_numbers(plain.preset, overridden(plain.preset, {"pattern.keep": 0.9}))
     assert not only_numbers(dome.preset, overridden(dome.preset, {"pattern.keep": 0.9}))  # a share is solved for
+
+
+def words(path: Path, *more: str) -> list[str]:
+    sets = [text for key, value in DOME.items() for text in ("--set", f"{key}={value}")]
+    return ["preview", DOME_MODES, *sets, "--size", "160x120", "--layers", "none", "-o", str(path), *more]
+
+
+@pytest.mark.slow
+def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_be(
+    dome: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Loose ends are none in the structure; a design that cannot be cut is seen all the same, and told."""
+    monkeypatch.setattr("dsfab.render.previewers.draft", lambda *_: dome)
+    built = dome.until("thickening")
+    path = tmp_path / "dome.png"
+    assert main(words(path, "-q")) == 0
+    shown = np.asarray(Image.open(path))
+    assert np.array_equal(shown, structure_picture(built, marks=(), size=(160, 120)))
+
+    def uncut(design: Design, stage: str) -> Design:
+        raise PatternError("a piece reaches no support")
+
+    monkeypatch.setattr(Design, "until", uncut)
+    capsys.readouterr()
+    assert main(words(path)) == 0
+    assert "drawn before it is cut, for it cannot be: a piece reaches no support" in capsys.readouterr().err
+    assert not np.array_equal(np.asarray(Image.open(path)), shown)
 
 
 def test_light_shows_no_seam(globe: Design) -> None:

@@ -1,4 +1,4 @@
-"""`dsfab preview`: one design, seen before anything is cut; again whenever its file is saved."""
+"""`dsfab preview`: one design, seen before any file is written; again whenever its file is saved."""
 
 import os
 import time
@@ -118,7 +118,7 @@ def preview(
     ] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset before it is cut: a picture in a few seconds.
+    """Draw a preset in a few seconds: evenly spaced stripes as they are built, all else before it is cut.
 
     Parameters
     ----------
@@ -205,6 +205,12 @@ def _layers(text: str) -> tuple[str, ...]:
 
 def _draw(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
     """One picture, or several on one page, into one file."""
+    if page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter):
+        _draw_pattern(previewers, preset, page, reporter)
+
+
+def _draw_pattern(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
+    """What is there before anything is cut."""
     from dsfab.render.answers import asking
     from dsfab.render.panels import panels
     from dsfab.render.png import write_png
@@ -225,6 +231,28 @@ def _draw(previewers: "Previewers", preset: "Preset", page: Page, reporter: Repo
     if previewers.made:
         for note in previewers.made.notes:
             reporter.say(f"note ({note.stage}): {note.text}")
+
+
+def _draw_structure(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> bool:
+    """Evenly spaced stripes as they are built, and whether they could be: what is drawn before they are cut has loose
+    ends, holes at singular points of the stress and sharp corners that the structure has not."""
+    from dsfab.render.finished import structure_picture
+    from dsfab.render.png import write_png
+
+    design = previewers.drafted(preset, reporter)
+    if not design.pattern.even:
+        return False
+    try:
+        design = design.until("thickening")
+    except DsfabError as error:
+        reporter.say(f"note (preview): drawn before it is cut, for it cannot be: {error}")
+        return False
+    reporter("preview", f"drawing {page.path.name}")
+    write_png(structure_picture(design, size=page.pixels, **page.options), page.path)
+    reporter.done()
+    for note in design.notes:
+        reporter.say(f"note ({note.stage}): {note.text}")
+    return True
 
 
 def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
+from dsfab.surface import connected
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import connected
 
 ALONG = 0.3
 """Stripes run along the boundary where the cosine between it and their gradient is less: within 17 degrees."""

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from dsfab.arrays import Bools, Floats
 from dsfab.pattern.frames import Frames, dots
-from dsfab.surface.topology import connected
+from dsfab.surface import connected
 
 TIE = 1e-6
 """Regions whose areas differ by less than this share of the surface are as large."""

@@ -34,7 +34,7 @@ def _crossed(surface: Surface, singular: Bools) -> Bools:
     h0, h1 = edges.pairs.T
     f, g, edge = h0 // 3, h1 // 3, edges.of.ravel()[h0]
     link = csr_array((np.ones(len(f), dtype=np.int8), (f, g)), shape=(surface.m, surface.m))
-    far, before, source = dijkstra(
+    far, preceding, source = dijkstra(
         link, directed=False, unweighted=True, indices=np.flatnonzero(name), return_predecessors=True, min_only=True
     )
     reached = np.isfinite(far[f]) & np.isfinite(far[g])
@@ -47,7 +47,7 @@ def _crossed(surface: Surface, singular: Bools) -> Bools:
     count = int(name.max()) + 1
     tree = minimum_spanning_tree(coo_array((steps[first], (low[first], high[first])), shape=(count, count)).tocsr())
     number = csr_array((first + 1, (low[first], high[first])), shape=(count, count))
-    before = before.astype(np.int64)
+    before = preceding.astype(np.int64)
     for at in meeting[np.asarray(number[tree.nonzero()]).ravel() - 1].tolist():
         crossed[edge[at]] = True
         for face in (int(f[at]), int(g[at])):

@@ -99,7 +99,7 @@ class Previewer:
         body = self._body()
         shape = surface if colouring.V is None else replace(surface, V=colouring.V)
         half = design.preset.statics.thickness / 2
-        layers = _layers(marks) - ({"person"} if view == "top" else set())
+        layers = layers_of(marks, view)
         reaction = design.statics.equilibrium.reaction
         self._arrows = show in MODES and "gradients" in layers
         gradient = mode_gradient(design, show) if self._arrows else None
@@ -248,7 +248,8 @@ class Previewer:
         return png(self.picture((800, 600)))
 
     def _caption(self) -> str:
-        return f"{self._preset.name} - {self._words or f'{self._show}, preview before cutting'}"
+        before = "before cutting and tidying" if self._made.pattern.even else "before cutting"
+        return f"{self._preset.name} - {self._words or f'{self._show}, preview {before}'}"
 
     def _body(self) -> Body:
         """What is drawn, with a shader of its own."""
@@ -293,9 +294,9 @@ class Previewer:
         return self._distance
 
 
-def _layers(marks: bool | Collection[str]) -> set[str]:
-    """Names of the layers; raises DsfabError for those that there are not."""
+def layers_of(marks: bool | Collection[str], view: str) -> set[str]:
+    """Names of the layers that are drawn in a view; raises DsfabError for those that there are not."""
     layers = set(LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
     if unknown := sorted(layers - set(EVERY_LAYER)):
         raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}")
-    return layers
+    return layers - ({"person"} if view == "top" else set())
