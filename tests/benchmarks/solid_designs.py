@@ -78,8 +78,8 @@ FITTED: dict[str, Kind] = {
         (2.5, 4.5),
     ),
 }
-"""The kinds of `dsfab verify --calibration` with fewer triangles, a bent plate that is built in, and shells. The term
-of `theory.py` was chosen on draws of these."""
+"""The kinds of `dsfab verify --calibration` with fewer triangles, a bent plate that is built in, and shells. The
+factors of `theory.py` were chosen on draws of these."""
 
 _COLUMNS = [
     {"at": {"pick": "ball", "center": [x, y, 0.0], "radius": 0.8}, "hold": "xyz"}
@@ -169,7 +169,7 @@ LATER: dict[str, Kind] = {
         **_TURNS,
     ),
 }
-"""Other surfaces and other supports, drawn after the term was chosen: they test it."""
+"""Other surfaces and other supports: the factors of `theory.py` were not chosen on draws of these, which test them."""
 
 DRAWN = FITTED | LATER
 

@@ -1,7 +1,7 @@
 """Cut sheets beside solids of them by CalculiX: what the theory of thin shells leaves out where ribs are narrow.
 
     python -m tests.benchmarks.solid_truth table.csv [KIND ...] [--seeds 0-5]    drawn designs
-    python -m tests.benchmarks.solid_truth table.csv --named                     the table of eleven named ones
+    python -m tests.benchmarks.solid_truth table.csv --named                     eleven named ones
     python -m tests.benchmarks.solid_truth table.csv --fit                       what the table says
 
 A random design is drawn for each kind and seed, and its thickness for a width of the ribs of 1.5 to 15 thicknesses. The
@@ -9,6 +9,7 @@ cut sheet is solved as a verdict solves it, and as a solid: quadratic wedges (C3
 meshes that are halved; the values are carried on at their own rate (`limit`). One layer of wedges cannot bend its
 section: what a second one adds is measured on the first mesh and carried over. Supports that hold a sheet's vertices
 are hinges here: the middle stands still, and what is above moves against what is below. Rows are added to the table.
+The named torus needs `--unknowns 5.2e5`: thin wedges converge slowly.
 """
 
 import argparse
@@ -33,7 +34,7 @@ from tests.benchmarks.solid_designs import DRAWN, FITTED, LATER, NAMED, drawn_de
 from tests.benchmarks.solid_wedges import solid_compliance
 
 UNKNOWNS = 4.5e5
-"""Of a solid, at most."""
+"""Of a solid, at most, where nothing is said."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def given_design(kind: str, seed: int) -> tuple[LoadedSurface, Sheet, float]:
     return setting, material, sheet.surface.area / design.surface.area
 
 
-def measured_row(kind: str, seed: int) -> SolidRow:
+def measured_row(kind: str, seed: int, unknowns: float = UNKNOWNS) -> SolidRow:
     """Raises DsfabError for a draw that cannot be made or does not carry its loads."""
     setting, material, share = given_design(kind, seed)
     name = next(iter(setting.loads))
@@ -115,7 +116,7 @@ def measured_row(kind: str, seed: int) -> SolidRow:
     forces, count = shares(sheet, loads), 0
     solid, second, chain = [], 1.0, meshes(sheet, SmoothSurface.through(setting.surface))
     mesh = next(chain)
-    while 9 * mesh.surface.n + 6 * len(mesh.surface.edges.ends) < UNKNOWNS:
+    while 9 * mesh.surface.n + 6 * len(mesh.surface.edges.ends) < unknowns:
         fine = next(chain)
         solid.append(solid_compliance(setting, mesh, fine, forces, 1))
         if count == 0:
@@ -142,15 +143,15 @@ def read(table: Path) -> list[SolidRow]:
 
 
 def fit(rows: Sequence[SolidRow]) -> str:
-    """What the verdict says of each design and what the solid is; how many are inside, of the kinds that the constants
-    of `theory_share` were chosen on and of those drawn later, and how wide what is said is."""
+    """What the verdict says of each design and what the solid is; how many are inside, of the kinds that the factors
+    of `theory_share` were chosen on and of others, and how wide what is said is."""
     lines = ["design                         share  w/t  torsion  shear  bending   verdict          theory   solid"]
     for row in rows:
         name = row.kind if row.kind in NAMED else f"{row.kind} {row.seed}"
         shown = f"{name:30} {row.share:.2f} {row.ratio:5.1f} {row.torsion:7.1%} {row.shear:7.1%} {row.bending:7.1%}"
         told = f"{row.value:10.4g} ±{row.bound:5.1%}  +{row.theory:6.1%} {row.gap:+7.1%}"
         lines.append(f"{shown} {told}{'' if row.inside() else '  outside'}")
-    for name, kinds in {"chosen on": FITTED, "drawn later": LATER, "named": NAMED}.items():
+    for name, kinds in {"chosen on": FITTED, "others": LATER, "named": NAMED}.items():
         some = [row for row in rows if row.kind in kinds]
         if some:
             inside, alone = (sum(row.inside(theory) for row in some) for theory in (True, False))
@@ -177,6 +178,7 @@ def main() -> None:
     given.add_argument("kinds", nargs="*")
     given.add_argument("--seeds", default="0-1")
     given.add_argument("--named", action="store_true")
+    given.add_argument("--unknowns", type=float, default=UNKNOWNS, help="of a solid, at most: more for thin ones")
     given.add_argument("--fit", action="store_true")
     asked = given.parse_args()
     if asked.fit:
@@ -187,14 +189,14 @@ def main() -> None:
         asked.table.write_text(",".join(field.name for field in fields(SolidRow)) + "\n", encoding="ascii")
     for seed in range(first, last + 1):
         for kind in asked.kinds or (NAMED if asked.named else DRAWN):
-            add_row(asked.table, kind, seed)
+            add_row(asked.table, kind, seed, asked.unknowns)
 
 
-def add_row(table: Path, kind: str, seed: int) -> None:
+def add_row(table: Path, kind: str, seed: int, unknowns: float) -> None:
     """Solves one design and says how it went."""
     start = time.perf_counter()
     try:
-        row = measured_row(kind, seed)
+        row = measured_row(kind, seed, unknowns)
     except DsfabError as error:
         print(f"{kind} {seed}: {str(error)[:150]}", flush=True)
         return
