@@ -1,4 +1,4 @@
-"""What the theory of thin sheets leaves out: shares of bending and twisting, the term that is told, and its table."""
+"""What the theory of thin sheets leaves out: ribs that twist as bars, shear, the term that is told, and its table."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,120 +6,187 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsfab.statics import Material, SheetMaterial, equilibria, sheet_stiffness, sheet_stress
+import dsfab
+from dsfab.statics import (
+    Material,
+    SheetMaterial,
+    SpreadLoad,
+    equilibria,
+    rib_shape,
+    sheet_stiffness,
+    sheet_stress,
+    torsion_share,
+)
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import TABLE
 from dsfab.study.verdict.finer import meshes, shares
-from dsfab.study.verdict.levels import MAIN
+from dsfab.study.verdict.levels import MAIN, level
 from dsfab.study.verdict.loaded_surface import attached_material
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.theory import NARROW, BendingShares, bending_shares, theory_share
+from dsfab.study.verdict.theory import rib_softening
 from dsfab.surface import LoadCase, Surface
-from tests.benchmarks.solid_truth import drawn_design, limit, needed, read
+from tests.benchmarks.solid_designs import LATER, NAMED, drawn_design, segment
+from tests.benchmarks.solid_truth import limit, read
 from tests.benchmarks.solid_wedges import solid_compliance
 from tests.calculix import needs_ccx
-from tests.zoo import grid, jittered
+from tests.zoo import grid, jittered, sphere
 
 SOFT = Material(1e9, 0.25, 1.0)
+STRIP = {"length": 4.0, "width": 0.4}
 
 
-def shares_under(surface, fixed, force, material=SOFT, thickness=0.01, clamped=()):
-    """Of a sheet under forces (n, 3) on its vertices."""
-    made = SheetMaterial(material, thickness)
+def softened(surface, fixed, force, thickness, material=SOFT, clamped=()):
+    """Torsion and shear of a sheet under forces (n, 3) on its vertices, and how stiff the thin sheet is."""
+    made = SheetMaterial(material, thickness).on(surface)
     load = LoadCase(fixed, force, np.abs(force).any(axis=1), clamped=np.array(clamped, dtype=bool))
-    K = sheet_stiffness(made.on(surface), MAIN)
-    (answer,) = equilibria(surface, K, [load], MAIN)
-    stress = sheet_stress(made.on(surface), MAIN, answer)
-    return bending_shares(surface, made, stress, answer), stress, answer
+    spread = SpreadLoad.on(surface, (0.0, 0.0, 0.0), 0.0)
+    (answer,) = equilibria(surface, sheet_stiffness(made, MAIN), [load], MAIN, [spread])
+    stress = {"load": sheet_stress(made, MAIN, answer)}
+    (found,) = rib_softening(made, MAIN, {"load": load}, {"load": spread}, {"load": answer}, stress).values()
+    return found, answer.compliance
 
 
-def turned(surface):
-    """The same in another place, and which way its x, y and z point then."""
-    a, b = 0.7, -1.1
-    R = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
-    R = R @ np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
-    return Surface(surface.V @ R.T + 3.0, surface.F), R
-
-
-def corner_plate():
-    """A square on three corners, pushed at the fourth: w = c x y, m_xy alone."""
-    surface = jittered(grid(6, 6, 1.0, 1.0))
-    corners = [int(np.linalg.norm(surface.V[:, :2] - xy, axis=1).argmin()) for xy in ((0, 0), (1, 0), (0, 1), (1, 1))]
-    fixed, force = np.zeros((surface.n, 3), dtype=bool), np.zeros((surface.n, 3))
-    fixed[corners[:3], 2] = True
-    fixed[corners[0]] = True
-    fixed[corners[1], 1] = True
-    force[corners[3], 2] = -10.0
-    return surface, fixed, force
-
-
-def test_a_square_on_three_corners_is_twisted_and_nothing_else():
-    """c = F^2 a^2 12 (1 + nu) / (E h^3) [w = F a^2 / (2 D (1 - nu))], all of it twist."""
-    surface, fixed, force = corner_plate()
-    found, _, answer = shares_under(surface, fixed, force)
-    assert answer.compliance == pytest.approx(100.0 * 6 * 1.25 / (1e9 * 1e-6), rel=1e-6)
-    assert found == pytest.approx((1.0, 1.0), rel=1e-6)
-
-
-def test_a_strip_that_is_bent_is_not_twisted():
-    surface = jittered(grid(20, 4, 2.0, 0.4))
-    x = surface.V[:, 0]
-    force = np.zeros((surface.n, 3))
-    force[x > 1.99, 2] = -1.0
-    clamped = (x[surface.edges.ends] < 0.01).all(axis=1)
-    fixed = np.repeat((x < 0.01)[:, None], 3, axis=1)
-    bent, stress, answer = shares_under(surface, fixed, force, replace(SOFT, poisson=0.0), clamped=clamped)
-    assert bent.bending == pytest.approx(1.0, rel=1e-6)
-    assert bent.twisting < 0.01
-    # both parts of the energy are those of the stress
-    assert bent.bending == pytest.approx(2 * stress.bending_energy @ surface.areas / answer.compliance, rel=1e-9)
-    pulled, *_ = shares_under(surface, fixed, force[:, [2, 1, 0]])
-    assert pulled == pytest.approx((0.0, 0.0), abs=1e-9)
-
-
-def test_shares_do_not_depend_on_where_the_sheet_lies_and_how_strong_it_is():
-    surface, fixed, _ = corner_plate()
+def cantilever(force, thickness, cells=(40, 4), material=SOFT):
+    """A strip that is built in at x = 0, with forces (k, 3) on the vertices of its tip, from one side to the other."""
+    surface = grid(*cells, *STRIP.values())
     x, y = surface.V[:, 0], surface.V[:, 1]
-    fixed = np.repeat((x < 0.01)[:, None], 3, axis=1)
-    force = np.zeros((surface.n, 3))
-    force[(x > 0.99) & (y > 0.6), 2] = -1.0
-    clamped = (x[surface.edges.ends] < 0.01).all(axis=1)
-    known, *_ = shares_under(surface, fixed, force, clamped=clamped)
-    assert 0.05 < known.twisting < known.bending
-    other, R = turned(surface)
-    again, *_ = shares_under(other, fixed, 7 * force @ R.T, replace(SOFT, young=3e5), clamped=clamped)
-    assert again == pytest.approx(known, rel=1e-6)
+    tip = np.flatnonzero(x > STRIP["length"] - 1e-9)
+    forces = np.zeros((surface.n, 3))
+    forces[tip[np.argsort(y[tip])]] = force
+    clamped = (x[surface.edges.ends] < 1e-9).all(axis=1)
+    return softened(surface, np.repeat((x < 1e-9)[:, None], 3, axis=1), forces, thickness, material, clamped)
 
 
-def test_the_term_grows_as_ribs_get_narrow_and_is_nothing_in_the_plane():
-    twisted, bent = BendingShares(0.6, 0.6), BendingShares(0.6, 0.0)
-    assert theory_share(BendingShares(0.0, 0.0), 2.0) == 0
-    assert theory_share(twisted, np.inf) == 0
-    assert theory_share(twisted, 3.0) == pytest.approx(2 * theory_share(twisted, 6.0))
-    # more than Saint-Venant's torsion of a rib alone, .63 h / w
-    assert theory_share(twisted, 5.0) > max(0.63 * 0.6 / 5, theory_share(bent, 5.0))
+@pytest.mark.parametrize(
+    ("ratio", "k"), [(1, 0.1406), (1.5, 0.1958), (2, 0.2287), (3, 0.2633), (5, 0.2913), (10, 0.3123)]
+)
+def test_bars_have_saint_venants_torsion(ratio, k):
+    """J = k w h^3 for w over h [Timoshenko and Goodier 1970, table 10], and the same for a bar on its narrow side."""
+    assert torsion_share(np.array(ratio)) == pytest.approx(3 * k, rel=0.005)
+    assert torsion_share(np.array(1 / ratio)) == pytest.approx(3 * k / ratio**2, rel=0.005)
+
+
+@pytest.mark.parametrize("thickness", [0.05, 0.2, 0.8])
+def test_a_strip_that_is_twisted_is_a_bar(thickness):
+    """Twisted by a pair of forces at its tip, far longer than wide: 1 / share as soft; thin, and thicker than wide. At
+    its ends it is built in, and pressed by forces on points."""
+    pair = np.zeros((5, 3))
+    pair[[0, 4], 2] = 1.0, -1.0
+    found, _ = cantilever(pair, thickness)
+    exact = 1 / torsion_share(np.array(STRIP["width"] / thickness)) - 1
+    assert found.torsion == pytest.approx(exact, rel=0.08)
+
+
+def test_a_strip_that_is_bent_is_no_softer_but_for_shear():
+    """F^2 L 6 / (5 G w h) of shear over F^2 L^3 / (3 E I) [Timoshenko 1921]."""
+    thickness, material = 0.4, replace(SOFT, poisson=0.0)
+    found, compliance = cantilever(
+        np.array([[0, 0, 1.0]] * 5) * [[0.5], [1], [1], [1], [0.5]], thickness, material=material
+    )
+    length, width = STRIP.values()
+    assert compliance == pytest.approx(16 * length**3 / (3 * 1e9 * width * thickness**3 / 12), rel=1e-3)
+    assert found.shear == pytest.approx(1.2 * 3 * thickness**2 / 12 * 2 / length**2, rel=0.01)
+    assert found.torsion < 1e-3
+
+
+def test_a_sheet_that_is_pulled_has_neither():
+    found, _ = cantilever(np.array([[1.0, 0, 0]] * 5), 0.2)
+    assert found == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+
+
+def windows(width=2, cells=24):
+    """A plate of 1 m with square windows, ribs `width` of 24 cells wide."""
+    even = grid(cells, cells, 1.0, 1.0)
+    square = np.floor(even.centroids[:, :2] * cells).astype(int)
+    kept = even.F[((square % 6 < width) | (square >= cells - width)).any(axis=1)]
+    used, F = np.unique(kept, return_inverse=True)
+    return Surface(even.V[used], F.reshape(-1, 3))
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+def test_ribs_are_as_wide_as_they_are_between_windows(width):
+    surface = windows(width)
+    shape = rib_shape(surface)
+    place = (surface.centroids[:, :2] * 24) % 6
+    inner = (surface.centroids[:, :2].max(axis=1) < 17 / 24) & (surface.centroids[:, :2].min(axis=1) > width / 24)
+    bars = ((place < width).sum(axis=1) == 1) & inner
+    middle = np.abs(place - (width + 6) / 2).min(axis=1) < (6 - width) / 4  # between the nodes
+    assert shape.widths[bars & middle] == pytest.approx(width / 24, rel=0.03)
+    for axis in (0, 1):
+        some = bars & middle & (place[:, 1 - axis] < width)
+        assert np.abs(shape.along[some]) == pytest.approx(np.array([np.eye(3)[axis]] * some.sum()), abs=1e-9)
+    assert (shape.widths[inner] > 0.99 * width / 24).all()
+
+
+def test_widths_turn_with_the_sheet_and_a_closed_one_has_none():
+    surface = jittered(windows())
+    c, s = np.cos(0.7), np.sin(0.7)
+    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    known, other = rib_shape(surface), rib_shape(Surface(3 * surface.V @ R.T + 5.0, surface.F))
+    assert np.median(np.abs(other.widths / (3 * known.widths) - 1)) < 1e-6
+    assert np.abs(np.einsum("mx,mx->m", other.along, known.along @ R.T)) == pytest.approx(1.0, abs=1e-6)
+    assert np.isinf(rib_shape(sphere(1)).widths).all()
+
+
+def test_rough_outlines_do_not_make_ribs_narrow():
+    """A ring of twelve sides: the kinks of its outer border are not two sides of a rib."""
+    around = grid(12 * 8, 6, 2 * np.pi, 0.3)
+    turn = around.V[:, 0]
+    side = np.cos(np.pi / 12) / np.cos(turn % (np.pi / 6) - np.pi / 12) * (1 + around.V[:, 1])
+    V = np.stack([side * np.cos(turn), side * np.sin(turn), 0 * turn], axis=1)
+    _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
+    found = rib_shape(Surface(V[first], of.reshape(-1)[around.F])).widths
+    assert found.min() > 0.99 * 0.3 * np.cos(np.pi / 12)
+    assert found.max() < 0.3
+
+
+def test_ribs_of_a_design_are_told_by_the_first_mesh_and_not_in_the_plane():
+    surface = windows()
+    x = surface.V[:, 0]
+    fixed = np.repeat((x < 1e-9)[:, None], 3, axis=1)
+    for force, some in (((0.0, 0.0, -1.0), True), ((0.0, -1.0, 0.0), False)):
+        tip, held = x > 1 - 1e-9, (x[surface.edges.ends] < 1e-9).all(axis=1)
+        load = {"load": LoadCase(fixed, np.outer(tip, force), tip, clamped=held & some)}
+        spread = {"load": SpreadLoad.on(surface, (0.0, 0.0, 0.0), 0.0)}
+        made = SheetMaterial(SOFT, 0.05)
+        assert bool(level(surface, made, load, spread, (MAIN,), ribs=True).softer) is some
+        assert not level(surface, made, load, spread, (MAIN,)).softer
 
 
 SOLIDS = read(Path(str(TABLE)).parent / "solids.csv")
 
 
 def test_the_solids_of_the_table_lie_within_what_verdicts_say_of_them():
-    assert len(SOLIDS) >= 24
-    assert len({row.kind for row in SOLIDS}) >= 10
-    assert min(row.share for row in SOLIDS) < 0.35
-    assert min(row.ratio for row in SOLIDS) < 2.5 < 10 < max(row.ratio for row in SOLIDS)
-    assert np.mean([row.inside(NARROW) for row in SOLIDS]) >= 0.95
-    assert np.mean([row.inside(0.0) for row in SOLIDS]) < 0.5  # the bound is about thin sheets
+    assert len(SOLIDS) >= 60
+    assert len({row.kind for row in SOLIDS}) >= 20
+    assert min(row.share for row in SOLIDS) < 0.3
+    assert min(row.ratio for row in SOLIDS) < 2 < 12 < max(row.ratio for row in SOLIDS)
+    assert np.mean([row.inside() for row in SOLIDS]) >= 0.98
+    assert np.mean([row.inside(theory=False) for row in SOLIDS]) < 0.2  # the bound is about thin sheets
     flat = [row for row in SOLIDS if row.kind == "cantilever"]
     assert flat
-    assert all(row.bending == 0 and row.inside(0.0) for row in flat)
+    assert all(row.theory == 0 and row.inside() for row in flat)
 
 
-def test_the_term_holds_for_kinds_that_it_was_not_fitted_to():
-    kinds = {row.kind for row in SOLIDS}
-    others = {kind: needed([row for row in SOLIDS if row.kind != kind]) for kind in kinds}
-    assert np.mean([row.inside(others[row.kind]) for row in SOLIDS]) >= 0.95
-    assert needed(SOLIDS) == pytest.approx(NARROW, rel=0.02)
+def test_what_is_said_of_solids_holds_for_designs_that_it_was_not_chosen_on_and_is_not_wide():
+    later = [row for row in SOLIDS if row.kind in LATER]
+    assert len(later) >= 20
+    assert all(row.inside() for row in later)
+    bent = [row for row in SOLIDS if row.theory > 0]
+    assert np.median([row.theory for row in bent]) < 1.5 * np.median([row.gap for row in bent])
+    assert max(row.gap for row in bent) > 1  # ribs thinner than wide that are twisted: four times as soft
+
+
+def test_named_designs_lie_within_what_is_said_of_them():
+    named = {row.kind: row for row in SOLIDS if row.kind in NAMED}
+    assert set(NAMED) - set(named) == {"tower, thin"}  # told to be unknown: its equations are not solved well enough
+    assert all(row.inside() for row in named.values())
+
+
+def test_the_segment_of_a_torus_is_half_of_its_tube(tmp_path):
+    segment(tmp_path / "segment.obj")
+    read_back = dsfab.read_surface(tmp_path / "segment.obj")
+    assert read_back.area == pytest.approx(np.radians(150) * np.pi * 6 * 2.5, rel=0.01)
 
 
 def test_solids_are_carried_on_at_their_own_rate():

@@ -64,7 +64,7 @@ def test_the_compliance_of_a_full_plate_lies_inside_the_bound():
     told = f"converged within {100 * verdict.bound:.2g} %; thin-shell theory: a solid is up to "
     told += f"{100 * verdict.theory:.2g} % softer"
     assert verdict.reason == told
-    assert 0 < verdict.theory < 0.02  # half a metre wide in the mean and a centimetre thick
+    assert 0 < verdict.theory < 0.03  # half a metre wide in the mean and a centimetre thick
     assert len(verdict.levels) == 2
     assert verdict.levels[1].triangles == 4 * verdict.levels[0].triangles
     # both pairs err to the soft side of a plate, mid-edge by far more: which the first mesh alone tells

@@ -26,6 +26,7 @@ from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
 from dsfab.statics.stress import stress, von_mises
 from dsfab.statics.supports import with_springs
+from dsfab.statics.torsion import RibShape, rib_shape, torsion_loss, torsion_share
 from dsfab.statics.uses import REPORTED, USES, Aid, Quantity, Use, elements_of, tolerance_of
 from dsfab.surface.loads import LoadCase
 
@@ -56,6 +57,7 @@ __all__ = [
     "Principal",
     "Quantity",
     "Resultant",
+    "RibShape",
     "SectionForces",
     "ShearRecovery",
     "SheetMaterial",
@@ -85,6 +87,7 @@ __all__ = [
     "needles_told",
     "plane_von_mises",
     "resultant",
+    "rib_shape",
     "section_forces",
     "sheet_answers",
     "sheet_stiffness",
@@ -97,6 +100,8 @@ __all__ = [
     "support_entries",
     "support_reactions",
     "tolerance_of",
+    "torsion_loss",
+    "torsion_share",
     "von_mises",
     "with_springs",
 ]

@@ -50,8 +50,9 @@ def moment_loads(surface: Surface) -> Floats:
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """K_b over the unknowns of `elements`, N/m; the moments are eliminated on each face.
 
-    D : (3, 3) moments from curvatures, N m. The *decoupled* form: the bubble along an edge's mean normal bends the
-    faces, those along and across the edge stretch them; coupling all three locks on coarse thin curved meshes.
+    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The *decoupled* form: the bubble along an edge's
+    mean normal bends the faces, those along and across the edge stretch them; coupling all three locks on coarse thin
+    curved meshes.
     """
     rows = moment_loads(surface)
     normal, of = surface.normals, surface.edges.of
@@ -64,5 +65,9 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
         ],
         axis=3,
     ).reshape(surface.m, 9, 18)
-    blocks = B.transpose(0, 2, 1) @ (np.kron(CONDENSED, D) @ B) / surface.areas[:, None, None]
+    if D.ndim == 2:
+        blocks = B.transpose(0, 2, 1) @ (np.kron(CONDENSED, D) @ B) / surface.areas[:, None, None]
+    else:
+        each = np.einsum("ab,mij->maibj", CONDENSED, D).reshape(-1, 9, 9) / surface.areas[:, None, None]
+        blocks = B.transpose(0, 2, 1) @ (each @ B)
     return assembled(blocks, elements.columns(surface, "normal", "rotation", "slope"), elements.unknowns(surface))

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
-from dsfab.surface.mesh import Surface
+from dsfab.surface import Surface
 
 SMOOTH = np.cos(np.radians(30))
 """Faces that lean by more than 30 degrees from the mean normal at a vertex are across a fold there."""

@@ -148,14 +148,13 @@ def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> cs
     crowded[columns[_heights(surface) < reach]] = True
     normal = np.zeros((size, 3))
     np.add.at(normal, columns, sign[:, :, None] * (surface.normals * surface.areas[:, None])[:, None])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
     source = np.flatnonzero(crowded)
     near = cKDTree(points[source]).sparse_distance_matrix(cKDTree(points), reach, output_type="coo_matrix")
-    i, j = near.coords
-    i = source[i]
-    side = np.einsum("kx,kx->k", normal[i], normal[j])
-    share = np.where(np.abs(side) > SMOOTH, np.sign(side), 0.0) * area[j]
-    share /= np.bincount(i, np.abs(share), size)[i]
+    i, j = source[near.coords[0]], near.coords[1]
+    side = np.where(i == j, 1.0, np.einsum("kx,kx->k", normal[i], normal[j]))
+    part: Floats = np.where(np.abs(side) > SMOOTH, np.sign(side), 0.0) * area[j]
+    share = part / np.bincount(i, np.abs(part), size)[i]
     still = np.flatnonzero(~crowded)
     rows, of = np.concatenate([j, still]), np.concatenate([i, still])
     return csr_array((np.concatenate([share, np.ones(len(still))]), (rows, of)), shape=(size, size))

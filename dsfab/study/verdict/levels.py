@@ -21,7 +21,7 @@ from dsfab.statics import (
     sheet_stress,
 )
 from dsfab.study.verdict.stresses import Extreme, stress_extremes
-from dsfab.study.verdict.theory import BendingShares, bending_shares
+from dsfab.study.verdict.theory import RibSoftening, rib_softening
 from dsfab.surface import LoadCase, Surface
 
 MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
@@ -47,7 +47,7 @@ class Level:
     seconds    : of both pairs.
     memory     : bytes, the most that the process has held up to then.
     stresses   : of the main pair, for each case, see `stress_extremes`.
-    bent       : of the main pair, for each case, see `BendingShares`.
+    softer     : of the main pair, for each case, see `RibSoftening`; empty where not asked for, or in the plane.
     """
 
     triangles: int
@@ -60,7 +60,7 @@ class Level:
     seconds: float
     memory: int
     stresses: Mapping[str, Mapping[str, Extreme]] = field(default_factory=dict)
-    bent: Mapping[str, BendingShares] = field(default_factory=dict)
+    softer: Mapping[str, RibSoftening] = field(default_factory=dict)
 
 
 def level(
@@ -69,8 +69,14 @@ def level(
     loads: Mapping[str, LoadCase],
     spreads: Mapping[str, SpreadLoad],
     pairs: tuple[Elements, ...] = (MAIN, BESIDE),
+    ribs: bool = False,
 ) -> Level:
-    """The sheet on one mesh, under loads on the same supports. Raises StaticsError as `equilibria` does."""
+    """The sheet on one mesh, under loads on the same supports.
+
+    ribs : whether it is solved once more with ribs that twist as bars, see `RibSoftening`.
+
+    Raises StaticsError as `equilibria` does.
+    """
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     found = {}
@@ -97,7 +103,7 @@ def level(
         time.perf_counter() - start,
         peak_memory(),
         {name: stress_extremes(surface, one, loads[name].held) for name, one in stress.items()},
-        {name: bending_shares(surface, made, stress[name], answer) for name, answer in found[main].items()},
+        rib_softening(made.on(surface), elements, loads, spreads, found[main], stress) if ribs and not plane else {},
     )
 
 

@@ -15,7 +15,6 @@ from dsfab.study.verdict.finer import Shares, meshes, on_mesh, shares
 from dsfab.study.verdict.levels import BESIDE, MAIN, ONCE, Level, level, memory_needed
 from dsfab.study.verdict.loaded_surface import LoadedSurface
 from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.stresses import rib_width
 from dsfab.study.verdict.theory import WORTH, theory_share
 from dsfab.study.verdict.verdict import CaseVerdict, Depth
 from dsfab.surface import LoadCase, Surface
@@ -30,7 +29,6 @@ COUNT = {2: "two levels", 3: "three levels"}
 class Refinement:
     """Meshes solved up to now.
 
-    ratio   : mean width of the members over the thickness; inf for a closed sheet without openings.
     stopped : why no more were, with the status that follows; None where enough is known, or all were solved.
     """
 
@@ -40,12 +38,11 @@ class Refinement:
     budget: float
     progress: Progress | None
     levels: list[Level] = field(default_factory=list)
-    ratio: float = float("inf")
     stopped: tuple[Status, str] | None = None
 
     def up(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
         """Solve what is needed. loads : on the sheet, as they are handed to it."""
-        forces, self.ratio = shares(sheet, loads), rib_width(sheet.surface) / self.setting.made.thickness
+        forces = shares(sheet, loads)
         bent = islice(meshes(sheet, self.smooth), LEVELS)
         for mesh in [sheet] if self.depth == "quick" else bent:
             if told := self._too_large(mesh.surface):
@@ -90,11 +87,13 @@ class Refinement:
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
         # finer meshes are there for the steps between them: how far the two pairs are apart is told by the first
         pairs = (ONCE,) if self.depth == "quick" else (MAIN,) if self.levels else (MAIN, BESIDE)
-        self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs))
+        ribs = self.depth == "full" and not self.levels
+        self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
 
     def _case(self, name: str) -> CaseVerdict:
         last, values = self.levels[-1], [one.compliance[name] for one in self.levels]
-        errors = last.zz_membrane[name], last.zz_bending[name], theory_share(last.bent[name], self.ratio)
+        softer = self.levels[0].softer
+        errors = last.zz_membrane[name], last.zz_bending[name], theory_share(softer[name]) if softer else 0.0
         if self.depth == "quick":
             typical, most = rules.QUICK
             told = f"one solve on the cut mesh: typically within {percent(typical)}, nine in ten within {percent(most)}"
