@@ -22,8 +22,7 @@ from dsfab.export.part import Part
 from dsfab.export.plate import SHARE_OF_GAP, SLIMMEST, NotFlatError, enclosed, frame, gaps_between
 from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline, sheet_of
 from dsfab.export.smooth.seams import Key, run_key
-from dsfab.surface.creases import CREASE
-from dsfab.surface.topology import edge_table
+from dsfab.surface import CREASE, edge_table
 
 ROUGH = 1e-4
 """Thicknesses that the vertices of a facet may be off its plane: files of meshes round them. They are put into it."""
