@@ -237,7 +237,7 @@ def _fillets(shape: Any) -> tuple[int, int]:
         try:
             fillet.Build()
             good += fillet.IsDone() and _valid(fillet.Shape())
-        except Exception:  # noqa: BLE001, S112: OCCT raises its own, of many kinds
+        except Exception:
             continue
     return good, len(tried)
 
