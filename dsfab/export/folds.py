@@ -49,7 +49,7 @@ class Facet:
 
     def flat(self, points: Floats) -> Floats:
         """(k, 4) points (k, 2, 3) of both skins along the first two axes of their planes."""
-        return np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4)
+        return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def lifted(self, flat: Floats) -> Floats:
         """(k, 2, 3) points of both planes from (k, 4)."""
@@ -118,7 +118,7 @@ def _folded(part: Part) -> FoldedSheet:
         raise NotFlatError("the solid is not the sheet's")
     points, apart = _mitred(skins, outline.F, facet)
     if apart.any():
-        facet = _apart(facet, apart[outline.F].any(axis=1))
+        facet = _apart(facet, np.asarray(apart[outline.F].any(axis=1)))
         _ask_few(facet)
         points = _mitred(skins, outline.F, facet)[0]
     outline = sheet_of(whole._replace(chart=facet), curved.shift)
