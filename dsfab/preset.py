@@ -472,7 +472,7 @@ class Export(Section):
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "faceted", "tessellated"] = "auto"
-    """STEP: planar (flat sheets) or smooth (curved ones), of lines and splines, faceted, or tessellated (for viewers);
+    """STEP: planar (flat or folded) or smooth (curved), of lines and splines, faceted, or tessellated (for viewers);
     members: smooth, of four-sided patches that CAD programs cut and measure as they should, else smooth, else faceted.
     auto: planar where it can, else smooth where it is soon made, else faceted where step_faces allows, else smooth.
     quick: the same without the last, which may take minutes and come to nothing."""

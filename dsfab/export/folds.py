@@ -22,8 +22,7 @@ from dsfab.export.part import Part
 from dsfab.export.plate import SHARE_OF_GAP, SLIMMEST, NotFlatError, enclosed, frame, gaps_between
 from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline, sheet_of
 from dsfab.export.smooth.seams import Key, run_key
-from dsfab.surface.creases import CREASE
-from dsfab.surface.topology import edge_table
+from dsfab.surface import CREASE, edge_table
 
 ROUGH = 1e-4
 """Thicknesses that the vertices of a facet may be off its plane: files of meshes round them. They are put into it."""
@@ -50,7 +49,7 @@ class Facet:
 
     def flat(self, points: Floats) -> Floats:
         """(k, 4) points (k, 2, 3) of both skins along the first two axes of their planes."""
-        return np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4)
+        return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def lifted(self, flat: Floats) -> Floats:
         """(k, 2, 3) points of both planes from (k, 4)."""
@@ -119,7 +118,7 @@ def _folded(part: Part) -> FoldedSheet:
         raise NotFlatError("the solid is not the sheet's")
     points, apart = _mitred(skins, outline.F, facet)
     if apart.any():
-        facet = _apart(facet, apart[outline.F].any(axis=1))
+        facet = _apart(facet, np.asarray(apart[outline.F].any(axis=1)))
         _ask_few(facet)
         points = _mitred(skins, outline.F, facet)[0]
     outline = sheet_of(whole._replace(chart=facet), curved.shift)

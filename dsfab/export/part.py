@@ -60,7 +60,7 @@ class Details:
 class StepOptions:
     """How a STEP file is made.
 
-    route     : planar, for flat solids: lines and splines through the outline; smooth, for curved sheets: spline skins
+    route     : planar, for flat or folded sheets: lines and splines along the outline; smooth, for curved ones: skins
                 and ruled walls; members: the same of four-sided patches that no edge trims, which CAD programs cut and
                 measure as they should, in a larger file, never taken by auto; faceted: planar faces only; auto takes
                 the first that the solid allows and that stands the check. tessellated: its triangles, for viewers;

@@ -132,9 +132,11 @@ def _limited(run: "subprocess.Popen[str]", seconds: float) -> float:
     if not hasattr(resource, "prlimit"):
         return seconds
     most = max(1, round(seconds))
-    with suppress(ProcessLookupError):  # it has ended
+    with suppress(OSError):  # it has ended, or the system does not allow it
         resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would leave its memory in a file
-        resource.prlimit(run.pid, resource.RLIMIT_CPU, (most, most + GRACE))
+        _, hard = resource.prlimit(run.pid, resource.RLIMIT_CPU)
+        last = most + GRACE if hard == resource.RLIM_INFINITY else min(most + GRACE, hard)
+        resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(most, last), last))
     return BUSY * seconds
 
 

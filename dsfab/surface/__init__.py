@@ -3,6 +3,7 @@
 from dsfab.surface.cases import Combination, LimitState, load_cases, together
 from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.corner_field import CornerField
+from dsfab.surface.creases import CREASE
 from dsfab.surface.divided import DividedField
 from dsfab.surface.en1990 import (
     OF_LOADS,
@@ -51,6 +52,7 @@ from dsfab.surface.supports import Support
 from dsfab.surface.topology import EdgeTable, connected, edge_table, half_edges, next_half_edge, pieces
 
 __all__ = [
+    "CREASE",
     "DEFAULT_TRIANGLES",
     "FIGURES",
     "MESH_SUFFIXES",
