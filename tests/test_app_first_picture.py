@@ -41,7 +41,9 @@ print("aWindow")
 """
 
 
-@pytest.mark.parametrize("ask", [pytest.param(one, marks=[pytest.mark.slow] * (one == "graded")) for one in SHARES])
+@pytest.mark.parametrize(
+    "ask", [pytest.param(one, marks=[pytest.mark.slow] * (one in ("graded", "stripes"))) for one in SHARES]
+)
 def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
     preset = load_preset(DOME_MODES, SHARES[ask])
     design = Design.of(preset)
@@ -63,6 +65,7 @@ def test_widths_that_cannot_be_counted_are_no_sketch_and_refused_by_the_pattern(
         _ = design.pattern
 
 
+@pytest.mark.slow
 def test_a_rough_picture_is_as_large_and_about_as_light():
     made = draft(load_preset(DOME_MODES, {"surface.edge": 0.9, "pattern.width": {}}))
     with Previewer(made) as previewer:

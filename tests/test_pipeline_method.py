@@ -40,6 +40,7 @@ def test_all_are_told_and_the_best_is_taken(chosen):
     assert ("modes" in tried[0].name) == (chosen.settled.pattern.method == "modes")
 
 
+@pytest.mark.slow
 def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen, plate):
     """From the stiffest of each without flaws, and never softer than the graded widths that evening begins with."""
     for design in (chosen, plate):
@@ -68,6 +69,7 @@ def test_of_those_without_dead_ends_and_slits_the_stiffest_comes_first():
     assert ranked == [stiff, clean, soft, alike, slit, dead, refused]
 
 
+@pytest.mark.slow
 def test_counted_are_those_of_the_sheet_that_would_be_built(plate):
     """The best is built: what was counted on the trial is what the build tells, but for slits at the limit: the share
     of material is met to 2e-3 in a trial, to 4e-4 in the build, and round corners come in the build only."""

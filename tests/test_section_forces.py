@@ -183,6 +183,7 @@ def dome():
     return dsfab.run(dsfab.load_preset("dome", CUT))
 
 
+@pytest.mark.slow
 def test_a_cut_domes_sections_carry_what_lies_above_them(dome):
     """Ribs three faces wide, between the free edges of openings: within .2 %."""
     found, s = dome.section_forces, dome.sheet.surface

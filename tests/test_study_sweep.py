@@ -36,6 +36,7 @@ def test_a_swept_design_is_the_one_that_is_built_alone():
         assert (kept[tuple(run.changes.values())].solid.V == alone.solid.V).all()
 
 
+@pytest.mark.slow
 def test_statics_and_modes_are_solved_once_for_all_patterns():
     designs = []
     vary = {"pattern.major.phase": [0.0, 0.2, 0.4], "diffusion.r": [10.0, 100.0]}
