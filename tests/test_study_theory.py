@@ -169,8 +169,10 @@ def test_the_solids_of_the_table_lie_within_what_verdicts_say_of_them():
 
 
 def test_what_is_said_of_solids_holds_for_designs_that_it_was_not_chosen_on_and_is_not_wide():
+    """Those of seed 3 were drawn when the form stood; the others were seen while it was chosen."""
+    assert sum(row.kind in LATER and row.seed == 3 for row in SOLIDS) == 8
     later = [row for row in SOLIDS if row.kind in LATER]
-    assert len(later) >= 20
+    assert len(later) >= 30
     assert all(row.inside() for row in later)
     bent = [row for row in SOLIDS if row.theory > 0]
     assert np.median([row.theory for row in bent]) < 1.5 * np.median([row.gap for row in bent])
