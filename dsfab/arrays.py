@@ -123,8 +123,8 @@ def grouped(keys: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def distinct(keys: NDArray[np.integer[Any]]) -> Ints:
-    """The different numbers among integers of any shape, ascending: `np.unique`, whose hashing takes ten times as long
-    (numpy 2.4, from ten thousand keys on)."""
+    """(k,) the different numbers among integers of any shape, ascending: `np.unique`, whose hashing takes ten times as
+    long (numpy 2.4, from ten thousand keys on)."""
     ascending = np.sort(keys, axis=None)
     return np.asarray(ascending[np.diff(ascending, prepend=ascending[:1] - 1) != 0])
 

@@ -115,7 +115,7 @@ def test_presets_are_listed_with_a_sentence_each(capsys):
 def test_materials_are_listed_with_their_values_and_sources(capsys):
     code, out, _ = run(capsys, "materials")
     assert code == 0
-    assert out.count("source: ") == out.count("strength: ") == 9
+    assert out.count("source: ") == out.count("strength: ") == 16
     (line,) = [line for line in out.splitlines() if line.startswith("GL24h ")]
     assert line.split(None, 1)[1] == (
         "young 11.5 GPa, poisson 0.3, density 420 kg/m3, strength 12.3 MPa, expansion 5e-6/K"

@@ -125,7 +125,7 @@ def test_sheets_in_place_of_the_solid(sheet, share, capsys, tmp_path):
         (["roof", "--to", "calculix"], "preset roof needs a mesh of yours: add --mesh FILE"),
         ([DOME_MODES, "--to", "calculix", "--set", "surface.support.0.hold='z'"], "the supports do not stop it"),
         (["dome", "--to", "calculix", "--set", "statics.thickness=0"], "statics.thickness"),
-        ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "cannot make the folder file"),
+        ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "a file has its name; choose another folder"),
     ],
 )  # fmt: skip
 def test_mistakes_are_told_in_one_sentence(arguments, words, capsys, tmp_path, monkeypatch):

@@ -20,17 +20,21 @@ SMALL = {"surface.edge": 0.12}
 STEPS = ("surface_step", "statics_step", "diffusion_step", "pattern_stage", "slicing_step", "thickening_step")
 
 
+GIVEN = {**SMALL, "statics.strength": 235e6}
+"""Without a strength nothing can be said of what members bear."""
+
+
 @pytest.fixture(scope="module")
 def design():
-    return run(load_preset("cantilever", SMALL))
+    return run(load_preset("cantilever", GIVEN))
 
 
 @pytest.fixture(scope="module")
 def folder(design, tmp_path_factory):
     """A folder that was built."""
     made = tmp_path_factory.mktemp("archive") / "built"
-    words = [f"{key}={value}" for key, value in SMALL.items()]
-    arguments = ["build", "cantilever", "--set", *words, "--format", "stl", "--no-picture", "-q", "-o", str(made)]
+    words = [word for key, value in GIVEN.items() for word in ("--set", f"{key}={value}")]
+    arguments = ["build", "cantilever", *words, "--format", "stl", "--no-picture", "-q", "-o", str(made)]
     assert main(arguments) == 0
     return made
 

@@ -11,55 +11,55 @@ from dsfab.frame import torsion_constant
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """Sections as wide as `width` along y and as thick as `thickness` along z, metres; arrays of one shape."""
+    """Sections as wide as `width` along y and as thick as `thickness` along z, metres: (b, k) both, k along b bays."""
 
     width: Floats
     thickness: Floats
 
     @cached_property
     def area(self) -> Floats:
-        """m2."""
+        """(b, k) m2."""
         return np.asarray(self.width * self.thickness)
 
     @cached_property
     def Wy(self) -> Floats:  # noqa: N802 - its name in the field
-        """Elastic modulus for My, m3."""
+        """(b, k) elastic modulus for My, m3."""
         return np.asarray(self.width * self.thickness**2 / 6)
 
     @cached_property
     def Wz(self) -> Floats:  # noqa: N802
-        """Elastic modulus for Mz, m3."""
+        """(b, k) elastic modulus for Mz, m3."""
         return np.asarray(self.thickness * self.width**2 / 6)
 
     @cached_property
     def iy(self) -> Floats:
-        """Radius of gyration of what bends with the surface, metres."""
+        """(b, k) radius of gyration of what bends with the surface, metres."""
         return np.asarray(self.thickness / np.sqrt(12))
 
     @cached_property
     def iz(self) -> Floats:
-        """Radius of gyration of what bends in the surface, metres."""
+        """(b, k) radius of gyration of what bends in the surface, metres."""
         return np.asarray(self.width / np.sqrt(12))
 
     @cached_property
     def lying(self) -> Floats:
-        """1 where the strong axis is z: where the section is wider than thick; else 0."""
+        """(b, k) 1 where the strong axis is z: where the section is wider than thick; else 0."""
         return np.asarray((self.width >= self.thickness).astype(np.float64))
 
     @cached_property
     def weak(self) -> Floats:
-        """Second moment about the weak axis, m4."""
+        """(b, k) second moment about the weak axis, m4."""
         a, t = np.maximum(self.width, self.thickness), np.minimum(self.width, self.thickness)
         return np.asarray(a * t**3 / 12)
 
     @cached_property
     def It(self) -> Floats:  # noqa: N802
-        """St. Venant's torsion constant, m4."""
+        """(b, k) St. Venant's torsion constant, m4."""
         return torsion_constant(self.width, self.thickness)
 
     @cached_property
     def Wt(self) -> Floats:  # noqa: N802
-        """Torque over the largest shear stress, m3 [Roark, table 10.1, case 4]."""
+        """(b, k) torque over the largest shear stress, m3 [Roark, table 10.1, case 4]."""
         a = np.maximum(self.width, self.thickness) / 2
         r = np.minimum(self.width, self.thickness) / 2 / a
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
@@ -71,8 +71,8 @@ class Rectangle:
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """The moment about the strong axis, Nm, at which a bay of a length in metres buckles sideways, under one that
-        is alike along it [Timoshenko, Gere 1961, 6.1]: pi / L sqrt(E I G It)."""
+        """(b, k) the moment about the strong axis, Nm, at which a bay of a length in metres buckles sideways, under one
+        that is alike along it [Timoshenko, Gere 1961, 6.1]: pi / L sqrt(E I G It)."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 

@@ -78,7 +78,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> Found:
 
 
 def reduction(slenderness: Floats, curve: Curve) -> Floats:
-    """chi of slendernesses [EN 1993-1-1, (6.49)]; 1 up to 0.2."""
+    """(b, k) chi of slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to 0.2."""
     phi = 0.5 * (1 + ALPHA[curve] * (slenderness - 0.2) + slenderness**2)
     chi = 1 / (phi + np.sqrt(np.maximum(phi**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= 0.2, 1.0, np.minimum(chi, 1.0)))

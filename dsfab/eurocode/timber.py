@@ -121,14 +121,14 @@ def section_checks(section: Rectangle, stress: Stresses, over: float, lengthy: F
 
 
 def column_factor(slenderness: Floats, grade: TimberGrade) -> Floats:
-    """k_c of relative slendernesses [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
+    """(b, k) k_c of relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
     k = 0.5 * (1 + BETA[grade.product] * (slenderness - STRAIGHT) + slenderness**2)
     k_c = 1 / (k + np.sqrt(np.maximum(k**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= STRAIGHT, 1.0, np.minimum(k_c, 1.0)))
 
 
 def beam_factor(slenderness: Floats) -> Floats:
-    """k_crit of relative slendernesses in bending [EN 1995-1-1, (6.34)]."""
+    """(b, k) k_crit of relative slendernesses in bending (b, k) [EN 1995-1-1, (6.34)]."""
     line = 1.56 - 0.75 * slenderness
     return np.asarray(np.select([slenderness <= 0.75, slenderness <= 1.4], [1.0, line], 1 / slenderness**2))
 
