@@ -112,7 +112,7 @@ def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_b
     dome: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Loose ends are none in the structure; a design that cannot be cut is seen all the same, and told."""
-    monkeypatch.setattr("dsfab.render.previewers.draft", lambda *_: dome)
+    monkeypatch.setattr("dsfab.render.previewers.Previewers.drafted", lambda *_: dome)
     built = dome.until("thickening")
     path = tmp_path / "dome.png"
     assert main(words(path, "-q")) == 0

@@ -10,6 +10,7 @@ import pytest
 
 import dsfab
 from dsfab.study.comparison import comparison
+from dsfab.study.judging import solved_loads
 from tests.presets import SPHERE_GRADED_MODES
 
 
@@ -24,8 +25,6 @@ def over_full(design) -> float:
         ("cantilever", 0.5, 1.85, 1.80),
         pytest.param("cantilever_light", 0.3, 3.4, 3.20, marks=pytest.mark.slow),
         pytest.param(SPHERE_GRADED_MODES, 0.5, 2.8, 1.713, marks=pytest.mark.slow, id="sphere_graded_modes"),
-        # 1.366 before walls were divided where they bend: finer cells give way a little more
-        pytest.param("sphere_graded", 0.5, 1.5, 1.397, marks=pytest.mark.slow),
     ],
 )
 def test_presets_reach_their_targets(name, share, target, recorded):
@@ -35,6 +34,19 @@ def test_presets_reach_their_targets(name, share, target, recorded):
     ratio = over_full(design)
     assert ratio <= target
     assert ratio == pytest.approx(recorded, rel=0.01)
+
+
+@pytest.mark.slow
+def test_the_graded_sphere_reaches_its_target_by_whichever_elements_it_is_judged():
+    """Its cut leaves a needle on which hhj is solved to about 1e-8, the limit: the number of threads decides whether
+    that counts as solved, or midedge is taken."""
+    compared = comparison(dsfab.run(dsfab.load_preset("sphere_graded")), against=())
+    ratio = compared.design.compliance / compared.full.compliance
+    assert compared.design.structure.sheet.surface.area / compared.task.surface.area == pytest.approx(0.5, abs=1e-3)
+    (found,) = solved_loads(compared.task, compared.design.structure).values()
+    recorded = {"hybrid+hhj": 1.366, "quadratic+midedge": 1.397}
+    assert ratio <= 1.5
+    assert ratio == pytest.approx(recorded[str(found.equilibrium.elements)], rel=0.01)
 
 
 @pytest.mark.slow
