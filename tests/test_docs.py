@@ -263,7 +263,7 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
 
 @pytest.mark.slow
 def test_the_case_studies_print_what_they_show(tmp_path, monkeypatch, capsys):
-    """But the last, which takes minutes: what it says of the dome is near to one solve, which is 5.4 % too soft here."""
+    """But the last, which takes minutes: what it says of the dome is near to one solve, here 5.4 % too soft."""
     monkeypatch.chdir(tmp_path)
     commands = [line for block in blocks("sh", CASES) for line in block.splitlines()]
     shown = [block.strip().splitlines() for block in blocks("text", CASES)]
