@@ -4,35 +4,55 @@ Where directions part or turn round a point no choice of signs is right everywhe
 paper says that diffusion, which chooses none, is more regular; `dsfab reproduce` shows both.
 """
 
+from typing import NamedTuple
+
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from dsfab.arrays import Bools, Floats
-from dsfab.diffusion import Modes
+from dsfab.diffusion import Modes, diffusion_operator
 from dsfab.pipeline import Design
 from dsfab.results import DiffusionResult
 from dsfab.sparse import factorise
+from dsfab.study.verdict.stresses import quantile
 from dsfab.surface import Surface, hat_gradients
-from dsfab.surface.hats import assemble
 
 SOFT = 1e-9
 """Of the stiffness of the field, against a constant: pieces of a surface have no common height."""
 
 
+class DrawnFamily(NamedTuple):
+    """A family on a mode: its diffusion tensors D (m, 3, 3), the number and the values (n,) of its mode, and how many
+    stripes there are for each unit of it."""
+
+    D: Floats
+    number: int
+    mode: Floats
+    frequency: float
+
+
+def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
+    """Both families of a design on modes that are given by number."""
+    found, pattern = design.diffusion, design.preset.pattern
+    major, minor = (
+        DrawnFamily(D, number := int(own.mode), modes.mode(number), own.frequency)
+        for D, modes, own in (
+            (found.tensors.major, found.major, pattern.major),
+            (found.tensors.minor, found.minor, pattern.minor),
+        )
+    )
+    return major, minor
+
+
 def integrated_design(design: Design) -> Design:
     """A design on modes that are given by number, both replaced by integrated fields, with as many stripes a metre."""
-    surface, found = design.surface, design.diffusion
-    pattern, modes = design.preset.pattern, []
-    for D, family, own in (
-        (found.tensors.major, found.major, pattern.major),
-        (found.tensors.minor, found.minor, pattern.minor),
-    ):
-        field = integrated_field(surface, across(D), ~found.tensors.isotropic)
-        number = int(own.mode)
-        field *= typical_slope(surface, family.mode(number)) / typical_slope(surface, field)
-        modes.append(Modes(np.zeros(number), np.repeat(field[:, None], number, axis=1)))
-    made = DiffusionResult(found.tensors, *modes)
+    surface, tensors, modes = design.surface, design.diffusion.tensors, []
+    for family in drawn_families(design):
+        field = integrated_field(surface, across(family.D), ~tensors.isotropic)
+        field *= typical_slope(surface, family.mode) / typical_slope(surface, field)
+        modes.append(Modes(np.zeros(family.number), np.repeat(field[:, None], family.number, axis=1)))
+    made = DiffusionResult(tensors, *modes)
     return Design.known(design.preset, surface=surface, statics=design.statics, diffusion=made)
 
 
@@ -54,12 +74,10 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
 
     direction : (m, 3) units up to sign.    clear : (m,) faces that have one; on others the field is as flat as can be.
     """
-    hats = hat_gradients(surface)
     wanted = signed(surface, direction) * clear[:, None]
-    blocks = np.einsum("mik,mjk->mij", hats, hats) * surface.areas[:, None, None]
-    pull = np.einsum("mik,mk->mi", hats, wanted) * surface.areas[:, None]
-    K = assemble(surface, blocks)
-    K = assemble(surface, blocks, np.full(surface.n, SOFT * K.diagonal().mean()))
+    pull = np.einsum("mik,mk->mi", hat_gradients(surface), wanted) * surface.areas[:, None]
+    K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
+    K = csr_array(K + SOFT * K.diagonal().mean() * eye_array(surface.n))
     b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))
 
@@ -83,6 +101,4 @@ def signed(surface: Surface, direction: Floats) -> Floats:
 def typical_slope(surface: Surface, value: Floats) -> float:
     """The median over the area of the length of the gradient of (n,) values, per metre."""
     slope = np.linalg.norm(np.einsum("mik,mi->mk", hat_gradients(surface), value[surface.F]), axis=1)
-    order = np.argsort(slope)
-    total = np.cumsum(surface.areas[order])
-    return float(slope[order[np.searchsorted(total, total[-1] / 2)]])
+    return quantile(slope, surface.areas, 0.5)

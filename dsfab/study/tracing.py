@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.pipeline import Design
-from dsfab.study.integration import along, typical_slope
+from dsfab.study.integration import along, drawn_families, typical_slope
 from dsfab.surface import Surface
 
 NEAR = 0.5
@@ -49,15 +49,12 @@ class StressLine:
 
 def traced(design: Design) -> tuple[list[StressLine], list[StressLine]]:
     """The lines of both families, as far apart as the stripes are in the median, of a design on modes by number."""
-    surface, found, pattern = design.surface, design.diffusion, design.preset.pattern
-    lines = []
-    for D, family, own in (
-        (found.tensors.major, found.major, pattern.major),
-        (found.tensors.minor, found.minor, pattern.minor),
-    ):
-        apart = 1 / (own.frequency * typical_slope(surface, family.mode(int(own.mode))))
-        lines.append(stress_lines(surface, along(D), ~found.tensors.isotropic, apart))
-    return lines[0], lines[1]
+    surface, clear = design.surface, ~design.diffusion.tensors.isotropic
+    major, minor = (
+        stress_lines(surface, along(one.D), clear, 1 / (one.frequency * typical_slope(surface, one.mode)))
+        for one in drawn_families(design)
+    )
+    return major, minor
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:

@@ -1,7 +1,6 @@
 """The bridge beside earlier work: one field integrated over chosen directions, and lines traced one after another."""
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import numpy as np
 
 from dsfab.errors import DsfabError
 from dsfab.pipeline import Design
-from dsfab.preset import FAMILIES
 from dsfab.render import PAPER
 from dsfab.render.picture import Look, picture
 from dsfab.report.paper.drawing import (
@@ -19,6 +17,7 @@ from dsfab.report.paper.drawing import (
     paper_picture,
     save_picture,
 )
+from dsfab.slicing.pattern_quality import PatternQuality
 from dsfab.study.integration import integrated_design
 from dsfab.study.tracing import StressLine, ribbons, traced
 
@@ -44,7 +43,7 @@ def beside_earlier(design: Design, folder: Path, shown: Mapping[str, PaperPictur
         "Earlier methods choose a direction on every face and integrate one field over all of them, or trace lines one "
         "after another. Where directions part or turn round a point, no choice of signs is right everywhere; diffusion "
         "makes no choice, and the paper says that its stripes are more regular there. "
-        f"Measured, by diffusion: {_regular(design)}. Integrated: {_regular(other)}. {_better(design, other)}"
+        f"{_compared(design, other)}"
         f"Traced as far apart as the stripes: {len(both)} lines, {sum(line.loose for line in both)} of whose ends lie "
         "inside the surface, for they came too near to another line or to where no direction is clear."
     )
@@ -72,25 +71,31 @@ def _lines_picture(design: Design, folder: Path, lines: tuple[list[StressLine], 
     return PaperPicture(file, title, "Major red, minor blue.")
 
 
-def _better(design: Design, other: Design) -> str:
-    """In how many of these numbers the first is the better one, in a sentence."""
-    with suppress(DsfabError):
-        own, rival = (one.quality(symmetry=False) for one in (design, other))
-        pairs = [
-            *((getattr(own, name).deviation, getattr(rival, name).deviation) for name in FAMILIES),
-            *((getattr(own, name).evenness, getattr(rival, name).evenness) for name in FAMILIES),
-            (-own.crossing_angle, -rival.crossing_angle),
-            (own.dead_ends, rival.dead_ends),
-        ]
-        return f"Diffusion is the better one in {sum(a < b for a, b in pairs)} of these {len(pairs)} numbers. "
-    return ""
-
-
-def _regular(design: Design) -> str:
+def _compared(design: Design, other: Design) -> str:
+    """What was measured of stripes by diffusion and of integrated ones, and in how many numbers diffusion is better."""
     try:
-        found = design.quality(symmetry=False)
+        own, rival = (one.quality(symmetry=False) for one in (design, other))
     except DsfabError as error:
-        return f"nothing can be measured ({error})"
+        return f"Nothing can be measured ({error}). "
+    better = sum(a < b for a, b in zip(_numbers(own), _numbers(rival), strict=True))
+    return (
+        f"Measured, by diffusion: {_regular(own)}. Integrated: {_regular(rival)}. "
+        f"Diffusion is the better one in {better} of these {len(_numbers(own))} numbers. "
+    )
+
+
+def _numbers(found: PatternQuality) -> tuple[float, ...]:
+    """The smaller, the better."""
+    both = found.major, found.minor
+    return (
+        *(one.deviation for one in both),
+        *(one.evenness for one in both),
+        -found.crossing_angle,
+        float(found.dead_ends),
+    )
+
+
+def _regular(found: PatternQuality) -> str:
     major, minor = found.major, found.minor
     return (
         f"members lie {major.deviation:.0f} and {minor.deviation:.0f} degrees off the stress (major and minor, in the "
