@@ -9,11 +9,20 @@ NEEDLE = 0.02
 """A triangle whose smallest height is less than this share of its longest edge is a needle: an angle of a degree."""
 
 
+def _longest_edges(surface: Surface) -> Floats:
+    """(m,) metres, of each triangle."""
+    corners = surface.V[surface.F]
+    return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1))
+
+
+def heights(surface: Surface) -> Floats:
+    """(m,) the smallest height of each triangle, metres."""
+    return np.asarray(2 * surface.areas / _longest_edges(surface))
+
+
 def flatness(surface: Surface) -> Floats:
     """(m,) smallest height of each triangle over its longest edge: 0.87 when equilateral, 0 when collapsed."""
-    corners = surface.V[surface.F]
-    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    return np.asarray(2 * surface.areas / longest**2)
+    return np.asarray(2 * surface.areas / _longest_edges(surface) ** 2)
 
 
 def needles_told(surface: Surface) -> str:

@@ -22,6 +22,7 @@ from dsfab.sparse import Factor, factorise
 from dsfab.statics.elements import assembled
 from dsfab.statics.hhj import moment_loads
 from dsfab.statics.midedge import half_edge_frames
+from dsfab.statics.needles import heights
 from dsfab.statics.recovery import SMOOTH
 from dsfab.surface import Surface, connected, hat_gradients, next_half_edge
 
@@ -145,7 +146,7 @@ def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> cs
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
     reach = CROWDED * float(np.sqrt(surface.areas @ surface.areas / surface.areas.sum()))
     crowded = np.zeros(size, dtype=bool)
-    crowded[columns[_heights(surface) < reach]] = True
+    crowded[columns[heights(surface) < reach]] = True
     normal = np.zeros((size, 3))
     np.add.at(normal, columns, sign[:, :, None] * (surface.normals * surface.areas[:, None])[:, None])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -158,10 +159,3 @@ def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> cs
     still = np.flatnonzero(~crowded)
     rows, of = np.concatenate([j, still]), np.concatenate([i, still])
     return csr_array((np.concatenate([share, np.ones(len(still))]), (rows, of)), shape=(size, size))
-
-
-def _heights(surface: Surface) -> Floats:
-    """(m,) the smallest height of each face, metres."""
-    corners = surface.V[surface.F]
-    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    return np.asarray(2 * surface.areas / longest)

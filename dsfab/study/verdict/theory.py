@@ -62,12 +62,13 @@ def rib_softening(
         barred = [np.inf] * len(loads)
     recovery, means = ShearRecovery.of(surface, linear=elements.bending == "hhj"), _means_within(surface, h / 2)
     stiff, found = made.young / (2 * (1 + made.poisson)) * h, {}
+    slender = float(np.sqrt(h / rib_width(surface)))
     for name, one in zip(loads, barred, strict=True):
         c, stress = answers[name].compliance, stresses[name]
         forces = section_forces(surface, h, stress, recovery)
         q = means @ np.einsum("ma,max->mx", forces.q, forces.frame)
         sheared = FULL / stiff * float(surface.areas @ (q**2).sum(axis=1))
-        bent = 2 * float(surface.areas @ stress.bending_energy) * float(np.sqrt(h / rib_width(surface)))
+        bent = 2 * float(surface.areas @ stress.bending_energy) * slender
         shares = (max(float(one / c) - 1, 0.0), sheared / c, bent / c) if c > 0 else (0.0, 0.0, 0.0)
         found[name] = RibSoftening(*shares)
     return found
