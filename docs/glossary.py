@@ -18,7 +18,8 @@ EVERYDAY = {"case", "keep", "sheet", "widths", "guide"}
 PAGES = {
     *("index.md", "ten-minutes.md", "gallery.md", "case-studies.md"),
     *("surfaces.md", "supports-and-loads.md", "patterns.md", "editor.md", "files.md", "eurocode.md", "workshop.md"),
-    *("many-designs.md", "report.md", "python.md", "grasshopper.md", "messages.md", "trust.md"),
+    *("many-designs.md", "report.md", "python.md", "grasshopper.md", "blender.md", "messages.md", "trust.md"),
+    "paper-figures.md",
 }
 """For those who begin; engineers' theory and the tables of keys have words of their own."""
 

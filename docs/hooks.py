@@ -72,12 +72,33 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     """A page's text with the links of the site."""
     text = re.sub(r"\]\((?:\.\./)?outputs/gallery/README\.md\)", "](gallery.md)", markdown)
     text = re.sub(r"\]\((?:\.\./)?outputs/(gallery|paper)/", r"](\1/", text)
+    if page.file.src_uri == "contributing.md":
+        text = re.sub("<!-- drawing: [^>]*-->", lambda _: architecture(), text)
+        text = re.sub("<!-- benchmarks: [^>]*-->", lambda _: benchmarks(), text)
     if page.file.src_uri == "gallery.md":
         text = re.sub(r"\]\((\w+\.png)\)", r"](gallery/\1)", text)
     if page.meta.get("math"):
         text = re.sub(r"\$\$(.+?)\$\$", lambda found: formula(found[1], "block"), text, flags=re.DOTALL)
         text = re.sub(r"\$([^$\n]+)\$", lambda found: formula(found[1], "inline"), text)
     return re.sub(r"\]\(docs/", "](", text)
+
+
+def architecture() -> str:
+    """The drawing at the head of the test that holds it."""
+    told = ast.get_docstring(
+        ast.parse((ROOT / "tests" / "test_architecture.py").read_text(encoding="utf-8")), clean=False
+    )
+    return f"```text\n{(told or '').split(chr(10) * 2)[1]}\n```"
+
+
+def benchmarks() -> str:
+    """Each script of tests/benchmarks, and what it says of itself in its first line."""
+    rows = []
+    for path in sorted((ROOT / "tests" / "benchmarks").glob("*.py")):
+        told = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        if path.stem not in ("__init__", "common"):
+            rows.append(f"| `{path.stem}` | {told.splitlines()[0]} |")
+    return "| script | what it measures |\n|---|---|\n" + "\n".join(rows)
 
 
 def formula(latex: str, display: str) -> str:

@@ -24,11 +24,15 @@ Heavy libraries are imported where they are used: `import dsfab` is quick, and s
 
 from functools import partial
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 from dsfab import ways_out
 
-__version__ = "0.1.0"
+try:
+    __version__ = version("dsfab")  # of the tag that it was installed from
+except PackageNotFoundError:  # files that nobody installed
+    __version__ = "0+unknown"
 
 _HOME = {
     "All": "dsfab.surface",

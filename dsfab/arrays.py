@@ -1,5 +1,6 @@
 """Array types, the one way an array enters a frozen value (copied, checked, locked), and a few measures of arrays."""
 
+from collections.abc import Sequence
 from functools import reduce
 from typing import Any
 
@@ -55,6 +56,22 @@ def row_min(rows: NDArray[Any]) -> NDArray[Any]:
 def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
     """(g, d) sums of the rows of values (k, d) in each group (k,); of `count` groups at least."""
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
+
+
+def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Floats:
+    """(q,) what of the values (k,) these shares (q,) of the weights (k,) do not exceed, one of the values each.
+
+    A share that is met but for rounding is met.
+    """
+    order = np.argsort(values, kind="stable")
+    upto = np.cumsum(weight[order])
+    at = np.searchsorted(upto, np.asarray(shares) * upto[-1] * (1 - 1e-12))
+    return np.asarray(values[order][np.minimum(at, len(order) - 1)])
+
+
+def weighted_quantile(values: Floats, weight: Floats, share: float) -> float:
+    """What of the values (k,) a share of the weights (k,) does not exceed."""
+    return float(weighted_quantiles(values, weight, (share,))[0])
 
 
 def edge_lengths(V: Floats, ends: Ints) -> Floats:

@@ -318,6 +318,12 @@ class Pattern(Section):
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
     """stripes: degrees that both families are turned by from the stress, counter-clockwise as seen from where normals
     point to (outside, of a closed surface); 90 lets them change places."""
+    forces: Literal["uncut", "optimal"] = "uncut"
+    """stripes: whose forces they run along, and are graded by: of the uncut sheet, or of the stiffest sheet of varying
+    thickness with the same material (solid_fraction). In a plane, and at edges and openings, the second is stiffer."""
+    weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
+    """stripes: how often directions are sought again, each face as heavy as what stripes leave of it; 0: with the
+    weight of the uncut sheet. Worth it where weight is most of the load."""
     guide: tuple[Guide, ...] = ()
     """stripes: curves and regions in which they run as is said there."""
     region: tuple[PatternRegion, ...] = ()
@@ -327,8 +333,9 @@ class Pattern(Section):
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
-    """Take off stripes that end in the air or turn back, as far as the member that they cross last. Left out: on for
-    stripes of both families, off on modes (the paper)."""
+    """Take off stripes that end in the air or turn back, as far as the member that they cross last, and fill openings
+    that are narrower than the members beside them. Left out: on for stripes of both families, off on modes (the
+    paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Metres around loads and supports that stay material; 0 keeps nothing."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -351,8 +358,10 @@ class Pattern(Section):
 
     @model_validator(mode="after")
     def _steers_stripes(self) -> "Pattern":
-        for name in ("guide", "rotate"):
-            if self.method == "modes" and getattr(self, name):
+        if self.forces == "optimal" and not self.width.solid_fraction:
+            raise ValueError("forces = 'optimal' needs the share of material to keep: set width.solid_fraction")
+        for name, idle in (("guide", ()), ("rotate", 0.0), ("forces", "uncut")):
+            if self.method == "modes" and getattr(self, name) != idle:
                 raise ValueError(
                     f"{name} has no effect on method = 'modes', whose stripes run where the modes say; set method = "
                     "'stripes' or leave it out"
@@ -374,6 +383,11 @@ class Pattern(Section):
     def drawn_regions(self) -> int:
         """How many regions are drawn as layers of their own, before all others: those that are not void."""
         return len(self.region) - len(self.voids)
+
+    @property
+    def rounds(self) -> int:
+        """How often directions are sought again: `weight_rounds` of stripes whose method is given, else never."""
+        return self.weight_rounds if self.method == "stripes" else 0
 
     @property
     def steered(self) -> bool:
@@ -421,7 +435,7 @@ class Slicing(Section):
     thick. Of both also what is under 35 % of the size of most openings."""
     min_member: Annotated[float, Ge(0)] = 0.0
     """Metres; members between openings with round corners are widened where they are narrower, and narrower than 0.8 of
-    what most are. Of evenly spaced stripes only; 0 widens none."""
+    what most are. Of tidied stripes only; 0 widens none."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -461,6 +475,7 @@ FormatName = Literal[
     "lines.step", "csv", "json", "members.json", "members.csv", "nodes.csv",
     "members.3dm", "members.ifc", "members.glb", "members.dxf", "vtu", "forces.vtu", "forces.csv",
     "member_forces.csv", "member_utilisation.csv", "saf.xlsx",
+    "tcl", "beams.inp", "member_forces.xlsx",
 ]  # fmt: skip
 
 

@@ -152,8 +152,8 @@ class FileSurface(OwnSurface):
     """A surface read from a mesh file."""
 
     file: Path
-    """OBJ, PLY, STL, OFF, GLB, glTF or 3MF; relative paths start at the preset's folder, in Python
-    at the current one."""
+    """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; relative paths start at the preset's folder, in
+    Python at the current one."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
     up: Up = "z"

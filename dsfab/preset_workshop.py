@@ -7,7 +7,7 @@ from pydantic import field_validator
 
 from dsfab.preset_surface import Section
 
-Route = Literal["auto", "strips", "bars", "sheet"]
+Route = Literal["auto", "strips", "planks", "bars", "sheet", "panels"]
 StockSize = tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)]]
 
 
@@ -15,13 +15,16 @@ class Workshop(Section):
     """[workshop]: flat parts for `dsfab workshop`. The design itself is not changed by it."""
 
     route: Route = "auto"
-    """strips: members lie flat in the surface, in bolted layers; bars: straight from node to node, on folded plates;
-    sheet: a flat design as it is, in pieces of the size of the stock; auto: sheet where the design is flat, bars where
-    strips of this thickness cannot be bent, else strips."""
+    """strips: members lie flat in the surface, in bolted layers; planks: they stand upright on it, halved where they
+    cross; bars: straight from node to node, on folded plates; panels: models, in one skin with tabs; sheet: a flat
+    design as it is, in pieces of the size of the stock; auto: sheet where the design is flat, strips where they can be
+    bent, else bars where these stay near the surface, else planks where they can be bent and put on."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Metres; length and width of the sheets to cut from, of one size or of several."""
     thickness: Annotated[float, Ge(0)] = 0.0
-    """Metres; of one layer, or of bars. 0: that of [statics], shared out to the layers."""
+    """Metres; of one layer, of planks or of bars. 0: that of [statics], shared out to the layers."""
+    depth: Annotated[float, Ge(0)] = 0.0
+    """planks: metres; how deep they are along the normals. 0: as deep as most members are wide."""
     layers: Literal[2, 4] = 2
     """strips: how many lie on each other where two members cross; of 2 each member is in one, of 4 in two."""
     plate: Annotated[float, Gt(0)] = 0.005
@@ -33,10 +36,13 @@ class Workshop(Section):
     """Metres; diameter of the bolts, and of their holes."""
     gap: Annotated[float, Ge(0)] = 0.008
     """Metres between parts on the stock, and from its edge: room for the cutter."""
+    grain: bool = False
+    """Grain runs along the sheets, and members lie along it: none is cut across."""
     model: Annotated[float, Ge(0)] = 0.0
     """50: a model in card at 1:50, and all lengths of this section are the model's. 0: full size."""
-    splice: Literal["cover", "none"] = "cover"
-    """How members that are longer than the stock go on: with a bolted cover plate, or just butted."""
+    splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
+    """How what is longer than the stock goes on: members with a bolted cover plate, where flat sheets are butted; glued
+    on a bevel of eight times the thickness (scarf); flat sheets with fingers; or all just butted."""
 
     @field_validator("stock", mode="before")
     @classmethod

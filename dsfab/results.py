@@ -101,6 +101,7 @@ class EvenStripes:
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
     symmetry : the mirrors and turns that they have; None without any.
     steered  : how they run elsewhere than along the stress; None where they do not.
+    forces   : (m, 2) principal stresses that they follow in place of those of the uncut sheet, Pa; None for these.
     """
 
     phases: tuple[CornerPhase, CornerPhase]
@@ -111,6 +112,7 @@ class EvenStripes:
     chart: Chart
     symmetry: Symmetry | None = None
     steered: Steered | None = None
+    forces: Floats | None = None
 
 
 class Candidate(NamedTuple):

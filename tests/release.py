@@ -1,6 +1,6 @@
 """What a version brought, for its release: `python -m tests.release v1.0.0`.
 
-Ends with exit code 1 and a sentence where the tag, the code's version and the changelog do not agree.
+Ends with exit code 1 and a sentence where the tag, the version that is installed and the changelog do not agree.
 """
 
 import re
@@ -18,7 +18,7 @@ def notes(tag: str, version: str, changelog: str) -> str:
     Raises ValueError where the tag is not the version's, or the changelog does not know the version as released.
     """
     if tag != f"v{version}":
-        raise ValueError(f"the tag is {tag}, the code says {version}: change __version__, or the tag")
+        raise ValueError(f"the tag is {tag}, but what is installed is {version}: install it from the tagged commit")
     parts = re.split(r"^## (.+)$", changelog, flags=re.MULTILINE)
     heads = dict(zip(parts[1::2], parts[2::2], strict=True))
     for head, text in heads.items():

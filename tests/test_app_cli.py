@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
+import dsfab
 from dsfab.app import bench as bench_module
 from dsfab.app.check import Expected
 from dsfab.app.cli import main
@@ -320,7 +321,7 @@ def test_help_and_version(capsys):
         (line,) = [line for line in out.splitlines() if f"│ {name} " in line]
         assert len(line.strip("│ ").split()) > 4, "each command says what it does"
     code, out, _ = run(capsys, "--version")
-    assert (code, out.strip()) == (0, "0.1.0")
+    assert (code, out.strip()) == (0, dsfab.__version__)
     code, out, _ = run(capsys, "build", "--help")
     assert code == 0
     for option in ("--set", "--mesh", "--format", "--quiet", "-o"):

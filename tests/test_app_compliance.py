@@ -8,6 +8,7 @@ import zlib
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import pytest
 
@@ -16,8 +17,8 @@ from dsfab.errors import DsfabError, ExportError, StaticsError
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset
 from dsfab.render.opengl import require_rendering
-from dsfab.report.compliance import findings, pictures, write_report
-from dsfab.report.compliance.document import Document, Paragraph, ReportSection, Table
+from dsfab.report.compliance import findings, pictures, sections, write_report
+from dsfab.report.compliance.document import Document, Numbers, Paragraph, ReportSection, Table
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.html import page
 from dsfab.report.compliance.pdf import pdf
@@ -309,6 +310,29 @@ def test_verdicts_follow_what_was_found(compared):
     assert with_case(imbalance=1e-3).status == "fail"
     lost = replace(compared.design, judgement=replace(judged, verdict="fail", reason="case wind is lost"))
     assert "case wind is lost" in banner(Findings(replace(compared, design=lost), [], "")).text
+
+
+def test_stress_and_displacement_are_shown_of_the_cases_in_which_they_are_the_largest(compared):
+    """Not of the one that takes the most work, and the table says of which."""
+    judged = compared.design.judgement
+    most = judged.cases["load"]
+    peak = replace(most.stress, quantile=2 * most.stress.quantile, away=2 * most.stress.settled)
+    gust = replace(most, compliance=most.compliance / 2, stress=peak)
+    sag = replace(most, compliance=most.compliance / 3, displacement=replace(most.displacement, value=1.0))
+    cases = {"load": most, "gust": gust, "sag": sag}
+    found = Findings(
+        replace(compared, design=replace(compared.design, judgement=replace(judged, check=None, cases=cases))), [], ""
+    )
+    assert found.cases[0] == "load"
+    vars(found)["fields"] = {name: name for name in cases}
+    drawn = SimpleNamespace(displacement=lambda *given: given, stress=lambda *given: given)
+    _, moved, stressed, table = sections.answers(found, drawn, Numbers()).blocks
+    assert moved[:2] == ("sag", 1.0)
+    assert "Displacements under sag" in moved[2]
+    assert stressed[0] == "gust"
+    assert "von Mises stress under gust, the largest" in stressed[1]
+    assert table.rows[0][1] == quantity(peak.quantile, "Pa")
+    assert "Stress under gust, of a mesh" in table.caption
 
 
 def test_the_full_judge_tells_the_value_of_the_verdict_within_its_bound(drafted, compared):

@@ -74,9 +74,11 @@ def test_controls_say_which_method_takes_them(dome):
     table = {control["key"]: control for control in controls(dome.preset, dome.surface)}
     assert table["pattern.method"]["choices"] == ("modes", "stripes", "auto")
     assert {key for key, control in table.items() if control["method"] == "stripes"} == {
+        "pattern.forces",
         "pattern.halve",
         "pattern.symmetry",
         "pattern.rotate",
+        "pattern.weight_rounds",
     }
     assert table["pattern.families"]["choices"] == ("both", "major", "minor")
     assert not table["pattern.families"]["method"]

@@ -26,6 +26,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +114,7 @@ ALLOWED: dict[str, set[str]] = {
 HOME = {
     "manifold3d": {"slicing", "thickening"},  # slicing offsets flat outlines of openings with it
     "build123d": {"delivery", "export"},
-    "OCP": {"export"},
+    "OCP": {"export", "surface"},  # reads STEP and BREP as surfaces
     "lib3mf": {"export", "surface"},
     "ezdxf": {"export", "surface"},
     "rhino3dm": {"export", "surface"},
@@ -136,6 +137,8 @@ HOME = {
     "skfem": {"study"},
     "compas": {"surface", "members"},
     "cyclopts": {"app"},
+    "bpy": {"app"},
+    "mathutils": {"app"},
     "rich": {"app"},
     "PIL": {"app", "render", "report"},
     "matplotlib": {"report"},
@@ -385,10 +388,25 @@ def test_packaging_lists_every_package_of_the_source_tree():
 
 
 def test_one_version():
-    """Of the package; it is read from there for wheel and sdist, and `tests/release.py` compares a tag with it."""
+    """Of the tag in git (see test_release.py); the package asks for what it was installed as."""
     given = tomllib.loads((ROOT / "pyproject.toml").read_text())
     assert "version" not in given["project"]
-    assert given["tool"]["setuptools"]["dynamic"]["version"]["attr"] == "dsfab.__version__"
+    assert given["project"]["dynamic"] == ["version"]
+    assert dsfab.__version__ == metadata.version("dsfab")
+
+
+AT_THE_TOP = {
+    *(".ci", ".github", ".gitignore", ".mkdocs.yml", ".pre-commit-config.yaml"),
+    *("CHANGELOG.md", "LICENSE", "README.md", "pyproject.toml"),
+    "CITATION.cff",  # GitHub, Zenodo and reference managers look for it here alone
+    *("docs", "dsfab", "outputs", "presets", "tests"),
+}
+"""All that a visitor of the repository sees first; whatever else there is has a folder."""
+
+
+def test_the_top_level_stays_small():
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert {line.split("/")[0] for line in tracked.splitlines()} == AT_THE_TOP
 
 
 # --- sizes and names

@@ -69,6 +69,13 @@ def test_every_page_for_beginners_has_its_words_linked(glossary):
 
 
 @pytest.mark.slow
+def test_contributors_see_the_architecture_and_the_benchmarks(site):
+    page = (site / "contributing.html").read_text(encoding="utf-8")
+    assert "──► export" in page
+    assert all(f"<code>{path.stem}</code>" in page for path in (ROOT / "tests/benchmarks").glob("s*.py"))
+
+
+@pytest.mark.slow
 def test_links_to_the_glossary_arrive(site):
     terms = set(re.findall(r'<strong id="([a-z-]+)"', (site / "concepts.html").read_text(encoding="utf-8")))
     used = {

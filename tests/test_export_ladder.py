@@ -2,7 +2,9 @@
 
 import re
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
+from itertools import islice
 
 import pytest
 
@@ -57,6 +59,20 @@ def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp
     )
     assert chosen(solid, step=StepOptions(curved=curved, faces=60)).way == "smooth"
     assert chosen(solid, step=StepOptions(curved=curved)).way == "faceted"
+
+
+def test_members_are_tried_after_the_smooth_solid_and_before_facets(slow_vault):
+    """By `auto` alone, and where the stripes are known."""
+    solid, curved = slow_vault
+    striped = replace(curved(), striped=lambda: pytest.fail("stripes were asked for"))
+    part = ladder.prepare(part_of(solid, "a", STEP_FACES))
+
+    def tried(step, sheet):
+        return [(one.step, one.hurry) for one in islice(ladder.attempts(replace(part, step=step, curved=sheet)), 3)]
+
+    assert tried("auto", lambda: striped) == [("smooth", 1), ("members", 1), ("faceted", 0)]
+    assert tried("auto", lambda: replace(striped, striped=None))[:2] == [("smooth", 1), ("faceted", 0)]
+    assert tried("quick", lambda: striped)[:2] == [("smooth", ladder.LONGER), ("faceted", 0)]
 
 
 def test_quick_gives_up_what_takes_however_long(tmp_path, slow_vault, here, unread, monkeypatch):

@@ -11,14 +11,16 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.delivery.files import curved_sheet
+from dsfab.errors import ExportError
 from dsfab.export import StepOptions, write
 from dsfab.export.ladder import prepare
-from dsfab.export.network import use_check
-from dsfab.export.network.build import member_draft
+from dsfab.export.network import draft, use_check
 from dsfab.export.network.curves import ChainCurve, SampledChain, bernstein
+from dsfab.export.network.dividing import _narrow, divided
+from dsfab.export.network.draft import member_draft
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
-from dsfab.export.network.joining import joined_outlines
+from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.patches import coons, least_jacobian
 from dsfab.export.network.quads import quad_net
@@ -187,6 +189,27 @@ def rectangle_net(arc: bool) -> tuple[ChainNet, np.ndarray]:
     return ChainNet(csr_array(eye_array(len(P))), chains, loops, frozenset(), np.zeros(0, dtype=np.int64)), P
 
 
+@pytest.mark.parametrize("width", [0.2, 2.0])
+def test_a_narrow_lens_joins_the_region_on_its_left(width):
+    """Two squares of 1 with a lens between them that is .3 wide in its middle, .15 in the mean."""
+    P = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1], [1.3, 0.5]])
+    P = np.concatenate([P, np.zeros((7, 1))], axis=1)
+    ways = {0: ([2, 3, 0, 1], 0, VOID), 1: ([1, 2], 0, 2), 2: ([1, 6, 2], 2, 1), 3: ([1, 4, 5, 2], 1, VOID)}
+    chains = {k: Chain(np.array(points), left, right) for k, (points, left, right) in ways.items()}
+    loops = {0: [[(0, True), (1, True)]], 1: [[(3, True), (2, False)]], 2: [[(2, True), (1, False)]]}
+    net = ChainNet(csr_array(eye_array(7)), chains, loops, frozenset({2}), np.zeros(0, dtype=np.int64))
+    done = without_lenses(net, P, width / 2)
+    if width == 0.2:
+        assert done.loops == loops
+        return
+    assert len(done.loops) == 2
+    assert not done.loose
+    assert len({k for loops in done.loops.values() for k, _ in loops[0]}) == 3
+    for region, (loop,) in done.loops.items():
+        for k, ahead in loop:
+            assert region == (done.chains[k].left if ahead else done.chains[k].right)
+
+
 def test_outlines_are_joined_but_where_they_begin_to_be_round():
     net, P = rectangle_net(arc=False)
     done = joined_outlines(net, P)
@@ -211,6 +234,77 @@ def test_a_side_takes_its_breaks_from_the_opposite_one():
     assert [quad.region for quad in found.quads] == [0]
     np.testing.assert_allclose(found.curves[4].breaks, [0, 0.1, 0.9, 1])
     assert all(len(found.curves[k].spans) == 1 for k in (0, 1, 2, 3, 5))
+
+
+@pytest.mark.parametrize(("middle", "stays"), [(-0.5, False), (-0.001, True), (0.5, True)])
+def test_an_end_that_turns_back_or_has_no_width_stays_with_its_member(middle, stays):
+    """Of a region of 4 x 1 that runs anticlockwise its left end, by way of one point."""
+    P = np.array([[0, 1.0, 0], [middle, 0.5, 0], [0, 0, 0]])
+    chains = {k: Chain(np.array([k, k + 1]), 0, VOID) for k in range(2)}
+    net = ChainNet(csr_array(eye_array(3)), chains, {}, frozenset(), np.zeros(0, dtype=np.int64))
+    assert _narrow(net, [(0, True), (1, True)], P, 0.05, np.array([0, 0, 4.0])) is stays
+
+
+def rounded_grid(surface: Surface) -> StripedSheet:
+    """The grid whose opening has a loose square of one cell in every corner."""
+    angle, x = np.arctan2(*surface.centroids.T[[2, 1]]) / (np.pi / 2), surface.centroids[:, 0]
+    along, across = (x < 0.25) | (x > 0.75), (angle < 0.2) | (angle > 0.8)
+    near = (np.minimum(x, 1 - x) < 0.25 + 1 / 12) & (np.minimum(angle, 1 - angle) < 0.2 + 1 / 40)
+    loose = near & ~along & ~across
+    sheet = striped(surface, along | across | loose, (along + 2 * across).astype(np.int64))
+    return sheet._replace(loose=loose[along | across | loose])
+
+
+def test_crossings_get_whole_round_corners_and_members_keep_four_sides():
+    """Each crossing has two sides of the sheet's outline, two borders, and the arc between these."""
+    given = cylinder_strip()
+    sheet = rounded_grid(given)
+    assert sheet.loose.sum() == 8
+    lifting = lifting_of(given)
+    net = without_fillets(net_of(sheet, given.V, T), lifting)
+    assert sorted(len(loop) for loops in net.loops.values() for loop in loops) == [4] * 4 + [5] * 4
+    assert not net.loose
+    P = net.weights @ lifting.skins.points
+    for loops in net.loops.values():
+        for before, after in zip([loops[0][-1], *loops[0]], loops[0], strict=False):
+            assert net.ends(before)[1] == net.ends(after)[0]
+    for chain in net.chains.values():
+        if chain.right != VOID:  # across a member, from one end of an arc to the outline
+            assert np.linalg.norm(P[chain.points[0]] - P[chain.points[-1]]) > 200
+
+
+@pytest.mark.parametrize("far", [36, 8])
+def test_a_long_member_is_cut_off_from_a_pointed_end(far):
+    """Two walls along the strip, a straight end and one of two chains; walls that are shorter than apart stay."""
+    flat = flat_strip()
+    places = [(4, 4), (4, far), (6, far + 2), (8, far), (8, 4)]  # across and along the strip
+    rows = [13 * along + across for across, along in places]
+    weights = csr_array(eye_array(flat.n, format="csr")[rows])
+    chains = {k: Chain(np.array([k, (k + 1) % 5]), 0, VOID if k in (0, 3) else 7) for k in range(5)}
+    loops = {0: [[(k, True) for k in chains]], 7: [[(k, False) for k in (4, 2, 1)]]}
+    net = ChainNet(weights, chains, loops, frozenset(), np.zeros(0, dtype=np.int64))
+    done = divided(net, [0], lifting_of(flat), 10.0)
+    if far == 8:
+        assert done is net
+        return
+    assert divided(net, [0], lifting_of(flat), 500.0) is net  # what would be cut off is about 50 mm wide
+    assert done.loops == {
+        0: [[(0, True), (5, True), (3, True), (4, True)]],
+        7: net.loops[7],
+        8: [[(1, True), (2, True), (5, False)]],
+    }
+    assert (done.chains[5].left, done.chains[5].right, done.parent) == (0, 8, {8: 0})
+    assert [done.chains[k].left for k in range(5)] == [0, 8, 8, 0, 0]
+    line = done.weights[done.chains[5].points] @ flat.V
+    np.testing.assert_allclose(line, np.linspace(flat.V[rows[1]], flat.V[rows[3]], len(line)), atol=1e-9)
+
+
+def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
+    monkeypatch.setattr(draft, "UNASKED", 10)
+    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    assert member_draft(part, SmoothPlan(part)).faces > 10
+    with pytest.raises(ExportError, match="more than 10, which take too long to be tried unasked"):
+        member_draft(replace(part, hurry=1), SmoothPlan(part))
 
 
 @pytest.mark.slow

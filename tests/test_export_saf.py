@@ -14,6 +14,7 @@ from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, write
 from dsfab.frame import solve_frame
 from dsfab.surface.shapes import plate
+from tests.opensees import solved_script
 from tests.pynite import solved_from
 from tests.saf import faults, read
 from tests.test_frame import CLAMPED, PINNED, frame
@@ -105,6 +106,17 @@ def test_another_program_solves_the_file_alone(tmp_path):
     for name in ("dead", "snow", "crowd", "ULS 1", "lifted"):
         for k, node in enumerate(made.nodes):
             assert theirs[name][node].u == pytest.approx(ours[name].u[k], abs=1e-6 * np.abs(ours[name].u).max())
+
+
+def test_another_program_solves_the_script_for_opensees(tmp_path):
+    """Springs among them; without shear, as PyNite's beams are."""
+    made = crooked()
+    found, ours = solved_script(written(made, tmp_path / "crooked.tcl")), solve_frame(made, shear=False)
+    assert tuple(found) == tuple(ours) == ("dead", "snow", "crowd", "ULS 1", "lifted")
+    for name in found:
+        assert found[name].u == pytest.approx(ours[name].u, abs=1e-9 * np.abs(ours[name].u).max())
+        largest = np.abs(ours[name].reaction).max()
+        assert found[name].reaction[[0, 4]] == pytest.approx(ours[name].reaction[[0, 4]], abs=1e-9 * largest)
 
 
 def test_the_same_design_gives_the_same_bytes(tmp_path):

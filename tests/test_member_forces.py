@@ -4,6 +4,7 @@ import csv
 from types import SimpleNamespace
 
 import numpy as np
+import openpyxl
 import pytest
 
 import dsfab
@@ -11,6 +12,7 @@ from dsfab.delivery.bar_records import found_records
 from dsfab.errors import ExportError, StaticsError
 from dsfab.eurocode import MemberBays, Rules, utilisation
 from dsfab.export import Details
+from dsfab.export.bars_workbook import sheet_names
 from dsfab.frame import forces_along
 from dsfab.members import Member, MemberAxis, MemberGraph
 from dsfab.statics import Material
@@ -211,6 +213,30 @@ def test_the_table_reads_back_and_says_its_units(vault, tmp_path):
     assert (rows[0]["member"], rows[0]["bay"], rows[0]["case"]) == (first.member, first.bay[0], "load")
     assert float(rows[0]["N [N]"]) == pytest.approx(first.forces["load"][0, N], rel=1e-6)
     assert float(rows[0]["Mz [N m]"]) == pytest.approx(first.forces["load"][0, MZ], rel=1e-6)
+
+
+def test_the_workbook_has_a_sheet_for_each_member_and_the_largest_of_all(vault, tmp_path):
+    """As openpyxl reads it."""
+    path = vault.write(tmp_path / "vault.member_forces.xlsx")
+    book = openpyxl.load_workbook(path, read_only=True)
+    assert book.sheetnames == ["about", "largest", *vault.member_forces]
+    first = next(iter(vault.member_forces.values()))
+    head, *rows = book[first.member].iter_rows(values_only=True)
+    assert head[:4] == ("case", "bay", "along [m]", "N [N]")
+    assert np.array([row[3:] for row in rows]) == pytest.approx(first.forces["load"], rel=1e-9)
+    largest = {(row[0], row[1]): row[2:] for row in book["largest"].iter_rows(values_only=True, min_row=2)}
+    for name, one in vault.member_forces.items():
+        value, case, bay, s = largest[name, "N [N]"]
+        k = int(np.abs(one.forces["load"][:, N]).argmax())
+        assert (value, case, bay) == (pytest.approx(one.forces["load"][k, N]), "load", one.bay[k])
+        assert s == pytest.approx(one.s[k])
+    book.close()
+    assert path.read_bytes() == vault.write(tmp_path / "again.member_forces.xlsx").read_bytes()
+
+
+def test_sheets_have_names_that_a_workbook_takes():
+    names = sheet_names(["A[1]", "a_1_", "largest", "B" * 40, "B" * 41])
+    assert names == ["A_1_", "a_1_ (2)", "largest (2)", "B" * 31, "B" * 27 + " (2)"]
 
 
 def test_a_sheet_alone_has_no_members(tmp_path):

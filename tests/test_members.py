@@ -14,11 +14,12 @@ from dsfab.members.order import along_structure
 from dsfab.members.regions import _without_slivers
 from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
+from dsfab.preset_list import shipped_presets
 from dsfab.results import PatternResult
 from dsfab.slicing import cut
 from dsfab.surface import CornerField, Surface
 from tests.analytic import SURFACES, WIDTH, grid
-from tests.meshes import FOLDER
+from tests.meshes import FOLDER, mesh_file
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 from tests.zoo import grid as plain_grid
 
@@ -352,6 +353,34 @@ def test_members_of_shipped_presets_are_their_sheets(name):
     made = design(name)
     assert_whole(made.members, made.sheet)
     assert_on_both(made.members, made.surface.mean_edge)
+
+
+COARSER = {"bob": 0.06, "camel_ears": 0.03, "camel_head": 0.03, "camel_none": 0.03, "camel_nose": 0.03, "mouse": 0.005}
+COARSER |= {"gridshell": 0.2, "pirate": 0.025, "turkey": 0.014, "slab": 0.3, "sphere_graded": 0.08}
+"""Presets that no test above has, and edges of their meshes, metres: longer than shipped where that takes long."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COARSER)
+def test_members_of_all_other_presets_are_their_sheets(name):
+    made = Design.of(load_preset(name, {"surface.edge": COARSER[name]})).until("slicing")
+    assert_whole(made.members, made.sheet)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "file"), [("figurine", "spot.obj"), ("roof", "hypar.obj")])
+def test_members_of_presets_for_files_are_their_sheets(name, file):
+    made = Design.of(load_preset(name, mesh=mesh_file(file))).until("slicing")
+    assert_whole(made.members, made.sheet)
+
+
+def test_members_of_every_preset_are_looked_at():
+    """Those of the lists above, and no preset twice."""
+    marks = [mark for test in (test_members_are_the_finished_sheet, test_members_of_shipped_presets_are_their_sheets)
+             for mark in test.pytestmark if mark.name == "parametrize"]  # fmt: skip
+    names = [one if isinstance(one, str) else one.values[0] for mark in marks for one in mark.args[1]]
+    names = [str(one) for one in names if not str(one).endswith(".toml")] + [*COARSER, "figurine", "roof", "dome"]
+    assert sorted(names) == sorted(shipped_presets())
 
 
 @pytest.mark.slow

@@ -14,11 +14,11 @@ from dsfab.app.listing import inspect
 from dsfab.app.options import Source
 from dsfab.diffusion.symmetry import symmetry_under
 from dsfab.pipeline import Design, draft, run
-from dsfab.pipeline.measures import symmetry_error
+from dsfab.pipeline.measures import cut_error, symmetry_error
 from dsfab.report.compliance.document import Numbers
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.pattern import quality_facts, quality_lines
-from dsfab.slicing import Chart
+from dsfab.slicing import Chart, cut
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import pattern_quality
 from dsfab.study.comparison import comparison
@@ -193,6 +193,15 @@ def test_material_that_is_shifted_differs_from_its_mirror_image():
     assert symmetry_error(surface, straight, mirror) == 0
     moved = drawn(surface, (0 * x + 0.5, x / 0.4 + 0.05), (0.0, 0.15))  # from its image by a tenth of a period
     assert symmetry_error(surface, moved, mirror) == pytest.approx(0.2, abs=0.02)
+
+
+def test_material_of_a_cut_that_is_shifted_differs_from_its_mirror_image():
+    """A strip of width w whose middle is off the mirror by a: 4 a of the side are on one side of it only."""
+    surface = plate(12)
+    mirror = symmetry_under(surface, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])]), [], "x")
+    for a, w in ((0.0, 0.6), (0.03, 0.6), (0.03, 0.5)):
+        cells = cut(surface, [surface.V[:, 0]], [np.array([a - w / 2, a + w / 2])], snap=0.0)
+        assert cut_error(surface, cells, mirror) == pytest.approx(4 * a / 2, abs=0.01 if a else 0)
 
 
 def test_nothing_drawn_is_no_mistake():

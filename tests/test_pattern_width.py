@@ -302,12 +302,15 @@ def test_a_share_out_of_reach_is_refused_with_what_can_be_reached():
 
 
 def test_of_a_share_that_jumps_a_little_the_nearest_is_taken():
-    """As where a tidied end comes or goes: by .6 %, from .2 % under what is wanted."""
+    """As where a tidied end comes or goes: by .6 %, from .2 % under what is wanted; then no more cuts are made."""
+    asked = []
 
     def share(f: float) -> float:
+        asked.append(f)
         return min(0.5 * f + (0.006 if f > 0.996 else 0.0), 0.9)
 
     assert share(solved_factor(share, 0.5, 4e-4)) == pytest.approx(0.498, abs=1e-4)
+    assert len(asked) < 18
 
 
 def test_how_far_a_jump_may_miss_is_asked():
@@ -333,16 +336,17 @@ JUMPING = {
     "pattern.minor.phase": 0.89,
     "pattern.width": {"rule": "constant", "min_width": 0.012, "min_gap": 0.012, "solid_fraction": 0.311},
 }
-"""A coarse plate on which the end of a member comes as widths grow: from 30.94 % of it to more than 31.1 %."""
+"""A coarse plate on which the end of a member comes as widths grow: what is drawn jumps from 30.94 % of it to more than
+31.1 %, and what is left when slits are filled from 32.05 % to 32.49 %."""
 
 
 def test_the_nearest_share_is_delivered_with_a_note():
     preset = dsfab.load_preset("cantilever", JUMPING)
     assert preset.pattern.width.solid_fraction_tolerance == 0.005
-    design = draft(preset)
+    design = draft(overridden(preset, {"pattern.width.solid_fraction": 0.321}))
     share = design.sheet.surface.area / design.surface.area
-    assert share == pytest.approx(0.3094, abs=1e-4)
-    assert [note.text for note in design.notes if "30.94% is the nearest: the share jumps there" in note.text]
+    assert share == pytest.approx(0.3249, abs=1e-4)
+    assert [note.text for note in design.notes if "32.49% is the nearest: the share jumps there" in note.text]
     with pytest.raises(
         PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow more with .*_tolerance"
     ):
@@ -350,9 +354,9 @@ def test_the_nearest_share_is_delivered_with_a_note():
 
 
 def test_a_small_jump_is_told_too():
-    """30.9 % is wanted, and 30.94 % is the nearest: less than the share may miss anyway is not told, more is."""
+    """31.9 % is wanted, and 31.87 % is there: less than the share may miss anyway is not told, more is."""
     preset = dsfab.load_preset("cantilever", JUMPING)
-    for wanted, told in ((0.30945, False), (0.3100, True)):
+    for wanted, told in ((0.3190, False), (0.3240, True)):
         notes = draft(overridden(preset, {"pattern.width.solid_fraction": wanted})).notes
         assert any("is the nearest" in note.text for note in notes) == told
 
@@ -569,8 +573,9 @@ def test_bridges_are_in_the_share_too():
 
 
 @pytest.mark.slow
-def test_a_share_holds_where_many_bridges_are_built():
-    """72 of them, between meridians that meet at a skylight, were .6 % of the surface."""
+def test_a_share_holds_where_many_bridges_are_built(monkeypatch):
+    """72 of them, between meridians that all meet at a skylight, were .6 % of the surface."""
+    monkeypatch.setattr("dsfab.slicing.halving.GAIN", np.inf)
     arena = Path(__file__).parents[1] / "outputs" / "gallery" / "arena.toml"
     design = dsfab.Design.of(dsfab.load_preset(arena)).until("slicing")
     assert any("bridges were built" in note.text for note in design.notes)

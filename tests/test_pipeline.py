@@ -74,7 +74,7 @@ def _stem(value) -> str | None:
         (BARREL_VAULT_MODES, 2464, 0.369, 56),
         (SPHERE_GRADED_MODES, 4002, 0.500, 552),
         ("dome", 2509, 0.400, 240),
-        ("globe", 2892, 0.450, 287),
+        ("globe", 4002, 0.450, 287),
         ("barrel_vault", 2464, 0.339, 39),
         ("cantilever", 5988, 0.500, 82),
         ("tower", 2800, 0.312, 155),

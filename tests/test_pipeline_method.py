@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 
 import dsfab
+from dsfab.pipeline import Design, Log, method
+from dsfab.pipeline.method import CLOSE
 from dsfab.pipeline.stressing import Stressed
 from dsfab.report.design.choice import attempt_facts, attempt_lines
 from dsfab.results import Attempt
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
 from dsfab.study.judging import quick
+from tests.benchmarks import against_simp
 from tests.presets import DOME_MODES
 from tests.test_study_simp import bracket
 
@@ -33,8 +36,13 @@ def test_all_are_told_and_the_best_is_taken(chosen):
     }
     note = next(note.text for note in chosen.notes if note.text.startswith("method auto took"))
     assert note.startswith(f"method auto took {tried[0].name}: of ")
+    assert any("stripes along optimal forces" in one.name for one in tried)
     assert all(f"{one.name} {one.over_uncut:.3g} x" in note for one in tried if not one.refused)
-    assert [one.rank for one in tried] == sorted(one.rank for one in tried)
+    found = [one.rank for one in tried]
+    assert [rank[:-1] for rank in found] == [rank[:-1] for rank in sorted(found)]
+    close = [rank for rank in found if rank[:-1] == found[0][:-1] and rank[-1] <= (1 + CLOSE) * min(found)[-1]]
+    assert found[0] in close  # these are put in order by better elements
+    assert found[len(close) :] == sorted(found)[len(close) :]
     width = chosen.settled.pattern.width
     assert tried[0].name.endswith(width.rule if width.q == chosen.preset.pattern.width.q else f"q {width.q:g}")
     assert ("modes" in tried[0].name) == (chosen.settled.pattern.method == "modes")
@@ -44,7 +52,8 @@ def test_all_are_told_and_the_best_is_taken(chosen):
 def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen, plate):
     """From the stiffest of each without flaws, and never softer than the graded widths that evening begins with."""
     for design in (chosen, plate):
-        evened = {one.name.split(",")[0]: one for one in design.pattern.attempts if one.name.endswith("stressed")}
+        stressed = [one for one in design.pattern.attempts if one.name.endswith("stressed")]
+        evened = {one.name.split(",")[0]: one for one in stressed if "optimal forces" not in one.name}
         assert len(evened) == 2
         assert "modes" in evened
         for name, one in evened.items():
@@ -70,9 +79,11 @@ def test_of_those_without_dead_ends_and_slits_the_stiffest_comes_first():
 
 
 @pytest.mark.slow
-def test_counted_are_those_of_the_sheet_that_would_be_built(plate):
+def test_counted_are_those_of_the_sheet_that_would_be_built():
     """The best is built: what was counted on the trial is what the build tells, but for slits at the limit: the share
-    of material is met to 2e-3 in a trial, to 4e-4 in the build, and round corners come in the build only."""
+    of material is met to 2e-3 in a trial, to 4e-4 in the build, and round corners come in the build only. Tidied ones
+    have none."""
+    plate = Design.of(dsfab.load_preset("cantilever", {**PLATE, "pattern.tidy": False})).until("slicing")
     found, best = plate.quality(symmetry=False), plate.pattern.attempts[0]
     assert best.dead_ends == found.dead_ends
     assert best.slits == pytest.approx(found.slits, rel=0.2)
@@ -103,6 +114,16 @@ def test_the_settled_preset_makes_the_same_sheet(chosen):
     assert np.array_equal(again.sheet.surface.F, chosen.sheet.surface.F)
     assert again.settled is again.preset
     assert again.pattern.attempts == ()
+
+
+def test_a_preset_on_modes_can_be_opened_again_whatever_forces_were_asked_for(monkeypatch):
+    """Modes run along no others than those of the uncut sheet, and a preset that says so is refused."""
+    asked = dsfab.load_preset(
+        "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}
+    )
+    monkeypatch.setattr(method, "_tried", lambda way, _given, _log: way)
+    (way, *_) = method._ways(asked, dsfab.pipeline.Design.of(asked).stressed, Log(None), "modes", halve=True)
+    assert dsfab.Preset(**way.preset.model_dump()).pattern.method == "modes"
 
 
 @pytest.mark.slow
@@ -145,6 +166,22 @@ def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation(share, mos
     (variant,) = BASELINES["simp"](task)
     assert quick(task, own).compliance < most * quick(task, variant.make()).compliance
     assert made.sheet.surface.area / made.surface.area == pytest.approx(share, abs=6e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "edge", "share", "ratio"),
+    [("hole", 0.045, 0.5, 1.246), ("hole", 0.045, 0.3, 1.745), ("arch", 0.1, 0.5, 1.19), ("arch", 0.1, 0.3, 1.44)],
+)
+def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_the_least(name, edge, share, ratio):
+    """Over the stiffest sheet of varying thickness and the same mass, which none with openings can reach: on meshes as
+    coarse as these topology optimisation is no measure, it has up to three times the compliance of the designs."""
+    asked = against_simp.preset(name, share)
+    asked = asked.model_copy(update={"surface": asked.surface.model_copy(update={"edge": edge})})
+    made = dsfab.pipeline.draft(asked)
+    own = against_simp.structure(made)
+    task = ComparisonTask.of(made, own.sheet.surface.area)
+    assert against_simp.over_uncut(task, own) / against_simp.least(task) == pytest.approx(ratio, rel=0.02)
 
 
 @pytest.mark.slow

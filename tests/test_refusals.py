@@ -219,7 +219,6 @@ def test_a_rough_solution_is_told_with_its_case_and_a_poor_one_refused(share, sa
     """A solver that is off by d leaves an error of d on a machine that has no longer numbers to refine with."""
     factorise = factor.factorise
     monkeypatch.setattr(factor, "REFINEMENTS", 0)
-    monkeypatch.setattr(solve, "RESIDUAL", 1e-6)
 
     def careless(*args, **more):
         exact = factorise(*args, **more)

@@ -207,7 +207,26 @@ def test_the_page_lays_every_part_on_its_sheet_where_the_nest_has_it(page, plan,
             assert there.min(axis=0) == pytest.approx(placed.min(axis=0), abs=0.7)
             assert there.max(axis=0) == pytest.approx(placed.max(axis=0), abs=0.7)
             assert np.linalg.norm(there[0] - placed, axis=1).min() < 0.2
+    for one, strip in zip(facts["built"], refolded(plan).strips, strict=True):  # and each bent back into space
+        assert (one["id"], one["member"]) == (strip.id, strip.member)
+        corners = np.array(one["faces"]).reshape(-1, 4, 3)
+        assert corners[0, [0, 3]] == pytest.approx(strip.edges[0], abs=1e-3)
+        assert corners[-1, [1, 2]] == pytest.approx(strip.edges[-1], abs=1e-3)
     assert page == assembly_page(plan, vault)
+
+
+def test_the_page_has_key_figures_and_what_members_are_coloured_by(page, plan, vault):
+    facts = json.loads(re.search(r'id="facts">(.*?)</script>', page, re.DOTALL)[1])
+    shades = {one["name"]: one for one in facts["shades"]}
+    assert (shades["length"]["unit"], shades["width"]["unit"]) == ("m", "mm")
+    for one, long, wide in zip(facts["members"], shades["length"]["values"], shades["width"]["values"], strict=True):
+        member = plan.graph.by_id[one["id"]]
+        assert long == pytest.approx(member.length, abs=0.006)
+        assert wide == pytest.approx(1000 * member.mean_width, abs=0.6)
+    figures = dict(facts["figures"])
+    assert figures["mass"] == f"{vault.mass:,.0f} kg"
+    assert figures["sheet"].startswith(f"{vault.sheet.surface.area:.4g} m2, ")
+    assert "most used" not in figures
 
 
 NEXT_FRAME = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))"
@@ -231,12 +250,109 @@ def test_a_click_on_a_member_shows_its_parts_and_sheets_and_nothing_is_fetched(p
             sheets = tab.run("[...document.querySelectorAll('[data-sheet]')].map((one) => +one.dataset.sheet)")
             assert sheets == sorted({plan.sheet_of[part] for part in mine})
             assert tab.run("document.querySelectorAll('[data-sheet] .mine').length") == len(mine)
+        tab.run("document.querySelector('[data-shape=parts]').click()")
+        tab.run(NEXT_FRAME)
+        shown = set(tab.run("drawn.map((face) => face.name)"))
+        assert shown == {part.id for part in plan.parts if len(part.axis)}
+        tab.run("document.querySelector('[data-shape=members]').click()")
+        tab.run(NEXT_FRAME)
+        assert set(tab.run("drawn.map((face) => face.name)")) == {part.member for part in plan.parts}
+        all_faces, colour = tab.run("drawn.length"), "colourOf(drawn[0].member).join()"
+        plain = tab.run(colour)
+        tab.run("(at('by').value = 0, at('by').dispatchEvent(new Event('change')), 1)")
+        assert tab.run(colour) != plain
+        assert tab.run("at('legend').textContent").endswith(" m")
+        tab.run("(at('cut').value = 50, at('cut').dispatchEvent(new Event('input')), 1)")
+        tab.run(NEXT_FRAME)
+        half = tab.run("Math.max(...drawn.map((face) => -face.points[1]))")
+        assert 0 < tab.run("drawn.length") < all_faces
+        assert half < tab.run("(level = 1, Math.max(...project().map((face) => -face.points[1])))")
+        tab.run("(at('cut').value = 100, at('cut').dispatchEvent(new Event('input')), 1)")
         tab.click(20, 400)  # beside it
         assert tab.run("document.querySelectorAll('[data-part]').length") == 0
         assert tab.run("document.querySelector('#detail').textContent").startswith(plan.notes[0])
         dark = [{"name": "prefers-color-scheme", "value": "dark"}]
         tab.call("Emulation.setEmulatedMedia", features=dark)
         assert tab.run("getComputedStyle(document.body).backgroundColor") == "rgb(27, 27, 29)"
+        assert tab.errors == []
+        assert [url for url in tab.requests if not url.startswith(("file:", "data:"))] == []
+
+
+PAINTED = """(() => { const w = canvas.width, h = canvas.height, d = pen.getImageData(0, 0, w, h).data;
+  const found = { count: 0, top: h };
+  for (let k = 3; k < d.length; k += 4)
+    if (d[k] > 128) { found.count++; found.top = Math.min(found.top, Math.floor((k >> 2) / w)); }
+  return found; })()"""
+"""How many pixels the structure has, and how far down its highest is."""
+SEEN = """(() => { const r = devicePixelRatio || 1; let large = 0, found = null;
+  for (const { member, points: P } of drawn) if (member === NUMBER) {
+    const x = (P[0] + P[4]) / 2, y = (P[1] + P[5]) / 2;
+    const area = Math.abs((P[4] - P[0]) * (P[7] - P[3]) - (P[6] - P[2]) * (P[5] - P[1]));
+    if (area <= large || drawn.findLast((face) => inside(face.points, x, y)).member !== member) continue;
+    large = area;
+    found = [...pen.getImageData(Math.round(r * x), Math.round(r * y), 1, 1).data.slice(0, 3)];
+  }
+  return found; })()"""
+"""The colour of a member in the middle of its largest face that nothing is before."""
+
+
+def lightness(colour: str) -> float:
+    """From 0 to 1, of "rgb(27, 27, 29)"."""
+    return sum(map(float, re.findall(r"[\d.]+", colour)[:3])) / 765
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
+def test_a_clients_page_is_coloured_cut_and_read_in_light_and_in_dark(plan, vault, tmp_path):
+    """`structure.html` of `dsfab report`, by the pixels that a browser draws."""
+    strong = Design.of(overridden(vault.preset, {"statics.strength": 20e6}), vault).until("slicing")
+    file = tmp_path / "structure.html"
+    file.write_text(assembly_page(plan, strong, judged=True), encoding="utf-8")
+    with opened(tmp_path / "browser", (1400, 900)) as tab:
+
+        def chosen(name, value):
+            kind = "change" if name != "cut" else "input"
+            tab.run(f"(at('{name}').value = {value}, at('{name}').dispatchEvent(new Event('{kind}')), 1)")
+            tab.run(NEXT_FRAME)
+
+        tab.open(file.as_uri(), "typeof drawn !== 'undefined' && drawn.length > 0")
+        names = tab.run("[...at('by').options].map((one) => one.textContent)")
+        assert names == ["family", "length", "width", "utilisation", "normal force N"]
+        used = strong.member_utilisation.by_member
+        for number, name in enumerate(names[1:]):
+            chosen("by", number)
+            values = tab.run(f"facts.shades[{number}].values")
+            known = [k for k, value in enumerate(values) if value is not None]
+            least, most = min(known, key=values.__getitem__), max(known, key=values.__getitem__)
+            told = tab.run(
+                "[...at('legend').querySelectorAll('span')].map((one) => parseFloat(one.textContent.replace(/,/g, '')))"
+            )
+            assert told == pytest.approx([values[least], values[most]], rel=1e-3), name
+            if name == "utilisation":
+                ids = tab.run("facts.members.map((one) => one.id)")
+                assert ids[most] == max(used, key=used.__getitem__)
+            for member, bluish in ((least, True), (most, False)):
+                red, _, blue = tab.run(SEEN.replace("NUMBER", str(member)))
+                assert (blue > red) == bluish, (name, member)
+        whole = tab.run(PAINTED)
+        for axis, level in ((2, 40), (0, 50), (1, 30)):
+            chosen("axis", axis)
+            chosen("cut", level)
+            part = tab.run(PAINTED)
+            assert 0.05 * whole["count"] < part["count"] < 0.9 * whole["count"], axis
+            if axis == 2:
+                assert part["top"] > whole["top"] + 20
+        chosen("cut", 100)
+        assert tab.run(PAINTED) == whole
+        for scheme, light in (("light", True), ("dark", False), ("light", True)):
+            tab.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+            for part in ("body", "aside", "#title", "dd", "#by"):
+                paper, ink = (
+                    lightness(tab.run(f"getComputedStyle(document.querySelector('{where}')).{what}"))
+                    for where, what in (("body", "backgroundColor"), (part, "color"))
+                )
+                assert (paper > 0.5) == light
+                assert abs(paper - ink) > 0.5, (scheme, part)  # words stand out
         assert tab.errors == []
         assert [url for url in tab.requests if not url.startswith(("file:", "data:"))] == []
 

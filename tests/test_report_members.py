@@ -1,7 +1,10 @@
 """The report on members: what it says of good, of bad and of unfactored ones, and the command that writes it."""
 
+import json
 import re
 from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +12,11 @@ import pytest
 from dsfab.app.cli import main
 from dsfab.errors import PresetError, StaticsError
 from dsfab.eurocode import Rules, utilisation
+from dsfab.frame import MemberForces
 from dsfab.preset_file import load_preset
 from dsfab.report.compliance.document import Numbers, ReportFigure
 from dsfab.report.members import sections
+from dsfab.report.members.diagrams import force_diagrams
 from tests.test_app_compliance import pdf_words
 from tests.test_eurocode import bar
 
@@ -58,6 +63,26 @@ def test_each_check_has_its_largest():
     assert rows["tension"][2:] == ("-", "0 %")
     assert rows["compression"][2:] == ("A1", "4.3 %")
     assert len(rows) == 8
+
+
+def test_diagrams_show_six_forces_of_each_member_in_the_case_that_is_named(monkeypatch):
+    monkeypatch.setattr("dsfab.report.members.diagrams.png", lambda figure: figure)
+    s = np.array([0.0, 1.0, 2.0])
+    size = np.array([1e3, 2.0, 3e3, 4.0, 5e3, 6.0])  # N and N m
+    forces = {"wind": np.outer([1, -1, 2], size), "snow": np.outer([3, 0, 1], size)}
+    one = MemberForces("A1", s, ("N1 N2",) * 3, np.full(3, 0.1), forces)
+    node = SimpleNamespace(at=(0.0, 1.0), members=("A1", "A2"))
+    design = SimpleNamespace(
+        member_forces={"A1": one, "A2": one}, members=SimpleNamespace(along={"A1": [node], "A2": [node]})
+    )
+    figure = force_diagrams(design, [("A1", "wind"), ("A2", "snow")])
+    names = [axes.get_title(loc="right") for axes in figure.axes]
+    assert names == 2 * ["N, kN", "Vy, N", "Vz, kN", "Mt, N m", "My, kN m", "Mz, N m"]
+    for axes, (case, column) in zip(figure.axes, product(("wind", "snow"), range(6)), strict=True):
+        unit = 1e3 if column % 2 == 0 else 1.0
+        assert axes.lines[0].get_ydata() == pytest.approx(forces[case][:, column] / unit), (case, column)
+    words = [[text.get_text() for text in axes.texts] for axes in figure.axes]
+    assert words == [["A1", "wind"], *[[]] * 5, ["A2", "snow"], *[[]] * 5]
 
 
 def test_what_is_not_checked_is_said_in_full():
@@ -107,7 +132,7 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
     ]
     assert main(["report", *words]) == 0
     names = {"report.html", "report.pdf", "barrel_vault.member_utilisation.csv", "barrel_vault.member_forces.csv"}
-    assert {path.name for path in (tmp_path / "out").iterdir()} == names
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {*names, "structure.html"}
     said = capsys.readouterr().out
     assert "EN 1995-1-1:2004 with A1 and A2, 6.1 to 6.3; GL24h" in said
     page, printed = (
@@ -120,7 +145,13 @@ def test_the_command_writes_a_report_and_its_tables(tmp_path, capsys):
         assert "of loads without partial factors" in text
         assert worst in text
         assert "dsfab report barrel_vault --set surface.edge=0.5" in text
-    assert page.count("<img") == 3
+    assert page.count("<img") == 1 + 4  # the structure; diagrams of ten members, three in a figure
+    client = (tmp_path / "out" / "structure.html").read_text(encoding="utf-8")
+    facts = json.loads(re.search(r'id="facts">(.*?)</script>', client, re.DOTALL)[1])
+    assert [one["name"] for one in facts["shades"]] == ["length", "width", "utilisation", "normal force N"]
+    most = max(value for value in facts["shades"][2]["values"] if value is not None)
+    assert dict(facts["figures"])["most used"] == f"{worst}: {most / 100:.0%} of what it can bear"
+    assert {part["file"] for part in facts["parts"]} == {""}  # the drawings are in the workshop's folder
 
 
 def test_a_preset_without_a_strength_is_answered_in_a_sentence_and_nothing_is_written(tmp_path, capsys):

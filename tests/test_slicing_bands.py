@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 from dsfab.errors import PatternError
 from dsfab.slicing import cut, material_area, resolve_pinches
+from dsfab.slicing.cut import LEVEL_GAP
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.test_slicing import check_laws, points_in_cells
@@ -124,7 +125,10 @@ def test_constant_width_gives_the_sheet_of_one_field(name, d, frequency, snap, s
     surface = ZOO[name]()
     z = frequency * (surface.V / surface.size) @ np.random.default_rng(seed).normal(size=3)
     k = integers(z)
-    one = cut(surface, [z], [np.stack([k - d, k + d], axis=1).ravel()], snap=snap)
+    levels = np.stack([k - d, k + d], axis=1).ravel()
+    # a line nearer to a vertex than that leaves a corner whose stripe is thinner than stripes of two fields are made
+    assume(snap or np.abs(z[:, None] - levels).min() > LEVEL_GAP * np.ptp(z))
+    one = cut(surface, [z], [levels], snap=snap)
     two = cut(surface, [band(z, np.full(surface.n, d))], [k], snap=snap)
     assert area_of(two) == pytest.approx(area_of(one), rel=1e-12)
     assert (two.surface.n, two.surface.m) == (one.surface.n, one.surface.m)

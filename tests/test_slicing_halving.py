@@ -1,5 +1,6 @@
 """Lines that crowd are left out: on a fan of rays between rings, where every level is known."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -123,6 +124,35 @@ def test_what_is_wanted_and_left_sums_to_the_faces(seed):
         shares = np.diff(wanted, axis=0, prepend=0)
         assert given.scale(surface, k) == pytest.approx(0.5 ** np.arange(4) @ shares, rel=1e-9)
         assert wanted[0] @ surface.areas == pytest.approx(area[given.level[:, k] == 0].sum(), rel=1e-9)
+
+
+def ring_levels(wish: Callable[[np.ndarray], np.ndarray]) -> list[float]:
+    """Mean level of four openings from the inside, and of the rest, halved once at most; wish of radii."""
+    surface, rays, rings = fan()
+    asked = wish(np.linalg.norm(surface.centroids, axis=1))
+    fields = phase(surface, rays).field, phase(surface, rings).field
+    given = halved(
+        surface,
+        fields,
+        (asked.clip(0, 1), 0 * asked),
+        (1, 0),
+        (asked, 0 * asked),
+    )
+    area, middle = given.mesh.cells.areas(given.mesh.X)[0], sum(radii(given)) / 2
+    ring = np.floor(middle - 0.63).clip(0, 4).astype(int)
+    return (np.bincount(ring, area * given.level[:, 0]) / np.bincount(ring, area)).tolist()
+
+
+def test_what_a_part_of_an_opening_wishes_over_the_most_counts_where_that_is_more_even():
+    """In three rings every other face wishes for 2.7 halvings, the others for 0.5: for 1.6 in the mean, and for 0.75
+    if only one is counted; then what is wished for and what is done would be 2.7 powers of two apart, not 2.2."""
+    levels = ring_levels(lambda r: np.where(r < 3.6, np.where(np.arange(len(r)) % 2, 2.7, 0.5), 0.0))
+    assert levels == pytest.approx([1, 1, 1, 0, 0], abs=0.03)
+
+
+def test_it_does_not_count_where_that_gains_little():
+    """A fortieth of the area wishes for 1.6 and 0.8 halvings: 1.2 in the mean, and 0.9 where one is the most."""
+    assert ring_levels(lambda r: np.where(r < 1.63, np.where(np.arange(len(r)) % 2, 1.6, 0.8), 0.0)) == [0] * 5
 
 
 def test_without_halving_nothing_is_divided():

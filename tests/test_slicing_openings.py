@@ -5,10 +5,12 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.pipeline.design import Design
+from dsfab.pipeline.measures import largest_filling
 from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_slits, openings
 from dsfab.slicing.openings import CRUMB, NARROWER
 from dsfab.surface import Surface
 from tests.meshes import mesh_file
+from tests.presets import DOME_MODES, GLOBE_MODES
 from tests.test_pattern_quality import plate
 
 
@@ -54,6 +56,27 @@ def test_slits_are_filled_and_nothing_else():
         assert filled_slits(open_, "crowded") == (open_, 0)
     whole = Sheet(surface, np.arange(surface.m), np.zeros(surface.m), cut(surface, [surface.V[:, 0]], [[]]).weights)
     assert Openings.of(whole) is None
+
+
+def test_filled_openings_side_by_side_are_found():
+    """Openings .5 by .25 m: six on the right of the plate that hang together, and two far from them."""
+    before = grid_of(plate(), 0.1)
+    every = Openings.of(before)
+    x, y = every.places[:, 0], every.places[:, 1]
+    some = (x > 0.4) & (x < 0.9) & (np.abs(y) < 0.6)
+    far = (x < -0.6) & (np.abs(y) > 0.4)
+    assert largest_filling(before, before, 0.6) is None
+    found = largest_filling(before, every.filled(some | far), 0.6)
+    assert found.openings == some.sum() == 6 > far.sum() / 2 > 0
+    assert found.place == pytest.approx(every.places[some].mean(axis=0), abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("turn", "told"), [(45, True), (0, False)])
+def test_a_plate_of_filled_openings_is_told_with_its_place(turn, told):
+    """Around the crown of a dome, where stripes turned by 45 degrees come together in spirals."""
+    made = built("dome", **{"pattern.rotate": turn, "surface.edge": 0.4})
+    assert any("side by side around (0, 0, 3.9" in note.text for note in made.notes) == told
 
 
 def test_openings_close_as_a_whole_by_the_mean_of_what_members_crowd():
@@ -147,6 +170,26 @@ def test_the_crown_of_a_sphere_closes_as_a_whole():
     top = Openings.of(made.slicing.cells).places[:, 2]
     assert top.max() < 0.8
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "edge", "slits"),
+    [
+        ("cantilever", 0.06, 20),
+        pytest.param(DOME_MODES, 0.28, 29, marks=pytest.mark.slow),
+        pytest.param(GLOBE_MODES, 0.1, 53, marks=pytest.mark.slow),
+    ],
+)
+def test_tidied_modes_have_neither_slits_nor_dead_ends_and_keep_their_share(name, edge, slits):
+    """As many openings as that were narrower than the members beside them."""
+    made = built(name, **{"surface.edge": edge, "pattern.tidy": True})
+    quality = made.quality(symmetry=False)
+    assert (quality.dead_ends, quality.slits) == (0, 0)
+    assert made.sheet.surface.area / made.surface.area == pytest.approx(
+        made.preset.pattern.width.solid_fraction, abs=2e-3
+    )
+    drawn = Openings.of(cut(made.surface, made.pattern.fields, made.pattern.levels, 0.05, made.pattern.tidy))
+    assert drawn.slits.sum() > slits / 2
 
 
 @pytest.mark.slow

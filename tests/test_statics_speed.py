@@ -85,6 +85,19 @@ def test_refinement_reaches_what_double_precision_cannot():
     assert np.array_equal(x.shape, b.shape)
 
 
+def test_longer_numbers_are_made_of_a_few_rows_at_a_time(monkeypatch):
+    monkeypatch.setattr(factor, "ROWS", 7)
+    rng = np.random.default_rng(0)
+    K, free, scale = csr_array(rng.random((30, 30)) / 3), np.arange(1, 30, 2), rng.random(15)
+    long, x = factor.Scaled(K, free, scale).astype(np.longdouble), rng.random((15, 2))
+    full = np.zeros((30, 2))
+    full[free] = scale[:, None] * x
+    exact = scale[:, None] * (K.astype(np.longdouble) @ full)[free]
+    assert (long @ x).dtype == np.longdouble
+    assert np.array_equal(long @ x, exact)
+    assert long.K is K
+
+
 def test_good_solutions_are_solved_for_twice_only():
     K = csr_array(diags_array(np.arange(1.0, 5.0)))
     calls = []

@@ -1,6 +1,12 @@
 """Large displacements by CalculiX: a toggle that snaps through, a column that buckles; skipped where it is missing."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
 from dataclasses import replace
 from math import pi
 
@@ -8,12 +14,15 @@ import numpy as np
 import pytest
 import trimesh
 
+import dsfab
 from dsfab.app.cli import main
+from dsfab.app.terminal import signals_as_interrupts
 from dsfab.errors import StaticsError
 from dsfab.statics import Material
-from dsfab.study.nonlinear import limit_of, solid_check, solid_model
-from dsfab.study.nonlinear.calculix import LoadPath
-from dsfab.study.nonlinear.limit import softest
+from dsfab.study.nonlinear import NonlinearCheck, limit_of, nonlinear_check, solid_check, solid_model
+from dsfab.study.nonlinear.calculix import LoadPath, load_path
+from dsfab.study.nonlinear.limit import last_of, softest, without_fillets
+from dsfab.study.nonlinear.running import CcxFiles, run_ccx
 from dsfab.surface import LoadCase, Surface
 from tests.calculix import needs_ccx
 from tests.test_statics_modes import hold
@@ -88,6 +97,99 @@ def test_what_stays_stiff_bears_more_and_what_ends_early_gives_way():
     assert limit_of(path(load, np.r_[0, np.cumsum(jolt)])) == (10, False)
 
 
+def test_a_path_has_no_more_to_tell_once_it_has_snapped_or_is_soft_and_finds_no_equilibrium():
+    load = np.linspace(0, 1, 11)
+    moves = np.array([1, 1, 1, 1.2, 1.5, 3, 40, 1, 1, 1])
+    assert last_of(path(load, np.r_[0, np.cumsum(moves)])) == 7  # with the snap, as long as it goes on
+    assert last_of(path(load, load)) is None
+    soft = replace(path(load, load**3 + load, whole=False), failed=((6, 0.1), (7, 0.03), (10, 0.02)))
+    assert last_of(soft) == 10  # a step of 3 % is still a long one
+    assert last_of(replace(soft, failed=((6, 0.1), (7, 0.03)))) is None
+    assert last_of(replace(path(load, load), failed=((10, 0.02),))) is None  # as stiff as at first
+    ended = replace(soft, failed=((8, 0.01), (9, 0.01))).until(8)
+    assert (ended.load[-1], limit_of(ended)) == (pytest.approx(0.8), (8, True))
+
+
+def test_what_time_ends_is_told_as_such_and_has_not_given_way():
+    load = np.linspace(0, 1, 11)
+    assert limit_of(replace(path(load, load, whole=False), late=True)) == (10, False)
+    found = NonlinearCheck("wind", 3.0, 1.5, False, 0.01, 0.002, load, load, 400, minutes=2.0)
+    assert found.told.startswith("wind: followed to 1.5 times its load with large displacements")
+    assert (
+        "then stopped because 2 minutes were over (--minutes): it may bear more; that buckling comes at 3" in found.told
+    )
+    assert "gives way" not in found.told
+
+
+STA = """SUMMARY OF JOB INFORMATION
+  STEP      INC     ATT  ITRS     TOT TIME     STEP TIME      INC TIME
+     1          6     1     5  0.600000E+00  0.600000E+00  0.100000E+00
+     1          7     1U    7  0.600000E+00  0.600000E+00  0.100000E+00
+     2         12     2U   16  0.167188E+01  0.671875E+00  0.234375E-02
+"""
+DAT = """
+ displacements (vx,vy,vz) for set WATCHED and time  0.1000000E+00
+
+         2  1.000000E-03  0.000000E+00 -2.000000E-03
+         1  0.000000E+00  0.000000E+00  0.000000E+00
+
+ displacements (vx,vy,vz) for set WATCHED and time  0.2000000E+00
+
+         2  3.000000E-03  0.000000E+00 -5.0"""
+
+
+def test_files_are_read_while_they_are_written():
+    files = CcxFiles("", DAT, STA, False)
+    assert files.failures() == [(0.6, 0.1), (1.67188, 0.00234375)]
+    (time, table), (_, half) = files.tables()
+    assert time == 0.1
+    assert table == pytest.approx(np.array([[2, 1e-3, 0, -2e-3], [1, 0, 0, 0]]))
+    assert len(half) == 0  # a number that is cut off is another number
+    assert CcxFiles("", "", STA, False).tables() == []
+
+
+@pytest.fixture
+def endless(tmp_path, monkeypatch):
+    """A program that goes by the name of CalculiX, says one step of a path and never ends; its process' number."""
+    number, temporary = tmp_path / "number", tmp_path / "temporary"
+    temporary.mkdir()
+    program = tmp_path / "ccx"
+    program.write_text(
+        f"#!/bin/sh\necho $$ > {number}\ncat > solid.dat <<'END'\n{DAT}\nEND\ncat > solid.sta <<'END'\n{STA}END\n"
+        "exec sleep 60\n",
+        encoding="ascii",
+    )
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    yield number
+    assert not list(temporary.iterdir())
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(number.read_text()), 0)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="shell script")
+def test_a_path_is_kept_when_time_is_over(endless):
+    s, load = column(2)
+    model = solid_model(s, up(s), 0.01, Material(210e9, 0.0), load)
+    found = load_path(model, model.solid.nodes, (50.0,), np.array([0, 1]), 0.8)
+    assert found.load == pytest.approx([0, 5])
+    assert found.u[1] == pytest.approx(np.array([[0, 0, 0], [1e-3, 0, -2e-3]]))
+    assert (found.late, found.whole, limit_of(found)) == (True, False, (1, False))
+    with pytest.raises(StaticsError, match=r"did not come to an end within .* minutes; make the mesh coarser"):
+        load_path(model, model.solid.nodes, (50.0,), np.arange(3), 0.05)  # not even one step of all that is watched
+
+
+@pytest.mark.skipif(os.name == "nt", reason="shell script")
+def test_a_signal_ends_the_program_and_its_files(endless):
+    def interrupted(files: CcxFiles) -> bool:
+        os.kill(os.getpid(), signal.SIGTERM)
+        return False
+
+    with pytest.raises(KeyboardInterrupt), signals_as_interrupts():
+        run_ccx([""], 60.0, interrupted)
+
+
 def test_forces_and_supports_of_the_sheet_are_those_of_the_solid():
     s, load = column(4)
     model = solid_model(s, up(s), 0.01, Material(210e9, 0.0), load)
@@ -101,6 +203,68 @@ def test_forces_and_supports_of_the_sheet_are_those_of_the_solid():
     assert len(hinged.opposite) == 3 * 3  # two corners and the edge between them
     low, top = hinged.solid.nodes[hinged.opposite[:, 0]], hinged.solid.nodes[hinged.opposite[:, 1]]
     assert np.abs(top - low) == pytest.approx(np.tile([0, 0, 0.01], (9, 1)))
+
+
+COARSE = {"surface.edge": 0.8, "pattern.major.spacing": 2.0, "pattern.minor.spacing": 2.0}
+"""A dome of few members."""
+
+
+def test_the_check_has_a_mesh_of_its_own():
+    """Without fillets, out of longer triangles where asked; a length that is none is refused."""
+    design = dsfab.Design.of(dsfab.load_preset("dome", COARSE)).until("slicing")
+    assert without_fillets(design, 0.0, lambda *words: None) is design
+    sharp = without_fillets(design, None, lambda *words: None)
+    assert sharp.surface is design.surface
+    assert sharp.sheet.surface.m < 0.8 * design.sheet.surface.m
+    assert sharp.sheet.surface.area == pytest.approx(design.sheet.surface.area, rel=0.01)
+    longer = without_fillets(design, 1.2, lambda *words: None)
+    assert (longer.preset.surface.edge, longer.preset.pattern.fillet) == (1.2, 0.0)
+    assert without_fillets(sharp, 0.5, lambda *words: None) is sharp  # never finer
+    for minutes in (0.0, -3.0, float("nan")):
+        with pytest.raises(StaticsError, match=r"minutes are no time for CalculiX; give it --minutes 60"):
+            nonlinear_check(design, minutes=minutes)
+    for wrong in (-1.0, float("nan"), 1e3):
+        with pytest.raises(StaticsError, match=r"edges of .* m are none of this design; give metres"):
+            without_fillets(design, wrong, lambda *words: None)
+
+
+FEW = {"surface.edge": 2.0, "pattern.major.spacing": 5.0, "pattern.minor.spacing": 5.0, "pattern.keep": 0.0}
+ROUGH = [word for key, value in FEW.items() for word in ("--set", f"{key}={value}")]
+"""A dome of 400 triangles."""
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_a_dome_gives_way_far_below_its_linear_factor(capsys):
+    """Spherical shells are known for it [Koiter 1945]."""
+    assert main(["check", "dome", "--nonlinear", "--check-edge", "2.5", "--json", *ROUGH]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["gives_way"]
+    assert found["stopped_after_minutes"] is None
+    assert 0.2 < found["limit_factor"] / found["linear_factor"] < 0.95
+    load, u = np.array(found["path"]["factor"]), np.array(found["path"]["largest_displacement_m"])
+    assert load[-1] == found["limit_factor"]  # and no step beyond: it would halve them in vain
+    assert (u[-1] - u[-2]) / (load[-1] - load[-2]) > 2 * u[1] / load[1]
+    assert found["edge_m"] == pytest.approx(2.5, rel=0.2)
+    assert found["imperfection_m"] == pytest.approx(0.04, rel=1e-3)
+    assert found["wedges"] < 500
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="signals and a shell script")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_command_leaves_nothing_behind_when_it_is_ended(endless, number):
+    """Neither files nor CalculiX: `endless` looks for both."""
+    words = [sys.executable, "-m", "dsfab", "check", "dome", "--nonlinear", "--check-edge", "2.5", *ROUGH]
+    run = subprocess.Popen(
+        words, env={**os.environ, "TMPDIR": tempfile.gettempdir()}, stderr=subprocess.PIPE, text=True
+    )
+    end = time.monotonic() + 60
+    while not (endless.exists() and endless.read_text()) and time.monotonic() < end:
+        time.sleep(0.05)
+    run.send_signal(number)
+    assert "stopped; nothing was written" in run.communicate(timeout=30)[1]
+    assert run.returncode == 130
 
 
 def test_springs_are_refused_in_a_sentence():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from dsfab.arrays import edge_lengths
 from dsfab.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
 from dsfab.surface.shapes.boys import _Disc
@@ -183,11 +184,23 @@ def test_impossible_figures_are_refused_with_a_sentence(name, values, says):
         SHAPES[name](**values)
 
 
-@pytest.mark.parametrize(("edge", "why"), [(0.0447, "span gaps"), (0.0596, "folded over at")])
-def test_an_edge_too_long_for_the_camels_mouth_is_refused(edge, why):
-    """Its lips are 0.03 m apart: at twice the edge they were joined, split and joined until memory ended."""
+@pytest.mark.parametrize("coarser", [4.0, 5.1, 6.5, 8.0])
+def test_the_camel_has_even_triangles_at_any_coarseness(coarser):
+    """Its lips are 0.03 m apart, its ears 0.12 m thick: edges of 0.06 to 0.12 m leave out what they cannot show."""
+    s = SHAPES["camel_head"](edge=coarser * 0.0149)
+    assert (len(s.loops), euler_characteristic(s.F, s.edges)) == (1, 1)
+    assert angles(s).min() > 25
+    length = edge_lengths(s.V, s.edges.ends)
+    assert length.min() / length.max() > 0.33
+    assert s.mean_edge == pytest.approx(coarser * 0.0149, rel=0.06)
+
+
+@pytest.mark.parametrize(("edge", "why"), [(0.03, "span gaps"), (0.05, "folded over at")])
+def test_an_edge_too_long_for_lips_is_refused(edge, why):
+    """Lips that are 0.03 m apart were joined, split and joined until memory ended."""
+    upper, lower = (box((0, 0, z), (0.5, 0.3, 0.1), 0.02) for z in (0.115, -0.115))
     with pytest.raises(SurfaceError, match=why):
-        SHAPES["camel_head"](edge=edge)
+        skin(blended([upper, lower], 0.01), (-0.7, -0.5, -0.4), (0.7, 0.5, 0.4), edge)
 
 
 def test_a_twisted_solid_turns_counter_clockwise_as_it_rises():

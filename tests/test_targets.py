@@ -37,25 +37,25 @@ def test_presets_reach_their_targets(name, share, target, recorded):
 
 
 @pytest.mark.slow
-def test_the_graded_sphere_reaches_its_target_by_whichever_elements_it_is_judged():
-    """Its cut leaves a needle on which hhj is solved to about 1e-8, the limit: the number of threads decides whether
-    that counts as solved, or midedge is taken."""
+def test_the_graded_sphere_reaches_its_target_by_the_best_elements():
+    """Its cut leaves a needle of 7 micrometres on which hhj is solved to 1e-8 or 3e-8, by the number of threads."""
     compared = comparison(dsfab.run(dsfab.load_preset("sphere_graded")), against=())
     ratio = compared.design.compliance / compared.full.compliance
     assert compared.design.structure.sheet.surface.area / compared.task.surface.area == pytest.approx(0.5, abs=1e-3)
     (found,) = solved_loads(compared.task, compared.design.structure).values()
-    recorded = {"hybrid+hhj": 1.366, "quadratic+midedge": 1.397}
+    assert str(found.equilibrium.elements) == "hybrid+hhj"
+    assert found.equilibrium.residual < 1e-7
     assert ratio <= 1.5
-    assert ratio == pytest.approx(recorded[str(found.equilibrium.elements)], rel=0.01)
+    assert ratio == pytest.approx(1.366, rel=0.01)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "target", "recorded"), [(0.5, 1.77, 1.761), (0.3, 3.2, 3.127)])
+@pytest.mark.parametrize(("share", "target", "recorded"), [(0.5, 1.69, 1.680), (0.3, 3.2, 3.129)])
 def test_method_auto_keeps_the_targets_without_phases_by_hand(share, target, recorded):
     """The phases that were found by hand, and the 120 runs of cantilever_light, with evened widths: 1.68 and 3.20.
 
-    At half of the material stripes without a slit are taken; modes, stiffer by 3 %, leave 14: 1.707, and 1.692 by
-    quadratic + midedge, for which the target of 1.7 was set.
+    Slits between tidied modes are filled, as between evenly spaced stripes: with 11 of them left, stripes that are 5 %
+    softer were taken, 1.758.
     """
     keys = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
     widths = {"pattern.width.rule": "stressed", "pattern.width.solid_fraction": share}

@@ -3,6 +3,7 @@
 import csv
 import io
 from collections import deque
+from dataclasses import replace
 from functools import cache
 
 import ezdxf
@@ -33,6 +34,7 @@ from dsfab.workshop.bars import (
 from dsfab.workshop.drawings import part_drawing
 from dsfab.workshop.legs import Footing, leg_lines, leg_plates
 from dsfab.workshop.parts import polygon_area
+from dsfab.workshop.planks.slots import PlankCrossings
 from dsfab.workshop.routes import chosen_route, planned_bars
 from dsfab.workshop.tables import bar_rows, table_csv
 from tests.analytic import SURFACES
@@ -298,7 +300,8 @@ def test_members_too_near_to_each_other_for_bars_are_refused_in_a_sentence():
 
 @pytest.fixture(scope="module")
 def vault():
-    changes = {"surface.edge": 0.3, "statics.material": "GL24h", "workshop.stock": [[5.0, 1.25]]}
+    """Too shallow for planks."""
+    changes = {"surface.edge": 0.3, "statics.material": "GL24h", "workshop.stock": [[5.0, 1.25]], "workshop.depth": 0.1}
     return Design.of(load_preset("barrel_vault", changes)).until("slicing")
 
 
@@ -325,6 +328,38 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     assert long.name == "strips"
     assert "but bars are longer than the stock (B" in long.reason
     assert "but bars are no way either" in near.reason
+    assert "upright planks are no way: planks 100 mm deep of boards 80 mm thick" in near.reason
+
+
+def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_bent_and_put_on(vault):
+    """By more than half of a member's width."""
+    graph, statics = vault.members, vault.preset.statics
+    deep = Design.of(overridden(vault.preset, {"workshop.depth": 0.2}), vault).until("slicing")
+    route = chosen_route(deep, graph, Layering(0.04, 2, 0.012))
+    assert route.name == "planks"
+    limit, bends = statics.strength / statics.young, route.planks.found.bends
+    assert 0 < max(bends.values()) < limit
+    bars = planned_bars(vault, graph)
+    assert bars.strayed > 0.1  # half of a member's width
+    assert f"bars would leave the surface by up to {length(bars.strayed)}, and members are 200 mm" in route.reason
+    assert f"bent to {max(bends.values()):.2%}, of {limit:.2%} allowed, cross at 88 degrees" in route.reason
+    assert_hindrances(route.planks)
+
+
+def assert_hindrances(plan):
+    """What planks would be that cannot be built, in numbers."""
+    assert not plan.hindrance
+    bend = max(plan.found.bends.values())
+    assert replace(plan, limit=0.9 * bend).hindrance.startswith(f"would be bent across themselves to {bend:.2%}, of")
+    for changes, said in (
+        (
+            {"stuck": {"A01": 0.3, "A02": 0.4}},
+            "2 of them turn from each other by up to 23 degrees",
+        ),
+        ({"crowded": ["N1 in A01"]}, "without wood between them: N1 in A01"),
+        ({"crossings": PlankCrossings([], ["N7"])}, "meet at under 30 degrees at N7, without slots"),
+    ):
+        assert said in replace(plan, found=replace(plan.found, **changes)).hindrance
 
 
 @pytest.mark.parametrize("t", [10, 45, 90, 120])
@@ -388,7 +423,7 @@ def test_plates_of_a_vault_have_legs_along_its_springing_as_steep_as_the_arch_is
 
 @pytest.mark.slow
 def test_the_command_writes_bars_as_drawings_lists_and_documents_and_the_same_twice(vault, tmp_path, capsys):
-    changes = ["surface.edge=0.3", "statics.material=GL24h", "workshop.stock=[5.0, 1.25]"]
+    changes = ["surface.edge=0.3", "statics.material=GL24h", "workshop.stock=[5.0, 1.25]", "workshop.depth=0.1"]
     words = ["workshop", "barrel_vault", *(x for change in changes for x in ("--set", change))]
     assert main([*words, "--ifc", "-o", str(tmp_path / "one")]) == 0
     said = capsys.readouterr().out.splitlines()

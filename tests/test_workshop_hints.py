@@ -5,6 +5,7 @@ import pytest
 
 from dsfab.workshop import FlatPart, Hole, nested
 from dsfab.workshop.hints import narrowed, sheet_hints
+from dsfab.workshop.nesting import stacked
 from tests.test_workshop import least_gap
 
 GAP = 0.008
@@ -70,3 +71,25 @@ def test_nests_of_narrower_strips_keep_the_gap():
     sheets = nested(parts, [(2.5, 1.25)], GAP)
     assert len(sheets) == 2
     assert least_gap(sheets) >= GAP - 1e-9
+
+
+def bent(count):
+    """Strips of several lengths and bends, every other one with its outline the other way round."""
+    found = []
+    for k in range(count):
+        u = np.linspace(-0.5, 0.5, 9)
+        middle = np.stack([(0.4 + 0.1 * (k % 17)) * u, 0.05 * (k % 5) * (1 - 4 * u**2)], axis=1)
+        outline = np.concatenate([middle - [0, 0.04], (middle + [0, 0.04])[::-1]])
+        found.append(FlatPart(f"A{k}", f"A{k}", (0.0, 1.0), outline[:: 1 - 2 * (k % 2)]))
+    return found
+
+
+def test_a_nest_is_given_up_only_where_its_sheets_are_too_many():
+    parts, stock = bent(40)[::2], [(2.2, 0.6)]
+    count = len(stacked(parts, stock, GAP, 40))
+    assert len(stacked(parts, stock, GAP, count)) == count > 1
+    assert stacked(parts, stock, GAP, count - 1) is None
+
+
+def test_parts_keep_the_gap_whichever_way_their_outlines_run():
+    assert least_gap(nested(bent(20), [(2.2, 0.6)], GAP)) >= GAP - 1e-9

@@ -81,7 +81,7 @@ def test_parts_of_a_model_bent_back_meet_at_their_nodes_within_a_tenth_of_a_mill
     """Of every part of both families; the two holes of a node are a layer apart along its normal."""
     graph = scaled_graph(graph_of(name, 0.2)[1], 50)
     nodes, placed = {node.id: node for node in graph.nodes}, {}
-    for part in strip_parts(graph, CARD, A3, covered=True).pieces:
+    for part in strip_parts(graph, CARD, A3, splice="cover").pieces:
         read, holes, _ = read_in_space(part, graph, CARD, tmp_path)
         assert read.diameters <= {0.6}
         for hole, point in zip(part.holes, holes, strict=True):
@@ -106,7 +106,7 @@ def renamed(graph, before):
 def test_names_on_short_bays_are_small_or_left_out_rather_than_engraved_on_each_other_or_drilled_through(before):
     """What hangs together of what is engraved is a letter, 3 mm high at most: no name runs into another."""
     graph = renamed(scaled_graph(graph_of("sphere", 0.4)[1], 50), before)
-    for part in strip_parts(graph, CARD, A3, covered=True).pieces[::4]:
+    for part in strip_parts(graph, CARD, A3, splice="cover").pieces[::4]:
         outline = Polygon(part.outline).buffer(2e-4)
         holes = MultiPoint([hole.at for hole in part.holes]).buffer(0.0003)
         engraved = unary_union([LineString(mark) for mark in part.marks])

@@ -2,16 +2,18 @@
 
 from functools import cache
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
 from dsfab.export import flat_dxf
-from dsfab.members import member_graph
-from dsfab.workshop import Development, Layering, member_course, strip_parts
+from dsfab.members import Member, MemberAxis, MemberGraph, member_graph
+from dsfab.workshop import Development, Layering, is_strip, member_course, strip_parts
 from dsfab.workshop.drawings import part_drawing
 from tests.analytic import SURFACES, WIDTH
+from tests.zoo import grid
 
 LAYERING = Layering(thickness=0.018, count=2, bolt=0.012)
 STOCK = [(2.484, 1.234)]
@@ -27,7 +29,38 @@ def graph_of(name, edge):
 
 @cache
 def parts_of(name, edge, layering=LAYERING):
-    return strip_parts(graph_of(name, edge)[1], layering, STOCK, covered=True)
+    return strip_parts(graph_of(name, edge)[1], layering, STOCK, splice="cover")
+
+
+# --- ends that curl up
+
+
+def hook(curl: float, at: float = 5.0) -> Member:
+    """6 m in a plane, .2 m wide: straight to a place, then around `curl` of a circle of .08 m, then straight on."""
+    s = np.linspace(0, 6, 601)
+    kg = np.where((s > at) & (s < at + curl * 0.16 * np.pi), 1 / 0.08, 0.0)
+    turn = np.concatenate([[0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(s))])
+    T = np.column_stack([np.cos(turn), np.sin(turn), 0 * s])
+    P = np.vstack([np.zeros(3), np.cumsum((T[1:] + T[:-1]) / 2 * np.diff(s)[:, None], axis=0)])
+    axis = MemberAxis(s, P, T, np.tile([0.0, 0.0, 1.0], (len(s), 1)), kg, 0 * s, 0 * s, False, s, 0.0)
+    return Member("A1", "strip", "major", 0, 1, np.arange(1), 1.2, axis, np.full((len(s), 2), 0.1), ("free", "free"))
+
+
+def test_a_strip_that_curls_up_at_its_end_is_built_up_to_there():
+    """Half of a hairpin's turn is left at the ends of both its members. In the middle of one it makes a plate of it."""
+    member = hook(0.2, 5.85)
+    graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
+    assert is_strip(member)
+    found = strip_parts(graph, LAYERING, STOCK, splice="cover")
+    course = member_course(graph, member, 0.1, 0.1)
+    assert (course.begin, course.end) == pytest.approx((0, 5.85), abs=0.02)
+    assert found.stopped == ["A1"]
+    assert len(found.pieces) == 3
+    assert sum(float(np.ptp(piece.axis[:, 0])) for piece in found.pieces) == pytest.approx(5.85, abs=0.02)
+    assert not is_strip(hook(0.2, 3.0))
+    straight = hook(0.0)
+    assert is_strip(straight)
+    assert member_course(graph, straight, 0.1, 0.1).end == 6
 
 
 # --- parts as files, bent back
@@ -115,11 +148,14 @@ def assert_folds_back(part, graph, folder):
     return read, curve
 
 
+@pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SURFACES)
-def test_every_part_of_a_file_bends_back_with_its_holes_at_its_nodes_and_its_outline_at_the_edges(name, tmp_path):
+def test_parts_of_files_bend_back_with_their_holes_at_nodes_and_their_outlines_at_edges(name, every, tmp_path):
+    """Of both layers: all that the bolt of a node goes through lies on its line."""
     _, graph = graph_of(name, 0.2)
     found, holed = parts_of(name, 0.2), set()
-    for part in found.pieces[::3] + found.covers[::9]:
+    parts = [*found.pieces, *found.covers]
+    for part in parts[::every]:
         read, curve = assert_folds_back(part, graph, tmp_path)
         assert read.diameters <= {12.0}
         assert read.engraved >= len(part.id)

@@ -80,7 +80,7 @@ def measure(triangles: int) -> dict[str, Any]:
     }
     try:
         scenes["plain"].frame(view, *PIXELS)  # only then there is a renderer to name
-        renderer = _renderer(scenes["plain"])
+        renderer = scenes["plain"].renderer
         taken = _frames(scenes, shaders, view)
     finally:
         for scene in scenes.values():
@@ -127,12 +127,6 @@ def _changed(stripes: "StripeShader", number: int, kind: str, eye: Floats) -> No
     graded = kind == "graded"
     half, reach = ((BY_VERTEX, BY_VERTEX), (0.1, NO_REACH)) if graded else ((0.2, 0.15), (NO_REACH, NO_REACH))
     stripes.set(Settings((4 + 0.1 * number, 9.0), (0.0, 0.0), half, reach))
-
-
-def _renderer(scene: Any) -> str:
-    """What VTK draws with, by its own words."""
-    said = re.search(r"OpenGL renderer string:\s*(.+)", scene.window.window.ReportCapabilities())
-    return said.group(1).strip() if said else "unknown"
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.export import built_design, source_of
 from dsfab.app.options import Source
-from dsfab.app.terminal import Reporter, out
+from dsfab.app.terminal import Reporter, out, signals_as_interrupts
 from dsfab.wording import length
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class Nonlinear:
         Parameter(
             negative=(),
             help="Of a preset or built folder in place of a file: load the cut sheet by CalculiX (ccx, which you "
-            "install) until it gives way, with large displacements and an imperfection. Takes minutes to hours.",
+            "install) until it gives way, with large displacements and an imperfection. Takes minutes.",
         ),
     ] = False
     case: Annotated[
@@ -34,6 +34,13 @@ class Nonlinear:
     ] = None
     imperfection: Annotated[
         float | None, Parameter(help="Metres, in the shape of the first buckling [the longest side / 300].")
+    ] = None
+    check_edge: Annotated[
+        float | None,
+        Parameter(
+            help="Metres, of the triangles that it is cut out of anew for it, without fillets, where the design's are "
+            "shorter; 0: the sheet as it is [the design's, without fillets]."
+        ),
     ] = None
     minutes: Annotated[float, Parameter(help="That each of the two or three runs of CalculiX may take.")] = 60.0
 
@@ -51,8 +58,9 @@ def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, 
     given, _ = source_of(name, source)
     reporter = Reporter(quiet or as_json)
     try:
-        design = built_design(name, given) or Design.of(given, progress=reporter).until("slicing")
-        found = nonlinear_check(design, asked.case, asked.imperfection, asked.minutes, reporter)
+        with signals_as_interrupts():  # CalculiX and its files end with this
+            design = built_design(name, given) or Design.of(given, progress=reporter).until("slicing")
+            found = nonlinear_check(design, asked.case, asked.imperfection, asked.minutes, reporter, asked.check_edge)
         reporter.done()
     finally:
         reporter.stop()
@@ -71,9 +79,11 @@ def facts(found: "NonlinearCheck") -> dict[str, Any]:
         "linear_factor": found.linear,
         "limit_factor": found.limit,
         "gives_way": found.given_way,
+        "stopped_after_minutes": found.minutes or None,
         "imperfection_m": found.imperfection,
         "displacement_m": found.moved,
         "wedges": found.triangles,
+        "edge_m": found.edge,
         "path": {"factor": found.load.tolist(), "largest_displacement_m": found.u.tolist()},
     }
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 CALCULIX = "calculix"
 SUFFIX = ".inp"
 SAME_AS_STEP = ".stp"
-SHORT = {"saf": ".saf.xlsx"}
-"""Suffixes of two words by the one that people know."""
+SHORT = {"saf": ".saf.xlsx", "opensees": ".tcl"}
+"""Suffixes by the words that people know."""
 GROUPS = {
     "mesh": "the solid",
     "both": "the solid",
@@ -46,8 +46,9 @@ TO = (
     "(curves), csv, json. Members by name: members.json, members.csv, nodes.csv; as "
     "objects on layers members.3dm, members.ifc, members.glb, members.dxf (lines). Fields on the uncut surface: vtu. "
     "Section forces n, m and q of the cut sheet, in every face: forces.vtu, forces.csv; N, V and M along each member: "
-    "member_forces.csv; over what they can bear by Eurocode 3 or 5: member_utilisation.csv. A beam model for SCIA, "
-    "RFEM and others: saf.xlsx, or saf for short. A check: calculix. [as the suffix of -o]"
+    "member_forces.csv, member_forces.xlsx (a sheet for each); over what they can bear by Eurocode 3 or 5: "
+    "member_utilisation.csv. A beam model for SCIA, RFEM and others: saf.xlsx, or saf for short; for OpenSees: tcl, or "
+    "opensees; for CalculiX: beams.inp. A check: calculix. [as the suffix of -o]"
 )
 
 Which = Literal["uncut", "cut"]

@@ -70,7 +70,8 @@ def inspect(
     Parameters
     ----------
     file
-        OBJ, PLY, STL, OFF, GLB, glTF or 3MF; a preset (a name or a TOML file); or a folder of results.
+        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; a preset (a name or a TOML file); or a folder of
+        results.
     """
     from dsfab.preset_list import shipped_presets
 

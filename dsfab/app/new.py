@@ -30,7 +30,7 @@ def new(
     Parameters
     ----------
     mesh
-        OBJ, PLY, STL, OFF, GLB, glTF or 3MF.
+        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP.
     """
     from dsfab.export import replacing
     from dsfab.proposal import propose

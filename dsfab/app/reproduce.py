@@ -5,6 +5,7 @@ import math
 import os
 import platform
 from contextlib import suppress
+from functools import partial as partial_of
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,6 +45,9 @@ def reproduce(
         Parameter(negative=(), help="Also write small.html: the page in one file, with pictures of half the size."),
     ] = False,
     output: Annotated[Path, Parameter(name=["-o", "--output"], help="Folder of the page.")] = FOLDER,
+    workers: Annotated[
+        int | None, Parameter(help="Figures made at the same time, in processes [cores, as memory allows].")
+    ] = None,
     quiet: Quiet = False,
 ) -> int:
     """Make the paper's figures and a page about them: each step in pictures, its parameters, its seconds.
@@ -56,14 +60,18 @@ def reproduce(
         Figures by their presets, such as bob or camel_nose; all 17 when left out (several minutes).
     """
     from dsfab.render.opengl import require_rendering
+    from dsfab.study import fitting_processes
 
     chosen = choose(names)
     if not 1 <= coarser <= COARSEST:
         raise DsfabError(f"--coarser {coarser:g} is not between 1 and {COARSEST:g}; write for instance --coarser 2")
+    if workers is not None and workers < 1:
+        raise DsfabError(f"--workers {workers} must be 1 or more")
     require_rendering()
+    count = fitting_processes(len(chosen)) if workers is None else min(workers, len(chosen))
     reporter = Reporter(quiet)
     try:
-        figures = _write(chosen, output, coarser, reporter, volumes, small)
+        figures = _write(chosen, output, coarser, count, reporter, volumes, small)
         reporter.done()
     finally:
         reporter.stop()
@@ -89,19 +97,28 @@ def choose(names: tuple[str, ...]) -> "list[PaperFigure]":
 
 
 def _write(
-    chosen: "list[PaperFigure]", folder: Path, coarser: float, reporter: Reporter, volumes: bool, small: bool
+    chosen: "list[PaperFigure]",
+    folder: Path,
+    coarser: float,
+    workers: int,
+    reporter: Reporter,
+    volumes: bool,
+    small: bool,
 ) -> "list[FigurePictures]":
-    """Make the figures one by one, then the page; pictures of an earlier page that are gone are removed."""
+    """Make the figures, then the page; pictures of an earlier page that are gone are removed."""
     from dsfab.report.paper.figures import make_figure
     from dsfab.report.paper.page import PAGE_NAME, PageFacts, page, pictures_of
     from dsfab.report.paper.small import SMALL_NAME, small_page
+    from dsfab.study import made_in_processes
 
     figures: list[FigurePictures] = []
     loads = [_load()]
     with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:
+        job = partial_of(make_figure, folder=partial, coarser=coarser)
+        each = made_in_processes(job, chosen, workers, work=lambda figure: figure.timings.triangles)
         for number, figure in enumerate(chosen, start=1):
             reporter("reproduce", f"{number} of {len(chosen)}: {figure.preset}")
-            figures.append(make_figure(figure, partial, coarser))
+            figures.append(next(each))
             loads.append(_load())
         if volumes:
             from dsfab.report.paper.volumes import sphere_volumes

@@ -1,7 +1,11 @@
 """Progress and results as text: a live line per stage on a terminal, plain lines in a pipe or a log."""
 
+import signal
 import sys
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from rich.console import Console
 from rich.status import Status
@@ -51,3 +55,17 @@ class Reporter:
 def out(text: str = "") -> None:
     """A line of result, on standard output."""
     sys.stdout.write(text + "\n")
+
+
+@contextmanager
+def signals_as_interrupts() -> Iterator[None]:
+    """A closed terminal, or a word to end, ends it as Ctrl-C does, so that nothing is left behind."""
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    if threading.current_thread() is not threading.main_thread():
+        numbers = []
+    before = [(number, signal.signal(number, signal.default_int_handler)) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)

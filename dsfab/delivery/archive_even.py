@@ -68,6 +68,8 @@ def even_arrays(even: EvenStripes) -> Arrays:
         found |= {f"even_{k}_value": phase.value, f"even_{k}_singular": phase.singular}
         found |= {f"even_{k}_sign": _whole(phase.sign), f"even_{k}_shift": _whole(phase.shift)}
         found[f"even_{k}_wanted"] = np.reshape(wanted, (len(wanted), len(phase.sign)))
+    if even.forces is not None:
+        found["even_forces"] = even.forces
     chart = even.chart
     rows = {"data": chart.weights.data, "indices": chart.weights.indices, "indptr": chart.weights.indptr}
     if steered := even.steered:
@@ -90,7 +92,8 @@ def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes
     density, first = arrays["even_density"], int(arrays["even_first"])
     along, guided, over = (arrays.get(f"even_steered_{name}") for name in STEERED)
     steered = None if along is None or guided is None or over is None else Steered(along, guided, over)
-    return EvenStripes((one, two), (major, minor), arrays["even_slope"], density, first, chart, steered=steered)
+    lines, forces = ((one, two), (major, minor), arrays["even_slope"], density, first, chart), arrays.get("even_forces")
+    return EvenStripes(*lines, steered=steered, forces=forces)
 
 
 def _whole(array: Floats) -> NDArray[Any]:

@@ -28,7 +28,10 @@ def beam_records(design: Design) -> dict[str, Any]:
 def frame_records(frame: "Frame") -> dict[str, Any]:
     """`frame`: columns of the beam model, see `dsfab.frame.Frame`, and `material`."""
     named = MATERIALS.get(frame.material.name)
-    names = ("points", "nodes", "ends", "width", "thickness", "eccentricity", "length", "fixed", "spring")
+    names = (
+        *("points", "nodes", "ends", "width", "thickness", "eccentricity", "length", "fixed", "spring"),
+        *("area", "inertia", "shear_area"),
+    )
     return {
         "frame": {name: getattr(frame, name) for name in names}
         | {

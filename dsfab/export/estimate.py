@@ -12,13 +12,12 @@ from dsfab.errors import ExportError
 from dsfab.export import ladder, tessellated
 from dsfab.export.budget import COSTS, START, BudgetError, way_of, within
 from dsfab.export.folds_text import planar_file
-from dsfab.export.network.build import member_draft
+from dsfab.export.network.draft import member_draft, member_plan
 from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
 from dsfab.export.shells import solids_of
 from dsfab.export.simplify import usual_tolerance
 from dsfab.export.smooth.build import first_draft
-from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.step_text import faceted_bytes
 
 
@@ -111,7 +110,7 @@ def _planar(part: Part) -> tuple[int, float, str]:
 
 
 def _by_members(part: Part) -> tuple[int, float, str]:
-    draft = member_draft(part, SmoothPlan(part))
+    draft = member_draft(part, member_plan(part))
     return draft.faces, len(draft.text), ""
 
 

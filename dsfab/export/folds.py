@@ -14,15 +14,17 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, group_sums
 from dsfab.errors import ExportError
 from dsfab.export.coplanar import coplanar_regions
 from dsfab.export.curves import Curve, fitted
 from dsfab.export.part import Part
 from dsfab.export.plate import SHARE_OF_GAP, SLIMMEST, NotFlatError, enclosed, frame, gaps_between
-from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline, sheet_of
+from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline, both_skins, sheet_of
 from dsfab.export.smooth.seams import Key, run_key
+from dsfab.export.smooth.source import DividedSheet
 from dsfab.surface import CREASE, edge_table
+from dsfab.units import MM_PER_M
 
 ROUGH = 1e-4
 """Thicknesses that the vertices of a facet may be off its plane: files of meshes round them. They are put into it."""
@@ -57,6 +59,33 @@ class Facet:
 
 
 @dataclass(frozen=True, eq=False)
+class FlatFacets:
+    """A sheet whose faces lie in a few planes, as it was cut: nothing is mitred yet.
+
+    skins : (n, 2, 3) its vertices on both skins, millimetres.    facet : (m,) of each face.
+    """
+
+    whole: DividedSheet
+    shift: int
+    skins: Floats
+    facet: Ints
+    thickness: float
+
+    @cached_property
+    def creased(self) -> bool:
+        """Whether half of the length of its folds and more are creases: else it may be the mesh of a curved sheet."""
+        F, upper = self.whole.F, self.skins[:, 0]
+        h, k = edge_table(F).pairs.T
+        fold = self.facet[h // 3] != self.facet[k // 3]
+        h, k = h[fold], k[fold]
+        normals = group_sums(self.facet, area_vectors(upper, F))
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        length = np.linalg.norm(upper[F.ravel()[h - h % 3 + (h + 1) % 3]] - upper[F.ravel()[h]], axis=1)
+        turn = np.einsum("ei,ei->e", normals[self.facet[h // 3]], normals[self.facet[k // 3]])
+        return bool(2 * length[turn < np.cos(np.radians(CREASE))].sum() >= length.sum() > 0)
+
+
+@dataclass(frozen=True, eq=False)
 class FoldedSheet:
     """A sheet of flat facets, millimetres.
 
@@ -76,54 +105,58 @@ class FoldedSheet:
         """Number of facets, those of single faces apart."""
         return int((np.bincount(self.outline.chart) > 1).sum())
 
-    @cached_property
-    def creased(self) -> bool:
-        """Whether half of the length of its folds and more are creases: else it may be the mesh of a curved sheet."""
-        F, chart = self.outline.F, self.outline.chart
-        h, k = edge_table(F).pairs.T
-        fold = chart[h // 3] != chart[k // 3]
-        h, k = h[fold], k[fold]
-        normals = np.stack([self.facets[i].axes[0, 2] for i in range(len(self.facets))])
-        ends = np.stack([F.ravel()[h], F.ravel()[h - h % 3 + (h + 1) % 3]])
-        length = np.linalg.norm(np.diff(self.points[ends, 0], axis=0)[0], axis=1)
-        sharp = np.einsum("ei,ei->e", normals[chart[h // 3]], normals[chart[k // 3]]) < np.cos(np.radians(CREASE))
-        return bool(2 * length[sharp].sum() >= length.sum() > 0)
 
-
+_FACETS: WeakKeyDictionary[Part, FlatFacets | None] = WeakKeyDictionary()
 _FOUND: WeakKeyDictionary[Part, FoldedSheet | None] = WeakKeyDictionary()
 
 
-def folded_sheet(part: Part) -> FoldedSheet | None:
-    """The sheet of a solid whose facets are flat, two or more; None for all others. Found once for each part."""
-    if part not in _FOUND:
+def flat_facets(part: Part) -> FlatFacets | None:
+    """The flat facets of a solid's sheet, two or more; None for all others. Found once for each part."""
+    if part not in _FACETS:
         try:
-            _FOUND[part] = _folded(part)
+            _FACETS[part] = _facets(part)
         except ExportError:
-            _FOUND[part] = None  # one plane, or curved
+            _FACETS[part] = None  # one plane, or curved
+    return _FACETS[part]
+
+
+def folded_sheet(part: Part) -> FoldedSheet | None:
+    """The sheet of a solid with flat facets, mitred at its folds; None for all others. Found once for each part."""
+    if part not in _FOUND:
+        flat = flat_facets(part)
+        try:
+            _FOUND[part] = _folded(flat) if flat else None
+        except ExportError:
+            _FOUND[part] = None
     return _FOUND[part]
 
 
-def _folded(part: Part) -> FoldedSheet:
-    """Raises ExportError where there is no such sheet."""
+def _facets(part: Part) -> FlatFacets:
+    """Raises ExportError where there are none."""
     if part.curved is None:
         raise NotFlatError("only the solid is known")
     curved = part.curved()
     whole = curved.divided(np.ones((len(curved.V), 1)))
-    outline = sheet_of(whole, curved.shift)
-    skins = np.stack([outline.V + outline.D, outline.V - outline.D], axis=1)
-    thickness = 2 * float(np.median(np.linalg.norm(outline.D, axis=1)))
-    facet = _facet_of(skins, outline.F, ROUGH * thickness)
+    skins = both_skins(whole, curved.shift)
+    thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * whole.D, axis=1)))
+    facet = _facet_of(skins, whole.F, ROUGH * thickness)
     _ask_few(facet)
-    if float(np.max(cKDTree(part.V).query(skins[np.unique(outline.F)].reshape(-1, 3))[0])) > ROUGH * thickness:
+    if float(np.max(cKDTree(part.V).query(skins[np.unique(whole.F)].reshape(-1, 3))[0])) > ROUGH * thickness:
         raise NotFlatError("the solid is not the sheet's")
-    points, apart = _mitred(skins, outline.F, facet)
+    return FlatFacets(whole, curved.shift, skins, facet, thickness)
+
+
+def _folded(flat: FlatFacets) -> FoldedSheet:
+    """Raises ExportError where mitring leaves too many facets of single faces."""
+    F, facet = flat.whole.F, flat.facet
+    points, apart = _mitred(flat.skins, F, facet)
     if apart.any():
-        facet = _apart(facet, np.asarray(apart[outline.F].any(axis=1)))
+        facet = _apart(facet, np.asarray(apart[F].any(axis=1)))
         _ask_few(facet)
-        points = _mitred(skins, outline.F, facet)[0]
-    outline = sheet_of(whole._replace(chart=facet), curved.shift)
-    facets = {k: _plane(points, outline.F[facet == k]) for k in range(int(facet.max()) + 1)}
-    return FoldedSheet(outline, facets, points, thickness)
+        points = _mitred(flat.skins, F, facet)[0]
+    outline = sheet_of(flat.whole._replace(chart=facet), flat.shift)
+    facets = {k: _plane(points, F[facet == k]) for k in range(int(facet.max()) + 1)}
+    return FoldedSheet(outline, facets, points, flat.thickness)
 
 
 def _ask_few(facet: Ints) -> None:

@@ -12,7 +12,9 @@ import numpy as np
 from dsfab.errors import ExportError
 from dsfab.export import (
     bars,
+    bars_workbook,
     brep,
+    calculix_beams,
     dxf,
     forces,
     gltf,
@@ -22,6 +24,7 @@ from dsfab.export import (
     members_table,
     obj,
     off,
+    opensees,
     ply,
     records,
     rhino,
@@ -145,6 +148,14 @@ FORMATS: dict[str, Format] = {
     ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
     ".forces.csv": Format(forces.prepare, forces.encode, forces.check, sheets=True, takes="forces"),
     ".member_forces.csv": Format(bars.prepare, bars.encode, bars.check, sheets=True, takes="bars"),
+    ".member_forces.xlsx": Format(
+        bars_workbook.prepare,
+        bars_workbook.encode,
+        bars_workbook.check,
+        sheets=True,
+        takes="bars",
+        ready=bars_workbook.ready,
+    ),
     ".member_utilisation.csv": Format(
         utilisation.prepare,
         utilisation.encode,
@@ -152,6 +163,17 @@ FORMATS: dict[str, Format] = {
         sheets=True,
         told=utilisation.sentence,
         takes="utilisation",
+    ),
+    opensees.SUFFIX: Format(
+        opensees.prepare, opensees.encode, opensees.check, sheets=True, told=opensees.told, takes="frame"
+    ),
+    calculix_beams.SUFFIX: Format(
+        calculix_beams.prepare,
+        calculix_beams.encode,
+        calculix_beams.check,
+        sheets=True,
+        told=calculix_beams.told,
+        takes="frame",
     ),
     saf.SUFFIX: Format(saf.prepare, saf.encode, saf.check, sheets=True, told=saf.told, takes="frame", ready=saf.ready),
 }

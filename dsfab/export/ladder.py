@@ -1,11 +1,11 @@
 """In which ways a STEP file is tried, the best first, and what is said about the one that was taken.
 
-planar -> planar, tighter -> smooth, where it is soon made -> faceted -> simplified -> smooth, however long it takes
-                                                                                          -> simplified further
+planar -> planar, tighter -> smooth, where it is soon made -> by members, where these are few -> faceted -> simplified
+                                                         -> smooth, however long it takes -> simplified further
 by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
-That is `auto`; `quick` is the same without the smooth one that takes however long. The next way is tried when one is
-refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
+That is `auto`; `quick` is the same without members and the smooth one that takes however long. The next way is tried
+when one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ import numpy as np
 from dsfab.errors import ExportError
 from dsfab.export import tessellated
 from dsfab.export.budget import BudgetError, none_within
-from dsfab.export.folds import folded_sheet
+from dsfab.export.folds import flat_facets, folded_sheet
 from dsfab.export.network.build import NotByMembersError, member_file
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
@@ -67,13 +67,15 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
     if chosen or part.step == "planar":
         flat = default_tolerance(part)
         planar = replace(part, step="planar", tolerance=part.tolerance or flat)
-        if flat or folded_sheet(part) is None:
+        if flat or _may_be_planar(part):
             yield planar
             if planar.tolerance:
                 yield replace(planar, tolerance=TIGHTER * planar.tolerance)
     curved = chosen and part.curved is not None and not flat
     if part.step == "smooth" or curved:
         yield replace(part, step="smooth", hurry=(LONGER if part.step == "quick" else 1) if curved else 0)
+    if curved and part.step == "auto" and _striped(part):
+        yield replace(part, step="members", hurry=1)
     if part.step == "tessellated":
         yield part
     if chosen or part.step == "faceted":
@@ -84,6 +86,11 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
             yield faceted
     if chosen:
         yield from _last(faceted, curved and part.step == "auto", part.step == "quick")
+
+
+def _striped(part: Part) -> bool:
+    """Whether the stripes of a part's sheet are known."""
+    return part.curved is not None and part.curved().striped is not None
 
 
 def _last(part: Part, curved: bool, quick: bool) -> Iterator[Part | BudgetError]:
@@ -134,8 +141,17 @@ def default_tolerance(part: Part) -> float:
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
-        folded = folded_sheet(part)
-        return OUTLINE * folded.thickness if folded and (folded.creased or part.step == "planar") else 0.0
+        folded = folded_sheet(part) if _may_be_planar(part) else None
+        return OUTLINE * folded.thickness if folded else 0.0
+
+
+def _may_be_planar(part: Part) -> bool:
+    """Whether nothing says yet that a solid is the mesh of a curved sheet: flat facets, and no creases between them.
+
+    Asked before its folds are mitred and its outlines are found, which takes seconds where each facet is one triangle.
+    """
+    flat = flat_facets(part)
+    return flat is None or flat.creased or part.step == "planar"
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:

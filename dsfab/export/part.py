@@ -99,7 +99,8 @@ class Part:
     simpler    : whether that left it with fewer triangles than its solid has.
     curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
     hurry      : where nobody asked for smooth STEP by name, it is given up early, and not tried where it has more than
-                 so many times the walls that are soon made; 0 where somebody did.
+                 so many times the walls that are soon made, nor by members where these have too many faces; 0 where
+                 somebody did.
     """
 
     V: Floats

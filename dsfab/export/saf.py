@@ -26,7 +26,7 @@ READ = 1e-9
 def ready() -> None:
     """Raise ExportError if XlsxWriter is not installed."""
     if importlib.util.find_spec("xlsxwriter") is None:
-        raise ExportError(".saf.xlsx files need the library XlsxWriter; install it with: pip install XlsxWriter")
+        raise ExportError(".xlsx files need the library XlsxWriter; install it with: pip install XlsxWriter")
 
 
 def prepare(part: Part) -> Part:

@@ -8,11 +8,12 @@ forces     what members bear, from the section forces of the sheet    sections  
 
 from dsfab.frame.agreement import FrameAgreement, agreement
 from dsfab.frame.build import frame_of
-from dsfab.frame.forces import STATIONS, MemberForces, forces_along, member_forces
+from dsfab.frame.forces import COMPONENTS, STATIONS, MemberForces, forces_along, member_forces
 from dsfab.frame.model import BeamMaterial, Frame, torsion_constant
 from dsfab.frame.solve import FrameAnswer, solve_frame
 
 __all__ = [
+    "COMPONENTS",
     "STATIONS",
     "BeamMaterial",
     "Frame",

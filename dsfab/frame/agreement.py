@@ -22,7 +22,8 @@ class FrameAgreement:
     """The answers of a frame and of its sheet to one case, both over the sheet's.
 
     compliance, displacement : 1 where both are alike; of displacements the largest.
-    stout : share of the elastic energy in links and in bays whose members are wider than .35 of their length.
+    stout : share of the elastic energy of the beams in links and in bays whose members are wider than .35 of their
+            length or graze others; or of the sheet's in what is no member along an axis, if that is more.
     """
 
     case: str
@@ -44,15 +45,21 @@ class FrameAgreement:
         )
         if abs(self.compliance - 1) <= WITHIN and abs(self.displacement - 1) <= WITHIN:
             return said
-        where = f"{self.stout:.0%} of the energy is in links and in bays wider than {STOUT:g} of their length"
+        where = (
+            f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and where "
+            "members graze"
+        )
         why = "though its bays are slender" if self.slender else f"{where}, where beams are a rough model"
         return f"{said}: {why}; take displacements from the sheet"
 
 
 def agreement(
-    frame: Frame, answers: Mapping[str, FrameAnswer], sheet: Mapping[str, Equilibrium]
+    frame: Frame, answers: Mapping[str, FrameAnswer], sheet: Mapping[str, Equilibrium], beside: Mapping[str, float]
 ) -> list[FrameAgreement]:
-    """Of each case and combination that both were solved for; answers of the frame, and of the sheet."""
+    """Of each case and combination that both were solved for; answers of the frame, and of the sheet.
+
+    beside : by case, the share of the sheet's elastic energy in what is no member along an axis.
+    """
     stout = (frame.member < 0) | (frame.stout > STOUT)
     found = []
     for name in (name for name in answers if name in sheet):
@@ -61,7 +68,10 @@ def agreement(
         energy = ours.energy[stout].sum() / ours.energy.sum()
         found.append(
             FrameAgreement(
-                name, ours.compliance / theirs.compliance, moved / theirs.largest_displacement, float(energy)
+                name,
+                ours.compliance / theirs.compliance,
+                moved / theirs.largest_displacement,
+                max(float(energy), beside[name]),
             )
         )
     return found

@@ -42,7 +42,8 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`.    stout : (b,) the width of the member over the length of its bay."""
+    """Columns of beams, see `Frame`.    stout : (b,) the width of the member over the length of its bay, 1 beside
+    others that it grazes."""
 
     ends: Ints
     normal: Floats
@@ -123,7 +124,7 @@ def _bay(
     names = [f"{member.id} {x:.3f}" for x in inner]
     nodes = [one, *(joints.node(p, name) for p, name in zip(axis.at(inner)[0], names, strict=True)), other]
     left, right = (np.interp(middle, axis.s, side) for side in _sides(member).T)
-    stout = min(member.mean_width / (t - s), 1.0)
+    stout = 1.0 if joints.grazed & {one, other} else min(member.mean_width / (t - s), 1.0)
     return [
         Row(ends, normal, float(a + b + more), float(a - b) / 2, number, stout)
         for ends, normal, a, b, more in zip(pairwise(nodes), axis.at(middle)[2], left, right, spread, strict=True)

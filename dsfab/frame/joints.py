@@ -33,6 +33,7 @@ class AxisJoints:
     points, names : of the nodes.    on : by member, the arc lengths of nodes along its axis with their numbers.
     links  : pairs of nodes that the sheet joins, and the width of what does, metres.
     ends   : by member, where its beams begin and end, metres along its axis.
+    grazed : nodes at which members share material beside their middles.
     """
 
     graph: MemberGraph
@@ -41,6 +42,7 @@ class AxisJoints:
     on: dict[str, list[tuple[float, int]]] = field(default_factory=dict)
     links: list[tuple[int, int, float]] = field(default_factory=list)
     ends: dict[str, tuple[float, float]] = field(default_factory=dict)
+    grazed: set[int] = field(default_factory=set)
 
     @cached_property
     def lined(self) -> list[Member]:
@@ -99,7 +101,7 @@ def found_joints(graph: MemberGraph) -> AxisJoints:
         if any(member.axis is None for member in members):
             continue
         if node.kind == "grazing":
-            _linked(joints, members, node.at, node.id)
+            joints.grazed.update(_linked(joints, members, node.at, node.id))
             continue
         number = joints.node(node.point, node.id)
         for member, s in zip(members, node.at, strict=True):
@@ -108,11 +110,13 @@ def found_joints(graph: MemberGraph) -> AxisJoints:
     return joints
 
 
-def _linked(joints: AxisJoints, members: list[Member], at: tuple[float, float], name: str) -> None:
-    """Join two members at arc lengths of their axes: in one node, if they are near enough, else by a link."""
+def _linked(joints: AxisJoints, members: list[Member], at: tuple[float, float], name: str) -> tuple[int, int]:
+    """Join two members at arc lengths of their axes: in one node, if they are near enough, else by a link. Returns the
+    nodes of both."""
     one, other = (joints.place(member, s, name) for member, s in zip(members, at, strict=True))
     if one != other:
         joints.links.append((one, other, min(member.mean_width for member in members)))
+    return one, other
 
 
 def _join_ends(joints: AxisJoints) -> None:

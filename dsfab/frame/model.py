@@ -63,7 +63,8 @@ class Frame:
     combinations : by name, the factor of each case.
     eccentricity : (b,) metres by which the middle of the material lies to the left of the beam, along local y. Beams
                 are in the middle of the sheet: none along local z.
-    stout     : (b,) the width of the member over the length of the bay that the beam is a piece of; 0 for links.
+    stout     : (b,) the width of the member over the length of the bay that the beam is a piece of, 1 where it grazes
+                another one at an end of the bay: there both are one wider piece. 0 for links.
     """
 
     points: Floats
@@ -115,6 +116,11 @@ class Frame:
     def area(self) -> Floats:
         """(b,) of the sections, m2."""
         return self.width * self.thickness
+
+    @cached_property
+    def shear_area(self) -> Floats:
+        """(b,) what shear acts on of each section, either way, m2."""
+        return SHEAR * self.area
 
     @cached_property
     def inertia(self) -> Floats:

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import splu
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.errors import StaticsError
-from dsfab.frame.model import SHEAR, Frame
+from dsfab.frame.model import Frame
 
 LOOSE = 1e-5
 """A structure whose residual is a larger share of its loads is no structure."""
@@ -65,7 +65,7 @@ def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
     for at, stiff in ((0, E * frame.area / L), (3, G * torsion / L)):
         k[:, at, at] = k[:, at + 6, at + 6] = stiff
         k[:, at, at + 6] = k[:, at + 6, at] = -stiff
-    sheared = SHEAR * G * frame.area * L**2 if shear else np.full(len(L), np.inf)
+    sheared = G * frame.shear_area * L**2 if shear else np.full(len(L), np.inf)
     for across, turn, inertia, sign in ((1, 5, about_z, 1.0), (2, 4, about_y, -1.0)):
         phi = 12 * E * inertia / sheared
         c = E * inertia / (L**3 * (1 + phi))

@@ -28,7 +28,8 @@ PENALTY = 1e-3
 """Weight of third differences of the coefficients, over that of the points."""
 CLOSE = 0.05
 """Where the spline is farther from the line on the mesh than this share of an edge, it gets twice as many knots, and
-again, until they are an edge apart."""
+again, until they are an edge apart. On meshes that are finer than the member is wide the share is less by that ratio: a
+mesh is off its smooth surface by the square of its edges."""
 DEGREE = 3
 
 
@@ -83,8 +84,8 @@ class MemberAxis:
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
     """The axis along a line (k, 3) of a member with a width, metres, on a mesh with an edge, metres."""
     step = max(KNOTS * width, COARSE * edge)
-    axis = _fitted(line, step)
-    while axis.strayed > CLOSE * edge and step >= 2 * edge:
+    axis, close = _fitted(line, step), CLOSE * edge * edge / max(edge, width)
+    while axis.strayed > close and step >= 2 * edge:
         step /= 2
         axis = _fitted(line, step)
     return axis

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, weighted_quantile, weighted_quantiles
 from dsfab.pattern.frames import Frames, corner_sums, unit
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
@@ -68,12 +68,19 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 class Halving(NamedTuple):
     """How often stripes are halved at most, and `wish` (n,): the whole number under it is how often, at each vertex.
 
+    wish   : in powers of two, 0 to `most`.    free : also under 0 and over `most`.
     limits : what the logarithm of the density of all lines is clipped to.
     """
 
     most: int
     wish: Floats
+    free: Floats
     limits: tuple[float, float]
+
+    @property
+    def times(self) -> Floats:
+        """(n,) how often lines are halved at each vertex, a whole number from 0 to `most`."""
+        return np.floor(self.wish)
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
@@ -83,7 +90,7 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     surface exceed and fall below; the fewest halvings among those that are as good.
     """
     if not allowed:
-        return Halving(0, np.zeros_like(u), RANGE)
+        return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
 
     ascending = np.argsort(u, kind="stable")  # few runs are left to be merged for each limit
     sorted_u, sorted_mass = u[ascending], mass[ascending]
@@ -91,8 +98,8 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     def ratio(limit: float) -> float:
         wish = sorted_u / np.log(2) + limit
         v = np.clip(sorted_u, *COARSE_RANGE) - np.log(2) * np.clip(np.floor(wish), 0, MOST_HALVINGS)
-        narrow, wide = weighted_quantiles(v, sorted_mass, (0.05, 0.95))
-        return wide - narrow
+        narrow, wide = weighted_quantiles(v, sorted_mass, (0.05, 0.95)).tolist()
+        return float(wide - narrow)
 
     def most(limit: float) -> int:
         return int(np.clip(np.floor(close + limit), 0, MOST_HALVINGS))
@@ -101,25 +108,14 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     close = weighted_quantile(powers, mass, HALVED_FROM)
     limits = np.arange(BEGINS * LIMITS) / LIMITS
     best = min(limits, key=lambda limit: round(ratio(limit) + WORTH * most(limit), 6))
-    return Halving(most(best), np.clip(powers + best, 0, most(best)), COARSE_RANGE)
+    low, high = np.array(COARSE_RANGE) / np.log(2)
+    free = np.clip(powers, low, high) + best
+    return Halving(most(best), np.clip(powers + best, 0, most(best)), free, COARSE_RANGE)
 
 
 def density(surface: Surface, u: Floats, spacing: float, halved: Halving) -> Floats:
     """(n,) periods per metre of the phase, such that what halving leaves is `spacing` metres apart on average."""
     w = np.exp(np.clip(u, *halved.limits))
-    left = w / 2 ** np.floor(halved.wish)
+    left = w / 2**halved.times
     mean = float(surface.vertex_areas @ left) / surface.area
     return np.asarray(w / (spacing * mean))
-
-
-def weighted_quantile(x: Floats, weight: Floats, share: float) -> float:
-    """The value of x (k,) that `share` of the weights (k,) does not exceed."""
-    return weighted_quantiles(x, weight, (share,))[0]
-
-
-def weighted_quantiles(x: Floats, weight: Floats, shares: tuple[float, ...]) -> list[float]:
-    """The values of x (k,) that so many shares of the weights (k,) do not exceed."""
-    order = np.argsort(x, kind="stable")
-    upto = np.cumsum(weight[order])
-    at = np.minimum(np.searchsorted(upto, np.array(shares) * upto[-1]), len(x) - 1)
-    return [float(value) for value in x[order][at]]

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from dsfab.arrays import Bools, Complexes, Floats, Ints
-from dsfab.sparse import OnePattern
+from dsfab.sparse import OnePattern, one_blas_thread
 
 FEW = 16
 """So many vertices at edges that are turned over are put back afterwards: each costs a solve more for every factor. At
@@ -106,7 +106,8 @@ def _put_back(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
     def solved(b: Complexes) -> Complexes:
         x = solve(b)
-        real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
-        return np.asarray(x + Z @ (real - 1j * imaginary))
+        with one_blas_thread():  # a few columns: two threads took a hundred times as long on a busy machine
+            real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
+            return np.asarray(x + Z @ (real - 1j * imaginary))
 
     return solved

@@ -33,6 +33,8 @@ FEELERS = 5
 """Secants from a factor that is about right, before the answer is looked for between 0 and what is too much."""
 STEPS = 30
 """Several times what the search needs on a share without jumps."""
+STEEPEST = 40
+"""No share without jumps grows by more than this times the part by which its factor does."""
 
 
 class ShareJumpError(PatternError):
@@ -186,6 +188,8 @@ def solved_factor(
     for _ in range(STEPS):
         if _miss(best) <= tolerance:
             return best[0]
+        if high[0] - low[0] < tolerance / STEEPEST * high[0]:
+            break  # it jumps there
         x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
         new = at(x)
         best = min(best, new, key=_miss)

@@ -50,12 +50,14 @@ SLOPES = (0.6, 1.6)
 class Lines:
     """One family: its phase, how often it may be halved, (m,) how often it should be, (n,) its periods per metre.
 
+    free  : (m,) how often it should be halved if it may be as often as that, or less than not at all.
     grown : how much the phase grows in all, over how much it was asked to.
     """
 
     phase: CornerPhase
     most: int
     wish: Floats
+    free: Floats
     slope: Floats
     grown: float
 
@@ -183,7 +185,8 @@ class Course:
         size = np.linalg.norm(phase.gradients(surface), axis=1)
         grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
         slope = images.mean(_slope(surface, size, phase.singular, finest))
-        return Lines(phase, most, self.halved.wish[surface.F].mean(axis=1), slope, grown)
+        wish, free = (x[surface.F].mean(axis=1) for x in (self.halved.wish, self.halved.free))
+        return Lines(phase, most, wish, free, slope, grown)
 
 
 def _moved(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
@@ -197,7 +200,7 @@ def no_lines(surface: Surface, spacing: float) -> Lines:
     """A family that is not drawn: without a phase on any face."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
-    return Lines(phase, 0, np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
+    return Lines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
 
 
 def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symmetry | None:

@@ -256,7 +256,7 @@ class Design:
     def frame_agreement(self) -> "list[FrameAgreement]":
         """By case and combination, how far the beams answer as the sheet does."""
         loads = self._loads_on_sheet(self.statics.cases)
-        return beam_agreement(self.preset, self.sheet.surface, self.frame, loads)
+        return beam_agreement(self.preset, self.sheet.surface, self.members, self.frame, loads)
 
     @cached_property
     def solid(self) -> Solid:

@@ -1,6 +1,6 @@
 """Evenly spaced stripes of a preset: directions, densities, phases, and where lines that crowd are left out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -11,7 +11,7 @@ from dsfab.pattern import (
     vertex_means,
 )
 from dsfab.pipeline.courses import Course, Followed, Lines, no_lines
-from dsfab.pipeline.log import Log
+from dsfab.pipeline.optimal import optimal_statics
 from dsfab.preset import FAMILIES, Family, Pattern, Preset, Width
 from dsfab.results import EvenStripes, StaticsResult
 from dsfab.slicing import Halved, chart_of, halved
@@ -25,26 +25,22 @@ LEAST_GROWN = 0.5
 """Of what was asked a phase grows at least by this much: or the surface is too small to have two stripes around it."""
 
 
-def even_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> EvenStripes:
-    """`even_stripes`, with its seconds in a row of their own."""
-    if log.progress:
-        log.progress("pattern", "finding evenly spaced stripes along the stress")
-    with log.row("stripes"):
-        return even_stripes(preset, surface, statics)
-
-
 def same_stripes(old: Pattern, new: Pattern) -> bool:
     """Whether two [pattern] ask for the same middles of stripes: all is alike but widths, and what is kept besides.
 
-    What stripes on modes alone are drawn by makes no difference either. A key that is not named here does.
+    What stripes on modes alone are drawn by makes no difference either. A key that is not named here does. Where
+    stripes are drawn with the weight that others leave, everything does.
     """
+    if new.rounds:
+        return old == new
 
     def middles(ask: Pattern) -> Pattern:
         both = {
             name: getattr(ask, name).model_copy(update={"threshold": 0.0, "frequency": 0.0, "mode": 1, "phase": 0.0})
             for name in FAMILIES
         }
-        return ask.model_copy(update={"width": Width(), "keep": 0.0, "rim": 0.0, "tidy": None, **both})
+        width = Width(solid_fraction=ask.width.solid_fraction) if ask.forces == "optimal" else Width()
+        return ask.model_copy(update={"width": width, "keep": 0.0, "rim": 0.0, "tidy": None, **both})
 
     return middles(old) == middles(new)
 
@@ -56,6 +52,8 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     for.
     """
     ask = preset.pattern
+    if ask.forces == "optimal":
+        statics = optimal_statics(preset, surface, statics)
     spacings = [family.distance(surface.area, surface.mean_edge) for family in (ask.major, ask.minor)]
     shown = [FAMILIES.index(name) for name in ask.family_names]
     for k in shown:
@@ -73,7 +71,9 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
             both[k] = courses[k].lines(spacings[k] * float(np.exp(off[k])))
         other = _Divided.of(followed, *both)
         found = min(found, other, key=lambda one: float(np.abs(_off(surface, one, spacings)).max()))
-    return found.stripes(followed)
+    made = found.stripes(followed)
+    own = ask.forces == "optimal" or ask.rounds > 0
+    return replace(made, forces=followed.given.stress) if own else made
 
 
 def _off(surface: Surface, found: "_Divided", spacings: list[float]) -> Floats:
@@ -130,7 +130,8 @@ class _Divided:
     def of(cls, followed: Followed, major: Lines, minor: Lines) -> Self:
         both, surface = (major, minor), followed.frames.surface
         fields = major.phase.field, minor.phase.field
-        divided = halved(surface, fields, (major.wish, minor.wish), (major.most, minor.most))
+        wish, free = (major.wish, minor.wish), (major.free, minor.free)
+        divided = halved(surface, fields, wish, (major.most, minor.most), free)
         scales = np.stack([divided.scale(surface, k) for k in (0, 1)], axis=1)
         left = followed.images.mean(vertex_means(surface, scales))
         return cls(both, divided, np.stack([lines.slope for lines in both], axis=1) * left)

@@ -249,8 +249,13 @@ def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Which members with a slit between them become one: evenly spaced ones that are tidied; see `merging`."""
-    return "none" if pattern.even is None or pattern.tidy is None else merging(preset)
+    """Which members with a slit between them become one, of those that are tidied; see `merging`.
+
+    Stripes on other fields are what evenly spaced ones are compared with: nothing is added to the mass that they are
+    drawn with. What modes are compared with is filled as they are, and meets their mass round by round.
+    """
+    own = pattern.even is not None or preset.pattern.method == "modes"
+    return merging(preset) if pattern.tidy is not None and own else "none"
 
 
 def merging(preset: Preset) -> Merging:

@@ -18,7 +18,8 @@ from dsfab.pipeline.finishing import (
 )
 from dsfab.pipeline.handover import ATTACH, held_vertices, lost_load
 from dsfab.pipeline.log import Log
-from dsfab.preset import Preset
+from dsfab.pipeline.measures import largest_filling
+from dsfab.preset import Pattern, Preset
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.features import kept_cells
@@ -29,6 +30,8 @@ from dsfab.wording import force
 
 ROOM = 0.5
 """The user is told of the median radius of corners where it is less than this share of what was asked."""
+PLATE = 5
+"""So many filled openings side by side are a plate, which is told; round a member's ends there are up to three."""
 SPRINGS_LOST = 0.005
 """The user is told when a larger share of the stiffness of spring supports lies on removed material."""
 
@@ -42,7 +45,7 @@ def slicing_step(
         smallest = smallest_widths(pattern.settled(preset), surface)
         rehearsal = taken_rehearsal(preset, surface, pattern, smallest)
         cells = rehearsal.cells if rehearsal else cut(surface, pattern.fields, pattern.levels, ask.snap, pattern.tidy)
-        stubs = cells.stubs
+        drawn = cells
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         done = finished_cells(preset, cells, ask, smallest, merges_slits(preset, pattern), AGAIN, rehearsal)
@@ -60,7 +63,9 @@ def slicing_step(
             sheet, built = carried, tuple(p for p in listed if p.held)
     _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
     _note_loads(preset, surface, sheet, statics, log)
-    _note_finishing(preset, done, smallest, stubs, log)
+    _note_finishing(preset, done, smallest, drawn.stubs, log)
+    if done.filled + done.merged >= PLATE:
+        _note_plate(preset.pattern, surface, drawn, done.cells, log)
     if better:
         log.note("slicing", better.told)
     return SlicingResult(cells, sheet, built, pinches)
@@ -84,6 +89,20 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
         log.note("slicing", f"members were widened to {preset.slicing.min_member:.3g} m at {_places(done.widened)}")
     if radius := preset.pattern.fillet:
         log.note("slicing", _rounded(radius, done.rounded))
+
+
+def _note_plate(ask: Pattern, surface: Surface, drawn: Sheet, done: Sheet, log: Log) -> None:
+    """Where many openings side by side were filled."""
+    apart = max(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    filling = largest_filling(drawn, done, apart)
+    if filling and filling.openings >= PLATE:
+        x, y, z = (np.round(filling.place, 2) + 0.0).tolist()
+        log.note(
+            "slicing",
+            f"{filling.openings} openings that were filled lie side by side around ({x:g}, {y:g}, {z:g}) m, where "
+            "stripes come together: a plate with a ragged edge; another pattern.keep, spacing or pattern.rotate may "
+            "avoid it",
+        )
 
 
 def _slits(count: int) -> str:
@@ -170,11 +189,10 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(one.weight.any() for one in parts):
         whole, left = (force(preset.statics.weight * area) for area in (surface.area, sheet.surface.area))
-        log.note(
-            "slicing",
-            f"the cut sheet weighs {left}, and is judged and compared with that; the directions were sought with "
-            f"{whole}, the weight of the uncut sheet",
-        )
+        told = f"the cut sheet weighs {left}, and is judged and compared with that"
+        if not preset.pattern.rounds:  # else the pattern tells with which weight they were sought
+            told += f"; the directions were sought with {whole}, the weight of the uncut sheet"
+        log.note("slicing", told)
     if any(one.bare.any() for one in parts):
         log.note("slicing", "what is not covered acts on the members alone; the directions were sought with all of it")
 

@@ -35,7 +35,7 @@ def followed_layers(
     Raises StaticsError where it must be solved again, by elements that are fit for moments, and cannot be.
     """
     ask = preset.statics.stress
-    if _is_slab(surface, answers):
+    if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moments(preset, surface, acting, answers)]
         return FollowedStress(
             lower, None, "the sheet is flat and bends: the pattern follows the stress at its lower side"
@@ -67,7 +67,7 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
     return bent / whole if whole > 0 else 0.0
 
 
-def _is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
+def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
     """Whether the surface is flat and its middle next to free of stress under all loadings."""
     stresses = [each.stress for each in answers]
     return surface.is_flat and only_bends(

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import igl
 import numpy as np
 from scipy.sparse import csr_array, eye_array
+from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats
 from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
@@ -20,7 +22,7 @@ from dsfab.slicing.arms import Arms, arms
 from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
-from dsfab.surface import Surface, nearest
+from dsfab.surface import Surface, connected, nearest
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
 
@@ -30,8 +32,11 @@ REACH = 1.5
 """Widths of a member around a dead end within which it is seen whether it is one."""
 GUIDED = 0.1
 """Guides of this weight, beside clear stress of 1, may make members turn back."""
-LOOKS = 24_000
-"""About how many points and images of points are looked at to see whether material is symmetric."""
+LOOKS = 120_000
+"""About how many points and images of points are looked at to see whether material is symmetric: of a floor with eight
+images, and 24,000 points, .40 % were told where .55 % of the area differ."""
+FILLED_LOOKS = 3
+"""An opening is filled where so many of its largest cells are."""
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
 """Steps of a sequence of points that fills a square evenly: the powers of 1 / 1.3247..., the root of x^3 = x + 1."""
 
@@ -64,7 +69,8 @@ class Drafted(NamedTuple):
 def measured_pattern(
     made: Patterned, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """The measures of what is drawn; of what is cut and tidied, dead ends and slits are those of the sheet.
+    """The measures of what is drawn. Once cut, symmetry is that of the cells; if tidied too, dead ends and slits are
+    those of the sheet.
 
     symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
     cells    : all that it was cut to; None measures what is drawn (see `Design.quality`).
@@ -86,7 +92,10 @@ def measured_pattern(
     if cells is not None and made.pattern.tidy:
         found = _of_sheet(made, cells, (sheet or cells.kept()).surface, drawn, found)
     group = used_symmetry(made) if symmetry else None
-    return found if group is None else replace(found, symmetry_error=symmetry_error(made.surface, drawn, group))
+    if group is None:
+        return found
+    error = symmetry_error(made.surface, drawn, group) if cells is None else cut_error(made.surface, cells, group)
+    return replace(found, symmetry_error=error)
 
 
 def _of_sheet(made: Patterned, cells: Sheet, sheet: Surface, drawn: Drawn, found: PatternQuality) -> PatternQuality:
@@ -178,21 +187,34 @@ def used_symmetry(made: Patterned) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
-    """Share of the surface where material differs from its image, the largest over the group.
+    """Share of the surface (uncut) where what is drawn differs from its image, the largest over the group."""
+    return _differing(surface, drawn.surface, symmetry, partial(_material, drawn))
 
-    surface : uncut, about whose centroid the images are. Looked at is one point in each of the chart's faces, or of
-    some: spread over the faces so that no row of them lies along the edge of a member [Roberts 2018, R2].
+
+def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
+    """As `symmetry_error`, of the cells of the cut: edges of members have moved by up to `slicing.snap` there, narrow
+    openings are closed, and corners round."""
+    V, F = cells.surface.V, cells.surface.F
+    return _differing(surface, cells.surface, symmetry, lambda points: cells.material[nearest(points, V, F).simplex])
+
+
+def _differing(surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools]) -> float:
+    """Share of the area where material differs from its image, the largest over the group.
+
+    surface  : uncut, about whose centroid the images are.    faces : the chart or the cells. Looked at is one point in
+               each, or of some: spread over them so that no row lies along the edge of a member [Roberts 2018, R2].
+    material : whether the places nearest to points (p, 3) are material, (p,).
     """
-    sheet, centre = drawn.surface, surface.areas @ surface.centroids / surface.area
-    some = np.arange(0, sheet.m, 1 + sheet.m * symmetry.order // LOOKS)
-    weight = sheet.areas[some] / sheet.areas[some].sum()
+    centre = surface.areas @ surface.centroids / surface.area
+    some = np.arange(0, faces.m, 1 + faces.m * symmetry.order // LOOKS)
+    weight = faces.areas[some] / faces.areas[some].sum()
     uv = some[:, None] * R2 % 1
     uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
     at = np.column_stack([1 - uv.sum(axis=1), uv])
-    looked = np.einsum("pc,pcx->px", at, sheet.V[sheet.F[some]]) - centre
+    looked = np.einsum("pc,pcx->px", at, faces.V[faces.F[some]]) - centre
     points = [looked @ R.T + centre for R in symmetry.R]  # the first is the identity
-    material = _material(drawn, np.concatenate(points)).reshape(symmetry.order, -1)
-    return float(((material != material[0]) @ weight).max())
+    each = material(np.concatenate(points)).reshape(symmetry.order, -1)
+    return float(((each != each[0]) @ weight).max())
 
 
 def _material(drawn: Drawn, points: Floats) -> Bools:
@@ -202,3 +224,32 @@ def _material(drawn: Drawn, points: Floats) -> Bools:
     corner = F[face]
     at = igl.barycentric_coordinates(place, *(np.ascontiguousarray(V[corner[:, i]]) for i in range(3)))
     return drawn.inside(0, face, at) | drawn.inside(1, face, at) | drawn.is_kept(face, at)
+
+
+class Filling(NamedTuple):
+    """Openings side by side that were filled: how many, and where in the mean (3,), metres, by their areas."""
+
+    openings: int
+    place: Floats
+
+
+def largest_filling(before: Sheet, after: Sheet, apart: float) -> Filling | None:
+    """The most openings of a sheet before it was finished that are filled after, none farther than `apart` metres from
+    the next; None where none is."""
+    every = Openings.of(before)
+    if every is None:
+        return None
+    order = np.lexsort((-every.part.areas, every.label))
+    rank = np.arange(len(order)) - np.searchsorted(every.label[order], every.label[order])
+    seen = order[rank < FILLED_LOOKS]
+    there = nearest(every.part.centroids[seen], after.surface.V, after.surface.F).simplex
+    open_ = np.bincount(every.label[seen], ~after.material[there], every.count) > 0
+    filled = np.flatnonzero(~open_)
+    if not len(filled):
+        return None
+    where = every.places[filled]
+    pairs = cKDTree(where).query_pairs(apart, output_type="ndarray")
+    _, group = connected(len(filled), *pairs.T.astype(np.int64))
+    most = group == np.bincount(group).argmax()
+    area = np.bincount(every.label, every.part.areas, every.count)[filled[most]]
+    return Filling(int(most.sum()), area @ where[most] / area.sum())

@@ -13,6 +13,7 @@ from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.measures import Drafted, measured_pattern
+from dsfab.pipeline.optimal import follows_membrane
 from dsfab.pipeline.stressing import stressed_choice, stressed_step
 from dsfab.pipeline.trial import Trial
 from dsfab.preset import Preset, Width
@@ -59,6 +60,8 @@ def method_step(preset: Preset, given: StressedSurface, log: Log) -> tuple[Way, 
     with log.row("method"):
         found += _evened_ways(preset, found, given, log)
     with log.row("method"):
+        found += _optimal_ways(preset, found, given, log)
+    with log.row("method"):
         ranked = _ranked(found, given)
     best = ranked[0]
     if best.attempt.refused:
@@ -93,6 +96,34 @@ def _evened_ways(preset: Preset, found: list[Way], given: StressedSurface, log: 
             asked = asked.settled(choice.mode, choice.phase)
         variant = Way(asked, Attempt(f"{words}, stressed"), choice, best.even)
         yield _tried(variant, given, scratch)
+
+
+def _optimal_ways(preset: Preset, found: list[Way], given: StressedSurface, log: Log) -> Iterator[Way]:
+    """The best of the evenly spaced stripes, along the forces of the stiffest sheet of varying thickness instead.
+
+    Where these are not those of the uncut sheet it is worth most: a plate with a hole has .87 times the compliance.
+    """
+    ask = preset.pattern
+    ways = [way for way in found if way.even and not way.attempt.refused]
+    if (
+        not ways
+        or not _exchangeable(ask.width)
+        or ask.steered
+        or not follows_membrane(preset, given.surface, given.statics)
+    ):
+        return
+    best = min(ways, key=lambda way: way.attempt.rank)
+    words = f"{best.attempt.name.partition(',')[0]} along optimal forces"
+    if log.progress:
+        log.progress("pattern", f"trying {words}: cutting and solving")
+    width = ask.width.model_copy(update={"rule": "stressed"})
+    asked, scratch = best.preset.with_pattern(width=width, forces="optimal"), replace(log, notes=[])
+    try:
+        even = even_stripes(asked, given.surface, given.statics)
+    except DsfabError as error:
+        yield Way(asked, Attempt(words, refused=str(error)))
+        return
+    yield _tried(Way(asked, Attempt(f"{words}, stressed"), None, even), given, scratch)
 
 
 def _ranked(found: list[Way], given: StressedSurface) -> list[Way]:
@@ -131,7 +162,9 @@ def _methods(preset: Preset) -> list[tuple[str, bool]]:
 def _ways(preset: Preset, given: StressedSurface, log: Log, method: str, halve: bool) -> Iterator[Way]:
     """One method by each width rule."""
     words = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
-    asked = preset.with_pattern(method=method, halve=halve)
+    asked = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
+    if method == "modes":
+        asked = asked.with_pattern(forces="uncut")  # no others say where modes run
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
         asked = asked.with_pattern(tidy=True)  # what ends in the air is taken off, as of evenly spaced ones
     if log.progress:

@@ -4,12 +4,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from dsfab.pipeline.choice import choice_step
-from dsfab.pipeline.even import even_step, same_stripes
+from dsfab.pipeline.even import same_stripes
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.method import Way, method_step
 from dsfab.pipeline.patterns import pattern_step, sketched_step
 from dsfab.pipeline.regions import one_sided_words
 from dsfab.pipeline.stressing import stressed_step
+from dsfab.pipeline.weight_rounds import weighed_stripes
 from dsfab.preset import Family, Pattern, Preset
 from dsfab.results import Attempt, EvenStripes, PatternResult, StressedSurface
 from dsfab.sparse import give_back
@@ -37,6 +38,9 @@ def chosen_way(preset: Preset, given: StressedSurface, log: Log, before: Before 
     before : its stripes are taken where at most their widths, and what is kept besides them, have changed.
     """
     attempts = tuple[Attempt, ...]()
+    if preset.pattern.weight_rounds and not preset.pattern.rounds:
+        told = f"weight_rounds has no effect on method = '{preset.pattern.method}', but on evenly spaced stripes alone"
+        log.note("pattern", told)
     if preset.pattern.method == "auto":
         way, attempts = method_step(preset, given, log)
     else:
@@ -94,4 +98,5 @@ def _even(preset: Preset, given: StressedSurface, log: Log, before: Before | Non
     if before and same_stripes(before.asked, preset.pattern):
         log.seconds["stripes"] = before.seconds
         return before.even
-    return even_step(preset, given.surface, given.statics, log)
+    with log.row("stripes"):
+        return weighed_stripes(preset, given, log)

@@ -44,8 +44,12 @@ COUNTED = 2
 GROWTH = 0.85
 """By about how much of itself a share grows when widths do so by themselves: crossings are shared by both families."""
 
-CLOSINGS = (1.0, 0.97, 1.03)
-"""Openings between members that crowd close as for so many times the widths that are about right."""
+CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
+"""Openings between members that crowd close as for so many times the widths that are about right. Where widths differ
+much from place to place those that close are over what is asked by themselves, until fewer of them do."""
+
+FAR = 2.5
+"""Which openings close is known for widths that are about right, not for some that are so many times as large."""
 
 SLIMMEST = 0.5
 """Members of graded width are as wide as the sheet is thick, or as this share of what equally wide ones would be."""
@@ -142,7 +146,7 @@ def pattern_step(
 
         if not (wanted := ask.width.solid_fraction):
             return made()
-        if not (ask.fillet or even):
+        if not (ask.fillet or even or ask.tidied):
             result, total = made(), share.nearest(wanted)
         else:
 
@@ -249,9 +253,10 @@ def _reached(
 
     solve : what `solved_factor` finds for a share as a function of the factor over the given one.
 
-    Where the share jumps because an opening is about to close, a little more or less of them do.
+    Where the share jumps because an opening is about to close, a little more or less of them do. So it is where the
+    widths come out far from those that close them: many closed openings and stripes without a width keep a share, too.
     """
-    refused = list[PatternError]()
+    refused, far = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         drawn = _LastDrawn(layers, factor, closing)
         try:
@@ -259,7 +264,13 @@ def _reached(
         except PatternError as error:
             refused.append(error)
         else:
-            return drawn.at(relative), factor * relative
+            found, off = drawn.at(relative), abs(float(np.log(max(relative, EXACT) * factor / closing)))
+            if off < np.log(FAR) or all(layer.closed is None for layer in found):
+                return found, factor * relative
+            far.append((off, factor * relative, found))
+    if far:
+        _, nearest, found = min(far, key=lambda one: one[0])
+        return found, nearest
     if isinstance(refused[0], ShareJumpError):
         raise PatternError(f"{refused[0]}, or allow more with pattern.width.solid_fraction_tolerance")
     raise refused[0]
@@ -341,7 +352,7 @@ def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStri
 
     Raises PatternError when there is no stress.
     """
-    sizes = np.abs(diffusion.tensors.principal)
+    sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
         along = even.steered.along[:, None]
         sizes = along * sizes + (1 - along) * sizes[:, ::-1]

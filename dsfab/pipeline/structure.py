@@ -11,7 +11,7 @@ from dsfab.limits import PRECISE, USUAL_SIZE
 from dsfab.pipeline.answers import answers_step
 from dsfab.pipeline.buildable import objections, off_surface
 from dsfab.pipeline.layers import FollowedStress, followed_layers
-from dsfab.pipeline.loadings import loadings
+from dsfab.pipeline.loadings import Loading, loadings
 from dsfab.pipeline.log import Log
 from dsfab.preset import Preset
 from dsfab.preset_surface import MeshSurface
@@ -69,15 +69,18 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
         )
 
 
-def statics_step(preset: Preset, surface: Surface, log: Log) -> StaticsResult:
-    """All load cases from one factorisation, then their combinations, which are sums."""
+def statics_step(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> StaticsResult:
+    """All load cases from one factorisation, then their combinations, which are sums.
+
+    acting : the loads, where they are not those of the preset.
+    """
     sheet = preset.statics
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
-    acting = loadings(preset, surface)
+    acting = acting or loadings(preset, surface)
     solved = [loading for loading in acting if loading.factors is None]
     loads, spreads = [loading.load for loading in solved], [loading.spread for loading in solved]
     plane = flat_axis(surface, *loads) is not None

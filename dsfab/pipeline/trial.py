@@ -100,7 +100,7 @@ class Trial:
         tidy = tidy_of(self.preset, self.given, layers)
         cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP, tidy)
         cells = resolve_pinches(cells, self.preset.statics.thickness / 2).sheet
-        cells = filled_slits(cells, merging(self.preset))[0] if self.even and tidy else cells
+        cells = filled_slits(cells, merging(self.preset))[0] if tidy else cells
         material = cells.kept()
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)

@@ -2,7 +2,7 @@
 
 reading.py   the mesh in metres, z up, small faults mended        vertical.py   which axis points to the sky
 feet.py      where it stands                                      sizes.py      spacing, thickness, edges, widths
-propose.py   all of it as a commented preset
+marks.py     what is drawn beside it on layers                    propose.py   all of it as a commented preset
 """
 
 from dsfab.proposal.decisions import OWN, Proposal, preset_for, propose

@@ -1,8 +1,8 @@
 """What is decided for a mesh: the `Proposal`, a preset that `dsfab build` takes."""
 
 import tomllib
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,11 @@ from dsfab.materials import material_named
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
 from dsfab.proposal.feet import Foot, feet
+from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.proposal.sizes import Sizes, is_figure, sizes
 from dsfab.proposal.text import SHARE, SNOW, proposal_text
-from dsfab.surface import Surface
+from dsfab.surface import Marks, Surface
 from dsfab.wording import length
 
 OWN = "roof"
@@ -34,6 +35,8 @@ class Proposal:
     given: GivenMesh
     size: Sizes
     stands: tuple[Foot, ...]
+    marks: Mapping[str, Marks] = field(default_factory=dict)
+    """What is drawn beside the surface, by layer: see `drawn_marks`."""
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
@@ -61,7 +64,7 @@ class Proposal:
         """
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {each.topic: each.choice for each in self.decisions}
-        return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow)
+        return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
 
     @cached_property
     def preset(self) -> Preset:
@@ -105,7 +108,8 @@ def propose(
     else:
         given = mesh_in_memory(mesh, unit, axis)
     size = sizes(given.surface, name)
-    return Proposal(given, size, feet(given.surface, size.span))
+    marks = drawn_marks(given)
+    return Proposal(given, size, drawn_feet(marks) or feet(given.surface, size.span), marks)
 
 
 def takes_snow(surface: Surface) -> bool:
@@ -122,7 +126,8 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield _mesh(surface, size)
     where = ", ".join(foot.name + (f" ({length(foot.length)})" if foot.length else "") for foot in stands)
     free = "; other edges and openings are free" if any(foot.length for foot in stands) else ", its lowest part"
-    yield Decision("stands on", where + free, "surface.support")
+    yield Decision("stands on", where if "support" in proposal.marks else where + free, "surface.support")
+    yield from mark_decisions(proposal.marks)
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
     yield Decision("carries", "its own weight" + (snow if proposal.snow else ""), "surface.load")
     figure = is_figure(surface)

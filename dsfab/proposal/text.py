@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from dsfab.proposal.feet import Foot
+from dsfab.proposal.marks import TABLES, mark_tables
 from dsfab.proposal.reading import GivenMesh
 from dsfab.proposal.sizes import Sizes, is_figure
-from dsfab.surface import Boundary, Surface
+from dsfab.surface import Boundary, Marks, Surface
 from dsfab.wording import length
 
 SNOW = 750.0
@@ -29,12 +30,16 @@ def proposal_text(
     size: Sizes,
     stands: tuple[Foot, ...],
     snow: bool,
+    marks: Mapping[str, Marks],
 ) -> str:
     """The TOML text.
 
-    keys : of [surface], which make the mesh what it is.  notes : topic -> what was decided.
+    keys : of [surface], which make the mesh what it is.  notes : topic -> what was decided.  marks : what is drawn
+    beside it, which takes the place of feet that were found.
     """
-    surface = given.surface
+    surface, stand = given.surface, () if "support" in marks else stands
+    drawn = mark_tables(marks, str(keys.get("file")), str(keys.get("unit")), size, size.edge or surface.mean_edge)
+    tables = list(drawn)
     head = [
         f"# {given.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
         _entry("name", given.name),
@@ -43,10 +48,13 @@ def proposal_text(
     parts = (
         head,
         _surface(keys, notes, size),
-        *_supports(surface, size, stands),
+        *_supports(surface, size, stand),
+        *(table for table in tables if table[0] == TABLES["support"]),
         *_loads(snow),
+        *(table for table in tables if table[0] == TABLES["load"]),
         _statics(size),
         _pattern(surface, size),
+        *(table for table in tables if table[0] not in TABLES.values()),
         *_families(size),
         _widths(),
         ["[slicing]", _entry("min_member", size.thickness, "m; narrower members are widened there")],

@@ -229,6 +229,15 @@ class Previewer:
             image = with_bar(image, self._bar, self._palette) if self._bar else image
         return np.asarray(image)
 
+    def frame(self, size: tuple[int, int] = NOMINAL) -> None:
+        """Draw what is set now and wait for it, without the light of a `picture`: what an editor shows meanwhile."""
+        self._scene.frame(self._view(size, False), *size)
+
+    @property
+    def renderer(self) -> str:
+        """What draws, by its own words, once something was drawn."""
+        return self._scene.renderer
+
     def mask(self, size: tuple[int, int] = NOMINAL, words: bool = True) -> Bools:
         """(h, w) where material is seen in a picture of that size; what covers it is left away."""
         return self._scene.mask(self._view(size, words), *size)

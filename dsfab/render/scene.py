@@ -3,6 +3,7 @@
 No lighting of VTK is used, so software rendering and a graphics card give the same picture.
 """
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -126,6 +127,12 @@ class Scene:
         yield
         for shader, _ in shaded:
             shader.look(None, 0.0)
+
+    @property
+    def renderer(self) -> str:
+        """What draws, by its own words, once something was drawn."""
+        said = re.search(r"OpenGL renderer string:\s*(.+)", self.window.window.ReportCapabilities())
+        return said.group(1).strip() if said else "unknown"
 
     def frame(self, view: View, width: int, height: int) -> None:
         """Draw, wait until it is drawn, and read nothing back but the middle pixel."""

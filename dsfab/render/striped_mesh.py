@@ -7,6 +7,7 @@ Stripes on modes are drawn on the surface itself. Evenly spaced ones have phases
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -122,11 +123,22 @@ class StripedMesh:
         return self.carry(np.stack(finest, axis=1)) * even.chart.scale
 
 
+_DISTANCES: WeakKeyDictionary[Design, tuple[Floats, Floats]] = WeakKeyDictionary()
+
+
 def distances(made: Design) -> tuple[Floats, Floats]:
     """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for.
 
+    Pictures of one design share them.
+
     Where regions are drawn the first is how far a vertex is outside of them and of what is kept, times `DRAWN`.
     """
+    if made not in _DISTANCES:
+        _DISTANCES[made] = _distances(made)
+    return _DISTANCES[made]
+
+
+def _distances(made: Design) -> tuple[Floats, Floats]:
     surface, load, ask = made.surface, made.load, made.preset.pattern
     reach = max(SLIDING * surface.size, ask.keep, ask.rim)
     near = distance_to_vertices(surface, load.held | load.loaded, reach)

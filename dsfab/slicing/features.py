@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, lock
+from dsfab.arrays import Bools, Floats, lock, weighted_quantiles
 from dsfab.slicing.across import Crossings, crossings
 from dsfab.slicing.parts import inner_walls, part_of, round_sizes
 from dsfab.slicing.sheet import VOID, Sheet
@@ -50,7 +50,7 @@ class Features:
         """(q,) the widths that these shares of the walls do not exceed, metres; none without widths."""
         if not self.weight.sum():
             return np.empty(0)
-        return _quantiles(self.widths, self.weight, shares)
+        return weighted_quantiles(self.widths, self.weight, shares)
 
     def histogram(self) -> tuple[Floats, Floats]:
         """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each; none without widths."""
@@ -137,12 +137,6 @@ def _round(part: Surface, walls: Bools, across: Crossings, mesh: Floats, what: s
         return None
     here = np.flatnonzero(label == k)
     return Feature(float(sizes[k]), part.centroids[here].mean(axis=0), what, float(mesh[here].mean()))
-
-
-def _quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Floats:
-    order = np.argsort(values)
-    upto = np.cumsum(weight[order]) / weight.sum()
-    return np.asarray(values[order][np.minimum(np.searchsorted(upto, shares), len(order) - 1)])
 
 
 def _shortest(part: Surface, mesh: Floats) -> Feature:

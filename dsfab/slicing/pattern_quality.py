@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, weighted_quantiles
 from dsfab.slicing.bays import Bays, bays
 from dsfab.slicing.dead_ends import OFF, DeadEnds, dead_ends
 from dsfab.slicing.drawn import Drawn
@@ -161,10 +161,7 @@ def _quantiles(values: Floats, weight: Floats) -> Quantiles:
     """The values that `SHARES` of the weight do not exceed; zeros where nothing weighs."""
     if not weight.sum() > 0:
         return 0.0, 0.0, 0.0
-    order: Ints = np.argsort(values, kind="stable")
-    upto = np.cumsum(weight[order]) / weight.sum()
-    at = np.minimum(np.searchsorted(upto, SHARES), len(order) - 1)
-    low, middle, high = values[order][at].tolist()
+    low, middle, high = weighted_quantiles(values, weight, SHARES).tolist()
     return low, middle, high
 
 

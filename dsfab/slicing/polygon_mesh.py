@@ -109,11 +109,6 @@ class PolygonMesh:
         """(3, m) the faces of the uncut surface, corner by corner."""
         return np.ascontiguousarray(self.F.T)
 
-    @cached_property
-    def base(self) -> Ints:
-        """(h,) the place, in the parent face of each slot, of the vertex that `support` names for its own."""
-        return self.corner(self.face, self.support[self.cells.corner])
-
     def corner(self, face: Ints, vertex: Ints) -> Ints:
         """(k,) the place in `face` (k,) of uncut vertices (k,), which must be corners of it."""
         _, second, third = self._corners

@@ -49,11 +49,15 @@ class Seen:
 
     @classmethod
     def _on(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:
-        vertex = mesh.cells.corner
-        slot, first = 3 * mesh.face + mesh.base, 3 * lead + mesh.corner(lead, mesh.support)
-        sign = field.sign.ravel()[slot] * field.sign.ravel()[first][vertex]
-        shift = field.shift.ravel()[slot] - sign * field.shift.ravel()[first][vertex]
-        return cls(mesh, field, values, lead, sign, shift, field.blank[mesh.face])
+        face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
+        at = np.flatnonzero(field.turned[face] | field.turned[lead][mesh.cells.corner])  # the others see it as it is
+        if len(at):
+            vertex, here = mesh.cells.corner[at], face[at]
+            there, stand = lead[vertex], mesh.support[vertex]
+            slot, first = 3 * here + mesh.corner(here, stand), 3 * there + mesh.corner(there, stand)
+            sign[at] = field.sign.ravel()[slot] * field.sign.ravel()[first]
+            shift[at] = field.shift.ravel()[slot] - sign[at] * field.shift.ravel()[first]
+        return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def entity(self, side: int) -> Ints:
         """(h,) for each slot the place in values.ravel() of what it sees as the upper (0) or lower (1) field."""

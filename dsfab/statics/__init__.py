@@ -28,6 +28,7 @@ from dsfab.statics.stress import stress, von_mises
 from dsfab.statics.supports import with_springs
 from dsfab.statics.torsion import RibShape, rib_shape, torsion_loss, torsion_share
 from dsfab.statics.uses import REPORTED, USES, Aid, Quantity, Use, elements_of, tolerance_of
+from dsfab.statics.varying import optimality_step, varying_thickness
 from dsfab.surface.loads import LoadCase
 
 __all__ = [
@@ -85,6 +86,7 @@ __all__ = [
     "membrane_stresses",
     "mode_supports",
     "needles_told",
+    "optimality_step",
     "plane_von_mises",
     "resultant",
     "rib_shape",
@@ -102,6 +104,7 @@ __all__ = [
     "tolerance_of",
     "torsion_loss",
     "torsion_share",
+    "varying_thickness",
     "von_mises",
     "with_springs",
 ]

@@ -20,6 +20,9 @@ ACCURATE = 1e-9
 REFINEMENTS = 6
 """Steps at most; two or three reach what the numbers hold."""
 
+ROWS = 1 << 16
+"""Rows of a stiffness that are multiplied at a time in longer numbers: whole, it would take three times its memory."""
+
 
 class Map(Protocol):
     """What `refined_solution` asks of a matrix: products, and itself in longer numbers."""
@@ -31,21 +34,31 @@ class Map(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """diag(scale) K diag(scale) on the unknowns `free` as a map, without a matrix of its own: see `Factor`."""
+    """diag(scale) K diag(scale) on the unknowns `free` as a map, without a matrix of its own: see `Factor`.
+
+    dtype : of the numbers that are multiplied.
+    """
 
     K: csr_array
     free: Ints
     scale: Floats
+    dtype: Any = np.float64
 
     def __matmul__(self, x: Floats) -> Floats:
         scale = self.scale if x.ndim == 1 else self.scale[:, None]
         full = np.zeros((self.K.shape[0], *x.shape[1:]), dtype=x.dtype)
         full[self.free] = scale * x
-        return np.asarray(scale * (self.K @ full)[self.free])
+        return np.asarray(scale * self._product(full)[self.free])
+
+    def _product(self, x: Floats) -> Floats:
+        if self.dtype == self.K.dtype:
+            return np.asarray(self.K @ x)
+        starts = range(0, self.K.shape[0], ROWS)
+        return np.concatenate([self.K[i : i + ROWS].astype(self.dtype) @ x for i in starts])
 
     def astype(self, dtype: Any) -> Self:
         """The same in other numbers."""
-        return type(self)(self.K.astype(dtype), self.free, self.scale.astype(dtype))
+        return type(self)(self.K, self.free, self.scale.astype(dtype), dtype)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,10 +18,15 @@ def stress(
               `quadratic` elements; None for constant strain.
     """
     strain = mean_strain(surface, u, bubbles)
-    xx, yy, xy = (strain @ material.membrane(law).T).T
-    planar = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
+    return tensors_in_space(surface, strain @ material.membrane(law).T)
+
+
+def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
+    """(m, 3, 3) symmetric tensors of values xx, yy, xy (m, 3) in the frame of each face (`tangents`)."""
+    xx, yy, xy = planar.T
+    in_frame = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
     t = tangents(surface)
-    return np.asarray(t.transpose(0, 2, 1) @ planar @ t)
+    return np.asarray(t.transpose(0, 2, 1) @ in_frame @ t)
 
 
 def von_mises(sigma: Floats) -> Floats:

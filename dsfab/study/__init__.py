@@ -5,7 +5,9 @@ from dsfab.study.comparison import Comparison, compare_at
 from dsfab.study.competitors import Competitor
 from dsfab.study.judges import compare, full_at_many_shares
 from dsfab.study.nonlinear import NonlinearCheck, nonlinear_check, require_ccx
+from dsfab.study.processes import fitting_processes, made_in_processes
 from dsfab.study.sweeps import METRICS, Run, sweep
+from dsfab.study.upsampling import CutComparison, compared_cuts
 
 __all__ = [
     "ALTERNATIVE_WORDS",
@@ -13,14 +15,18 @@ __all__ = [
     "Alternative",
     "Comparison",
     "Competitor",
+    "CutComparison",
     "NonlinearCheck",
     "Run",
     "compare",
     "compare_at",
+    "compared_cuts",
     "design_alternatives",
+    "fitting_processes",
     "full_at_many_shares",
     "is_searched",
     "losing_line",
+    "made_in_processes",
     "nonlinear_check",
     "require_ccx",
     "sweep",

@@ -38,8 +38,9 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
 }
 """By key: the paper's value, and in words what another one means."""
 
-SHARES = (0.3, 0.85)
-"""Between these shares of material stripes are made; a preset of modes may leave less, or next to no opening."""
+SHARES = (0.3, 0.5)
+"""Between these shares of material stripes are made: a preset of modes may leave less, or next to no opening, and where
+over half is kept stripes are no lattice any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,7 @@ class Rendition:
     deviation    : degrees off the principal directions, of the family that is further off.
     evenness     : P95 over P5 of the spacing, of the family that is less even.
     crossing     : degrees, the smallest angle between members that cross.
+    uncarried    : why the loads are not carried, where `over_uncut` is infinite.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Rendition:
     deviation: float = np.nan
     evenness: float = np.nan
     crossing: float = np.nan
+    uncarried: str = ""
     refused: str = ""
 
     @property
@@ -80,12 +83,15 @@ class Rendition:
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """The paper to the letter, the preset as it is, and evenly spaced stripes with as much material as the preset.
+    """The paper to the letter, the preset as it is, and evenly spaced stripes.
+
+    These have as much material as the preset, where that is within `SHARES`.
 
     design : up to its pattern, of a preset of the paper.
     """
-    letter = measured_rendition("letter", design, LETTER)
-    shipped = measured_rendition("preset", design, {})
+    uncut: dict[str, float] = {}
+    letter = measured_rendition("letter", design, LETTER, uncut)
+    shipped = measured_rendition("preset", design, {}, uncut)
     share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
     # frequency 0 lets stripes be a twelfth of the surface's side apart: those of a preset on modes have none
     stripes = {
@@ -94,7 +100,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
         "pattern.major": {"frequency": 0.0},
         "pattern.minor": {"frequency": 0.0},
     }
-    return letter, shipped, measured_rendition("stripes", design, stripes)
+    return letter, shipped, measured_rendition("stripes", design, stripes, uncut)
 
 
 def departures(preset: Preset) -> tuple[str, ...]:
@@ -109,8 +115,13 @@ def departures(preset: Preset) -> tuple[str, ...]:
     return tuple(told)
 
 
-def measured_rendition(name: str, old: Design, settings: Mapping[str, Any]) -> Rendition:
-    """One rendition, measured; with the stages of `old` before the first section that the settings change."""
+def measured_rendition(
+    name: str, old: Design, settings: Mapping[str, Any], known: dict[str, float] | None = None
+) -> Rendition:
+    """One rendition, measured; with the stages of `old` before the first section that the settings change.
+
+    known : compliance of the uncut sheet by law, of renditions of the same surface, for which it is added.
+    """
     try:
         preset = overridden(old.preset, dict(settings)) if settings else old.preset
         design = draft(preset, old=old)
@@ -119,13 +130,14 @@ def measured_rendition(name: str, old: Design, settings: Mapping[str, Any]) -> R
         listed, quality = drawn.slicing.pieces, design.quality(symmetry=False)
     except DsfabError as error:
         return Rendition(name, settings, refused=str(error))
-    uncut, thinner = _compliances(design, drawn.sheet.surface.area / old.surface.area)
+    share = drawn.sheet.surface.area / old.surface.area
+    uncut, thinner, uncarried = _compliances(design, share, {} if known is None else known)
     return Rendition(
         name,
         settings,
         departures(preset),
         design,
-        drawn.sheet.surface.area / old.surface.area,
+        share,
         len(listed),
         sum(not piece.held for piece in listed),
         _carried(drawn),
@@ -134,6 +146,7 @@ def measured_rendition(name: str, old: Design, settings: Mapping[str, Any]) -> R
         quality.deviation,
         quality.evenness,
         quality.crossing_angle,
+        uncarried,
     )
 
 
@@ -156,12 +169,13 @@ def _carried(drawn: Design) -> float:
     return min(float(np.sum(size[held]) / np.sum(size)), 1.0)
 
 
-def _compliances(design: Design, share: float) -> tuple[float, float]:
-    """Of the cut sheet, over the uncut sheet and over a thinner one of the same share; nan without loads."""
+def _compliances(design: Design, share: float, known: dict[str, float]) -> tuple[float, float, str]:
+    """Of the cut sheet, over the uncut sheet and over a thinner one of the same share; nan without loads, infinite with
+    the reason where they are not carried."""
     statics, weights = design.preset.statics, design.preset.followed
     whole = design.statics.loads(weights)
     if not any(load.force.any() for load in whole.values()):
-        return np.nan, np.nan
+        return np.nan, np.nan, ""
 
     def compliance(surface: Any, thickness: float, loads: Mapping[str, Any]) -> float:
         answers = solve_for(statics.sheet(thickness).on(surface), loads, "ranking")
@@ -169,10 +183,11 @@ def _compliances(design: Design, share: float) -> tuple[float, float]:
 
     try:
         own = compliance(design.sheet.surface, statics.thickness, design.cut_loads)
-    except DsfabError:
-        return np.inf, np.inf
-    full = compliance(design.surface, statics.thickness, whole)
-    return own / full, own / compliance(design.surface, share * statics.thickness, whole)
+    except DsfabError as error:
+        return np.inf, np.inf, str(error)
+    if statics.law not in known:
+        known[statics.law] = compliance(design.surface, statics.thickness, whole)
+    return own / known[statics.law], own / compliance(design.surface, share * statics.thickness, whole), ""
 
 
 def _toml(value: Any) -> str:

@@ -4,7 +4,7 @@ A line goes straight through each face and turns at its edges. A new one starts 
 others, and ends where it comes nearer to one than half of the distance that is asked [Jobard and Lefer 1997].
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -67,8 +67,8 @@ def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float
         line = walk.line(seed)
         distance = np.minimum(distance, cKDTree(np.vstack([line.points, centres[seed]])).query(centres)[0])
         if line.length > SHORT * apart:
-            walk.others.append(cKDTree(line.points))
             lines.append(line)
+            walk.others = cKDTree(np.vstack([each.points for each in lines]))
     return lines
 
 
@@ -80,7 +80,7 @@ class _Walk:
     direction: Floats
     clear: Bools
     apart: float
-    others: list[cKDTree] = field(default_factory=list)
+    others: cKDTree | None = None
 
     def line(self, seed: int) -> StressLine:
         """From the middle of a face, both ways."""
@@ -138,7 +138,8 @@ class _Walk:
         return 3 * face + ways[best], p + far[best] * t
 
     def _is_near(self, p: Floats) -> bool:
-        return any(tree.query(p, distance_upper_bound=NEAR * self.apart)[0] < np.inf for tree in self.others)
+        reach = NEAR * self.apart
+        return self.others is not None and bool(self.others.query(p, distance_upper_bound=reach)[0] < reach)
 
 
 def ribbons(surface: Surface, lines: list[StressLine], width: float, lift: float) -> tuple[Floats, Ints]:

@@ -5,6 +5,7 @@ from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.creases import CREASE
 from dsfab.surface.divided import DividedField
+from dsfab.surface.drawing_files import Marks, marks_on_layers
 from dsfab.surface.en1990 import (
     OF_LOADS,
     ActionKind,
@@ -44,7 +45,7 @@ from dsfab.surface.reader import (
     surface_of_file,
     unit_guess,
 )
-from dsfab.surface.refine import refined
+from dsfab.surface.refine import halved, refined
 from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, with_regions
 from dsfab.surface.remesh import SizeField, change_sizes, remeshed
 from dsfab.surface.shapes import FIGURES, SHAPES
@@ -82,6 +83,7 @@ __all__ = [
     "Load",
     "LoadCase",
     "LoadParts",
+    "Marks",
     "MendedMesh",
     "MeshFacts",
     "Nearest",
@@ -117,10 +119,12 @@ __all__ = [
     "finite_faces",
     "geodesic_distances",
     "half_edges",
+    "halved",
     "hat_gradients",
     "load_cases",
     "load_names",
     "load_parts",
+    "marks_on_layers",
     "mended",
     "mended_raw",
     "nearest",

@@ -6,6 +6,7 @@ the band x[:, 0] > level > x[:, 1] with sign -1, its edges change places: it see
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,6 +38,11 @@ class CornerField:
         lock(self, "blank", np.bool_, (len(self.sign),))
         if self.wanted is not None:
             lock(self, "wanted", np.float64, (len(self.sign),))
+
+    @cached_property
+    def turned(self) -> Bools:
+        """(m,) faces that see some value at another sign or shift than it has."""
+        return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
         """(m, 3, 1 or 2) what the faces F (m, 3) see at their corners."""

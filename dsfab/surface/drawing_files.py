@@ -1,6 +1,7 @@
 """Closed curves out of DXF and 3DM files, as polygons: what an architect draws to say where something is."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -19,6 +20,32 @@ CLOSE = 1e-6
 """Ends of curves that are nearer than this share of the drawing's size are at one place."""
 LAYERS_TOLD = 12
 """Layers of a file that are listed where the one that was asked for is not among them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """What is drawn on a layer: its name as in the file, points (k, 3) and curves (k, 3), metres."""
+
+    layer: str
+    points: Floats
+    curves: tuple[Floats, ...]
+
+    @property
+    def closed(self) -> list[Floats]:
+        """The curves that end where they begin."""
+        return [run for run in self.curves if _ends_meet(run)]
+
+    @property
+    def open(self) -> list[Floats]:
+        """The others."""
+        return [run for run in self.curves if not _ends_meet(run)]
+
+
+def _ends_meet(run: Floats) -> bool:
+    size = float(np.linalg.norm(np.ptp(run, axis=0)))
+    return len(run) > 3 and float(np.linalg.norm(run[0] - run[-1])) <= CLOSE * size
+
+
 _READERS = {".dxf": read_dxf, ".3dm": read_rhino_apart}
 
 
@@ -39,6 +66,23 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
     except OSError as error:
         raise SurfaceError(f"the drawing {path} cannot be read: {error.strerror}") from None
     return _read_once(path, layer, unit, about.st_mtime_ns, about.st_size)
+
+
+def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
+    """What is drawn on the layers of these names, in capitals or not, by name; only those with something on them.
+
+    metres : in one unit of the file's numbers. Raises SurfaceError for a file that cannot be read, as `closed_curves`.
+    """
+    path = Path(path)
+    drawing = _drawing(path, path.stat().st_size, DrawingBudget())
+    found = {}
+    for word in words:
+        points = [metres * place for layer, place in drawing.points if layer.lower() == word]
+        curves = [metres * run for layer, run in drawing.runs if layer.lower() == word and len(run) > 1]
+        layer = next((one for one in drawing.layers if one.lower() == word), word)
+        if points or curves:
+            found[word] = Marks(layer, np.concatenate(points) if points else np.empty((0, 3)), tuple(curves))
+    return found
 
 
 @lru_cache(maxsize=16)

@@ -21,6 +21,8 @@ from dsfab.surface.formats import (
     TriangleFile,
     counted,
 )
+from dsfab.surface.formats.apart import read_3dm, read_cad
+from dsfab.surface.formats.dxf import read_dxf_meshes
 from dsfab.surface.formats.gltf import read_glb, read_gltf
 from dsfab.surface.formats.guard import readable
 from dsfab.surface.formats.limits import MalformedFileError
@@ -52,14 +54,16 @@ class RawMesh:
 
 
 OF_PROGRAMS = (
-    *(".dwg", ".dxf", ".dgn", ".3dm", ".skp", ".step", ".stp", ".iges", ".igs", ".sat", ".x_t"),
+    *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"),
     *(".fbx", ".blend", ".ifc", ".rvt", ".gh"),
 )
 """Files of CAD programs that hold surfaces, but no mesh that is read here."""
 
 
 def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
-    """Read OBJ, PLY, STL, OFF, glTF or 3MF, by the suffix; glTF's y axis (up, by its specification) becomes z.
+    """Read OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP, by the suffix.
+
+    glTF's y axis (up, by its specification) becomes z.
 
     Quads are cut along the shorter diagonal, STL and glTF vertices at exactly the same place become one, those of other
     files where the faces share none (`dsfab.surface.formats.soup`); vertices without a face are dropped.
@@ -78,6 +82,8 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
 
 
 def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
+    if suffix in _BY_PATH:
+        return _from_triangles(_BY_PATH[suffix](path, budget), suffix)
     data = path.read_bytes()
     if suffix in _POLYGONS:
         return _from_polygons(_POLYGONS[suffix](data, budget), suffix, budget)
@@ -87,9 +93,12 @@ def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
         found = read_stl(data, budget)
     else:
         found = _GLTF[suffix](data, budget, lambda name: _beside(path, name, budget))
-    return RawMesh(
-        found.V, found.F, len(found.F), found.unit, found.metres, _record(suffix, found, len(found.V), len(found.F))
-    )
+    return _from_triangles(found, suffix)
+
+
+def _from_triangles(found: TriangleFile, suffix: str) -> RawMesh:
+    record = _record(suffix, found, len(found.V), len(found.F))
+    return RawMesh(found.V, found.F, len(found.F), found.unit, found.metres, record)
 
 
 def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
@@ -170,5 +179,12 @@ _GLTF: dict[str, Callable[[bytes, Budget, Callable[[str], bytes]], TriangleFile]
     ".glb": read_glb,
     ".gltf": read_gltf,
 }
-MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf")
+_BY_PATH: dict[str, Callable[[Path, Budget], TriangleFile]] = {
+    ".3dm": read_3dm,
+    ".dxf": read_dxf_meshes,
+    ".step": read_cad,
+    ".stp": read_cad,
+    ".brep": read_cad,
+}
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".3dm", ".dxf", ".step", ".stp", ".brep")
 """Of the mesh files that are read."""

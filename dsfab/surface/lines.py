@@ -179,7 +179,7 @@ def chains(one: Ints, two: Ints, count: int) -> list[tuple[Ints, Ints]]:
 
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
-    """The polyline (k, 3) with fewer of its own points: none that is left out is farther than `tolerance` from it.
+    """The polyline (k, d) with fewer of its own points: none that is left out is farther than `tolerance` from it.
 
     The ends stay; of a closed polyline also the point farthest from its beginning [Douglas, Peucker 1973].
     """
@@ -207,5 +207,7 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
     """(k,) distances of points from the segment from a to b."""
     along = b - a
     squared = float(along @ along)
-    t = np.clip((points - a) @ along / squared, 0, 1) if squared else np.zeros(len(points))
-    return np.asarray(np.linalg.norm(points - a - t[:, None] * along, axis=1))
+    away = points - a
+    if squared:  # np.clip and np.linalg.norm would take longer than all else here
+        away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
+    return np.asarray(np.sqrt((away * away).sum(axis=1)))

@@ -48,9 +48,10 @@ def read_surface(
     mend: bool = False,
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> Surface:
-    """The surface in an OBJ, PLY, STL, OFF, GLB, glTF or 3MF file, in metres.
+    """The surface in a mesh file, or a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
-    unit : of the numbers in the file; None takes the unit the file declares (3MF; glTF is in metres), else metres.
+    unit : of the numbers in the file; None takes the unit the file declares (3MF, 3DM, DXF, STEP; glTF is in metres),
+           else metres.
     up   : the file's axis that points to the sky.
     mend : whether small faults are mended first: see `dsfab.surface.mend`.
     max_triangles : how many the file may have; what reading may cost follows from it.

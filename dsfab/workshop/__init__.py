@@ -5,7 +5,8 @@ strips, splices       parts of lying strips                                plate
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 model, ground, base   models in card, with feet in a plate
 nesting, hints        parts on sheets; what would save some               plan       all of it: `workshop_plan`
-bars                  straight bars between nodes, on plates             routes     which way it is built, and why
+bars                  straight bars between nodes, on plates             planks     upright ones, in slots
+routes                which way it is built, and why
 refolding, built      strips bent back into space; members as bodies of their parts
 drawings, tables      outlines, cut lists                              files      all that a workshop opens
 """
@@ -21,9 +22,10 @@ from dsfab.workshop.limits import StripLimits, strip_limits
 from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
+from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan
 from dsfab.workshop.plates import layer_numbers
 from dsfab.workshop.refolding import RefoldedPlan, RefoldedStrip, refolded
-from dsfab.workshop.sheet import sheet_parts
+from dsfab.workshop.sheet import SheetJoint, sheet_parts
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
 from dsfab.workshop.tables import bar_table, cut_list, cut_list_workbook, node_table
 
@@ -35,9 +37,12 @@ __all__ = [
     "Layering",
     "NestedPart",
     "NestedSheet",
+    "PlankPlan",
+    "PlankStock",
     "PlateArm",
     "RefoldedPlan",
     "RefoldedStrip",
+    "SheetJoint",
     "StripCourse",
     "StripLimits",
     "StripParts",
@@ -55,6 +60,7 @@ __all__ = [
     "nested",
     "node_table",
     "placed_parts",
+    "plank_plan",
     "plate_arms",
     "refolded",
     "sheet_parts",

@@ -18,7 +18,7 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
 
     shapes : as `dsfab.delivery` has them: vertices of the upper skin, then those of the lower one; `shift` says by how
     many halves of their thickness the middle between both lies over the surface.
-    Strips are bent back from their flat parts, cover plates with them; plates are as thick as the stock, below all.
+    Strips and planks are bent back from their flat parts, cover plates with them; plates are as thick as the stock.
     Bars are as they are cut, but for mitres.
     """
     if plan.bars:
@@ -32,8 +32,9 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
         if shape.id in strips:
             V, F = _joined([strip_body(strip, plan.thickness) for strip in strips[shape.id]])
             found.append(replace(shape, V=V, F=F, plate=False))
-        elif shape.id in built and plan.layering is not None:
-            height = plan.layering.height(plan.layering.plates)
+        elif shape.id in built:
+            layering, own = plan.layering, next(part.layer for part in plan.parts if part.member == shape.id)
+            height = layering.height(layering.plates) if layering else own
             found.append(replace(shape, V=_moved(shape.V, plan.thickness, height, shift), plate=True))
     return tuple(found)
 

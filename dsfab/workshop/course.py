@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from dsfab.arrays import Floats, lock
+from dsfab.arrays import Bools, Floats, lock
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
 CALM = 4.0
@@ -15,6 +15,8 @@ CONSTANT = 0.05
 """Even edges between which widths differ by less than this share are parallel."""
 OBLIQUE = 1.5
 """Widths from the ends of a member in which its cells do not tell how wide it is."""
+FOLDED = 0.9
+"""A strip whose inner edge is that much shorter than its axis turns about a point: it is no strip there."""
 BEYOND = 16
 """Stations that an axis is carried on by."""
 
@@ -63,6 +65,11 @@ class StripCourse:
         T = T - np.einsum("qi,qi->q", T, N)[:, None] * N
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
+    def rounds(self, s: Floats) -> Floats:
+        """(3q,) arc lengths (q,) a round before, as they are, and a round later; (q,) as they are if it is open."""
+        around = self.end - self.begin
+        return np.concatenate([s - around, s, s + around]) if self.closed else s
+
     def width(self, s: Floats) -> Floats:
         """(q,) metres at arc lengths (q,)."""
         return np.asarray(np.interp(s, self.s, self.left + self.right))
@@ -80,7 +87,7 @@ def member_course(graph: MemberGraph, member: Member, past: float, more: float) 
 
     past : metres that it goes on beyond a node that is nearer than that to its end.
     more : metres of stations beyond what is to be built.
-    A closed one begins in the middle of its longest bay.
+    A closed one begins in the middle of its longest bay, and one that curls up at an end stops before that.
     """
     axis = member.axis
     assert axis is not None
@@ -90,6 +97,7 @@ def member_course(graph: MemberGraph, member: Member, past: float, more: float) 
         return _opened(axis, left, right, at, more)
     before = past - float(at[0]) if len(at) and at[0] < past else 0.0
     after = past - (axis.length - float(at[-1])) if len(at) and axis.length - at[-1] < past else 0.0
+    first, last = uncurled(member)
     parts = [_beyond(axis, 0, -(before + more)), axis, _beyond(axis, -1, after + more)]
     rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "P", "T", "N")}
     rows |= {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("kg", "kn", "tg")}
@@ -98,10 +106,30 @@ def member_course(graph: MemberGraph, member: Member, past: float, more: float) 
         **rows,
         left=np.pad(left, pad, mode="edge"),
         right=np.pad(right, pad, mode="edge"),
-        begin=-before,
-        end=axis.length + after,
+        begin=first or -before,
+        end=last if last < axis.length else axis.length + after,
         closed=False,
     )
+
+
+def turns_within_its_width(member: Member) -> Bools:
+    """(k,) where the axis of a member turns about a point that lies within its own width, or nearly."""
+    assert member.axis is not None
+    return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= FOLDED)
+
+
+def uncurled(member: Member) -> tuple[float, float]:
+    """The arc lengths between which a member with an axis does not curl up at its ends: half of the turn at which a
+    stripe was parted in two members is left there."""
+    axis = member.axis
+    assert axis is not None
+    reach = OBLIQUE * float(np.median(member.width))
+    if axis.closed or axis.length < 4 * reach:
+        return 0.0, axis.length
+    curl = turns_within_its_width(member)
+    head, tail = np.flatnonzero(curl & (axis.s < reach)), np.flatnonzero(curl & (axis.s > axis.length - reach))
+    first = float(axis.s[head[-1] + 1]) if len(head) else 0.0
+    return first, float(axis.s[tail[0] - 1]) if len(tail) else axis.length
 
 
 def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:

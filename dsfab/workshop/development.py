@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, cross
 from dsfab.workshop.course import StripCourse
 
 STEPS = 4
@@ -76,7 +76,7 @@ class Development:
     def frame(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """(q, 3) points in space, tangents, lefts and normals of the layer at arc lengths s (q,)."""
         P, T, N = self.course.at(s)
-        B = np.cross(N, T)
+        B = cross(N, T)
         turn = np.interp(s, self.course.s, self.turn)[:, None]
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
@@ -98,7 +98,9 @@ class Development:
         """(k, 2) the strip from one arc length to another, counter-clockwise, from its right edge at the beginning."""
         s = self.stations(begin, end)
         left, right = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        return np.concatenate([self.flat(s, -right), self.flat(s[::-1], left[::-1])])
+        x, angle = self.at(s)  # once for both edges: pieces are tried in many lengths
+        across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+        return np.concatenate([x - right[:, None] * across, (x + left[:, None] * across)[::-1]])
 
     def stations(self, begin: float, end: float) -> Floats:
         """(k,) arc lengths from one to another, so near to each other that chords are as good as arcs."""

@@ -96,6 +96,12 @@ class Ground:
         away = float(np.asarray(cKDTree(self.supports).query(point)[0]))
         return away < near and abs(float(self.heights(point[None])[0])) < near
 
+    def height_near(self, point: Floats, width: float) -> float | None:
+        """Metres over the plate of the support that is nearest to an end (3,); None where none is near."""
+        away, k = cKDTree(self.supports).query(point)
+        near = float(away) < self.reach + width
+        return float(self.heights(self.supports[int(k)][None])[0]) if near else None
+
     def on_ground(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
         """A course that begins and ends on the plate where a support is, in a layer at a height, and its feet. What
         lies along the plate is cut off where it would reach below it."""
@@ -121,13 +127,13 @@ class Ground:
         left, right = (float(np.interp(at, course.s, side)) for side in (course.left, course.right))
         middle, half = (left - right) / 2, TAB * (left + right) / 2
         sides = np.array([-right, middle - half, middle + half, left])
-        shoulders = self._meeting(layer, sides, at, 0.0)
-        tips = self._meeting(layer, sides[1:3], at, -self.thickness)
+        shoulders = self.meeting(layer, sides, at, 0.0)
+        tips = self.meeting(layer, sides[1:3], at, -self.thickness)
         if shoulders is None or tips is None:
             return None
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), last)
 
-    def _meeting(self, layer: Development, sides: Floats, at: float, height: float) -> Floats | None:
+    def meeting(self, layer: Development, sides: Floats, at: float, height: float) -> Floats | None:
         """(q,) arc lengths, near one, where lines at sides (q,) of a layer are at a height over the plate."""
         s, course = np.full(len(sides), at), layer.course
         for _ in range(STEPS):

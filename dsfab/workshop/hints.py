@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,15 +28,26 @@ ALIKE = 0.05
 Stock = Sequence[tuple[float, float]]
 
 
-def sheet_hints(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, gap: float) -> list[str]:
+class _Asked(NamedTuple):
+    """The gap, metres, and whether parts lie along the grain."""
+
+    gap: float
+    grain: bool
+
+
+def sheet_hints(
+    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, gap: float, grain: bool = False
+) -> list[str]:
     """Sentences on what would need fewer sheets than these, or less stock; none where nothing that is tried does, or
     where it would take too long.
 
-    stock : lengths and widths in metres.   gap : metres. Each number is that of a nest that was made.
+    stock : lengths and widths in metres.   gap : metres.   grain : as for `nested`. Each number is that of a nest
+    that was made.
     """
     if len(parts) * len(sheets) > PATIENCE:
         return []
-    return [*_narrower(parts, sheets, stock, gap), *_larger(parts, sheets, stock, gap)]
+    ask = _Asked(gap, grain)
+    return [*_narrower(parts, sheets, stock, ask), *_larger(parts, sheets, stock, ask)]
 
 
 def narrowed(part: FlatPart, share: float) -> FlatPart:
@@ -58,7 +70,7 @@ def _widths(parts: Sequence[FlatPart]) -> Floats:
     return np.array([float(np.median(row)) for row in rows])
 
 
-def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, gap: float) -> Iterator[str]:
+def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, ask: _Asked) -> Iterator[str]:
     """The least narrowing that saves enough."""
     widths = _widths(parts)
     if not len(widths):
@@ -72,21 +84,21 @@ def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: S
         if new < BOLTS * bolt or new >= wide:
             return
         most = int((1 - WORTH) * len(sheets) + 1e-9)
-        tried = _tried([narrowed(part, new / wide) for part in parts], stock, gap, most)
+        tried = _tried([narrowed(part, new / wide) for part in parts], stock, ask, most)
         if tried is not None:
             how = f"{length(new)} wide instead of {length(wide)}" if alike else f"{1 - share:.0%} narrower"
             yield f"strips {how} would need {_fewer(tried, sheets)}; see [pattern.width], and judge the design again"
             return
 
 
-def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, gap: float) -> Iterator[str]:
+def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, ask: _Asked) -> Iterator[str]:
     """The longer, or else the wider stock, where all of it together has less area; with one size of stock only."""
     if len(stock) != 1:
         return
     ((long, wide),) = stock
     for size in ((LARGER * long, wide), (long, LARGER * wide)):
         most = int((1 - WORTH) * len(sheets) / LARGER + 1e-9)
-        tried = _tried(parts, [size], gap, most)
+        tried = _tried(parts, [size], ask, most)
         if tried is not None:
             yield (
                 f"stock of {size[0]:.4g} x {size[1]:.4g} m would need {_fewer(tried, sheets)}, "
@@ -95,10 +107,12 @@ def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Sto
             return
 
 
-def _tried(parts: Sequence[FlatPart], stock: Stock, gap: float, most: int) -> list[NestedSheet] | None:
+def _tried(parts: Sequence[FlatPart], stock: Stock, ask: _Asked, most: int) -> list[NestedSheet] | None:
     """The parts on so many sheets at most; None where that cannot be."""
     room = TIGHTEST * most * max(a * b for a, b in stock)
-    return stacked(parts, stock, gap, most) if sum(part.area for part in parts) <= room else None
+    if sum(part.area for part in parts) > room:
+        return None
+    return stacked(parts, stock, ask.gap, most, ask.grain)
 
 
 def _fewer(tried: Sequence[NestedSheet], sheets: Sequence[NestedSheet]) -> str:

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Floats, lock
 from dsfab.members import MemberGraph
 from dsfab.surface import LoadCase, Surface
+from dsfab.wording import some_names
 from dsfab.workshop.layering import END, Layering
 from dsfab.workshop.letters import text_length
 from dsfab.workshop.parts import SMALL, FlatPart, Fold, Hole, label
@@ -143,6 +144,7 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
             f"{max(angles):.0f} degrees to be level"
         )
     if flat:
-        shown = ", ".join(flat[:5]) + (f" and {len(flat) - 5} more" if len(flat) > 5 else "")
-        found.append(f"no leg at {shown}: the surface is less steep than 5 degrees there, or a bar is in its way")
+        found.append(
+            f"no leg at {some_names(flat)}: the surface is less steep than 5 degrees there, or a bar is in its way"
+        )
     return found

@@ -52,7 +52,7 @@ def _scaled_node(node: Node, scale: float) -> Node:
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
     """What card can be bent to, what is too narrow for it, and whether the mesh is fine enough; in the model's size.
 
-    graph : as large as the model.    bolt : diameter of the pins, metres.
+    graph : as large as the model.    bolt : diameter of the pins, metres; 0 where nothing has holes.
     """
     found = []
     how = f"card of {length(limits.thickness)} is bent to a strain of {limits.bending:.2%} ({limits.member} most)"
@@ -74,7 +74,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"together at ({narrow[0].id} is {length(least)}): build at 1:{larger:g} or "
             f"larger, or make members {length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    wanted = limits.wanted * np.sqrt(FIT / (DRILL * bolt)) * scale
+    wanted = limits.wanted * np.sqrt(FIT / (DRILL * bolt)) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted:
         found.append(
             f"HOLES MAY MISS EACH OTHER: edges of {length(limits.edge * scale)} are too coarse a mesh for this model; "

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from dsfab.arrays import Floats
@@ -19,32 +19,41 @@ from dsfab.workshop.legs import leg_lines, leg_plates
 from dsfab.workshop.limits import strip_limits
 from dsfab.workshop.model import CARD, LETTERS, model_notes, packing_parts, scaled_graph, scaled_surface
 from dsfab.workshop.nesting import NestedSheet, nested
+from dsfab.workshop.panels import panel_parts
 from dsfab.workshop.parts import FlatPart, congruent, shape_key
+from dsfab.workshop.planks import PlankPlan
 from dsfab.workshop.plates import is_plate, plate_parts
-from dsfab.workshop.routes import UP, chosen_route, footing_of, node_normals
-from dsfab.workshop.sheet import sheet_parts
+from dsfab.workshop.routes import UP, chosen_route, footing_of, node_normals, stock_room
+from dsfab.workshop.sheet import SheetJoint, sheet_parts
+from dsfab.workshop.splices import SCARF, scarf_line
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
 
+JOINED = {
+    "butt": "cut straight and butted: no joint is drawn; set workshop.splice to 'fingers' or 'scarf' for one",
+    "fingers": "with fingers {} long that close without a gap; a round cutter leaves its radius in their corners",
+    "scarf": "which reach over each other by {} and are glued there on a bevel: to the right and above on the engraved "
+    "face, from the engraved line to the edge, to the left and below on the other one",
+}
+"""What is said of pieces of a flat sheet, by their joint."""
 CLEARANCE = 1e-4
 """Metres that a slot in the plate of a model is wider than its tab, to each side."""
 TABS = 4.0
 """Thicknesses that both tabs of a strip may make it longer."""
-SLACK = 5e-4
-"""Metres that parts are shorter than the stock has room for: what their direction may differ by on the drawing."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorkshopPlan:
     """The parts of a design and the sheets that they are cut from.
 
-    route     : "strips", "bars" or "sheet".    thickness : of the stock, metres; some parts say their own.
+    route     : "strips", "planks", "bars", "panels" or "sheet".
+    thickness : of the stock, metres; some parts say their own.
     parts     : all of them.            sheets : each part on one of them.
     same      : numbers of parts that are one part to cut, as lists, in the order of the parts.
     notes     : sentences that come first: what is possible, and what is not.
     graph     : the members that the parts are of, and their nodes, as large as what is built; None of a flat sheet.
     layering  : how strips lie on each other; None of other routes.
     model     : 50 for a model at 1:50; 0 for full size.
-    bars      : of the route "bars"; it has no layers.
+    bars, planks : of these routes; they have no layers.
     """
 
     route: str
@@ -57,6 +66,7 @@ class WorkshopPlan:
     layering: Layering | None = None
     model: float = 0.0
     bars: BarPlan | None = None
+    planks: PlankPlan | None = None
 
     def thickness_of(self, part: FlatPart) -> float:
         """Metres."""
@@ -86,36 +96,43 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
             "workshop.route = 'sheet' is for flat designs, and this one is curved; use 'strips' or 'bars'"
         )
     flat = ask.route == "sheet" or (ask.route == "auto" and surface.is_flat)
-    room = [(a - 2 * ask.gap - SLACK, b - 2 * ask.gap - SLACK) for a, b in ask.stock]
-    if min(min(size) for size in room) <= 0:
-        raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
+    if ask.splice == "fingers" and not flat:
+        raise PatternError(
+            "workshop.splice = 'fingers' is for flat sheets, and this design has members; use 'cover' or 'scarf'"
+        )
+    room = stock_room(ask)
     graph, layering = (None, None) if flat else _built_graph(design)
     route = chosen_route(design, graph, layering, up)
     thickness = ask.thickness or design.preset.statics.thickness / _scale(design)
-    if route.bars:
-        parts, notes, layering = list(route.bars.parts), list(route.bars.lines), None
+    if built := route.bars or route.planks:
+        parts, notes, layering = list(built.parts), list(built.lines), None
+    elif graph and layering and route.name == "panels":
+        parts, notes = _panels(design, graph, layering, room, up)
+        thickness, layering = layering.thickness, None
     elif graph and layering:
         parts, notes = _curved(design, graph, layering, room, up)
         thickness = layering.thickness
     else:
         parts, notes = _flat(design, room)
-    sheets = nested_by_thickness(parts, ask.stock, ask.gap)
+    sheets = nested_by_thickness(parts, ask.stock, ask.gap, ask.grain)
     if layering:
-        notes = [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap)]
+        notes = [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap, ask.grain)]
     if route.reason:
         notes = [f"route {route.name}: {route.reason}", *notes]
     return WorkshopPlan(
         *(route.name, thickness, tuple(parts), tuple(sheets), same_parts(parts), tuple(notes)),
-        *(graph, layering, ask.model, route.bars),
+        *(graph, layering, ask.model, route.bars, route.planks),
     )
 
 
-def nested_by_thickness(parts: list[FlatPart], stock: Sequence[tuple[float, float]], gap: float) -> list[NestedSheet]:
+def nested_by_thickness(
+    parts: list[FlatPart], stock: Sequence[tuple[float, float]], gap: float, grain: bool = False
+) -> list[NestedSheet]:
     """Parts on sheets, those of each thickness on sheets of their own (see `nested`)."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
-    return [sheet for some in groups.values() for sheet in nested(some, stock, gap)]
+    return [sheet for some in groups.values() for sheet in nested(some, stock, gap, grain)]
 
 
 def _scale(design: Design) -> float:
@@ -135,12 +152,18 @@ def _built_graph(design: Design) -> tuple[MemberGraph, Layering]:
 
 
 def _flat(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:
-    surface = design.sheet.surface
-    found = sheet_parts(scaled_surface(surface, _scale(design)) if design.preset.workshop.model else surface, room)
+    ask, surface, scale = design.preset.workshop, design.sheet.surface, _scale(design)
+    thickness = ask.thickness or design.preset.statics.thickness / scale
+    joint = SheetJoint(ask.splice if ask.splice in ("fingers", "scarf") else "butt", thickness)
+    found = sheet_parts(scaled_surface(surface, scale) if ask.model else surface, room, joint)
     along, across = found.counts
     if along * across == 1:
         return list(found.pieces), []
-    return list(found.pieces), [f"the sheet is cut straight into {along} x {across} pieces, butted: no joint is drawn"]
+    loose = len(found.pieces) - along * across
+    notes = [f"the sheet is in {along} x {across} pieces, {JOINED[joint.kind].format(length(joint.reach))}"]
+    if loose > 0:
+        notes.append(f"{_count(loose, 'part')} more, as not all of a piece hangs together")
+    return list(found.pieces), notes
 
 
 def _curved(
@@ -154,7 +177,7 @@ def _curved(
         ground = Ground.under(surface, design.load, up, layering.thickness, CLEARANCE)
         room = [(a - TABS * layering.thickness, b - TABS * layering.thickness) for a, b in room]
     limits = strip_limits(graph, surface, layering.thickness, limit, ask.bolt)
-    strips = strip_parts(graph, layering, room, ask.splice == "cover", ground)
+    strips = strip_parts(graph, layering, room, ask.splice, ground)
     discs = [member for member in graph.members if is_plate(member)]
     below, left = layering.height(layering.plates), {node for node, _ in strips.left}
     plates = plate_parts(graph, discs, node_normals(design, graph), below, layering.bolt, left)
@@ -162,6 +185,8 @@ def _curved(
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
     lines = model_notes(limits, graph, ask.model, ask.bolt) if ask.model else limits.lines
     notes = [*lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
+    if ask.splice == "scarf" and strips.splices:
+        notes.append(scarf_line(strips.splices, SCARF * layering.thickness))
     parts = [*strips.pieces, *strips.covers, *plates]
     if ask.model:
         parts += packing_parts(graph, layering)
@@ -171,6 +196,26 @@ def _curved(
     if ground:
         base = base_parts(ground, surface, strips.feet, room)
         parts, notes = [*parts, *base], [*notes, *base_notes(ground, strips.feet, base)]
+    return parts, notes
+
+
+def _panels(
+    design: Design, graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], up: Floats
+) -> tuple[list[FlatPart], list[str]]:
+    """Panels of a model, plates beneath them without holes, and what it stands on."""
+    ask, thickness = design.preset.workshop, layering.thickness
+    surface = scaled_surface(design.surface, ask.model)
+    ground = Ground.under(surface, design.load, up, thickness, CLEARANCE)
+    room = [(a - TABS * thickness, b - TABS * thickness) for a, b in room]
+    limits = strip_limits(graph, surface, thickness, CARD, ask.bolt)
+    found = panel_parts(graph, thickness, layering.letters[0], room, ground)
+    discs = [member for member in graph.members if is_plate(member)]
+    plates = plate_parts(graph, discs, node_normals(design, graph), 0.0, layering.bolt)
+    notes = [*model_notes(limits, graph, ask.model, 0.0), *found.lines, *_plate_notes(plates)]
+    parts = [*found.parts, *(replace(plate, holes=()) for plate in plates)]
+    if ground:
+        base = base_parts(ground, surface, found.feet, room)
+        parts, notes = [*parts, *base], [*notes, *base_notes(ground, found.feet, base)]
     return parts, notes
 
 
@@ -188,7 +233,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         shown = ", ".join(strips.stopped[:5]) + (", ..." if len(strips.stopped) > 5 else "")
         found.append(
             f"{_count(len(strips.stopped), 'strip')} stop before their ends, where they would run into others of their "
-            f"layer: {shown}; {_count(len(strips.left), 'node')} without them"
+            f"layer or curl up: {shown}; {_count(len(strips.left), 'node')} without them"
         )
     if strips.near:
         found.append(f"{strips.near} of {strips.splices} splices are nearer to a node than a cover plate is long")

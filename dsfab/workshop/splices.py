@@ -7,13 +7,20 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError
+from dsfab.wording import length
 from dsfab.workshop.development import Development
-from dsfab.workshop.parts import polygon_area
+from dsfab.workshop.parts import label, polygon_area
 
 SHORTEST = 0.3
 """A piece is not made shorter than this share of the longest possible one, if it can be avoided."""
 HALVINGS = 14
 """Of the length between a piece that fits and one that does not."""
+SCARF = 8.0
+"""Thicknesses that the pieces of a scarf joint overlap by: bevelled 1 to 8, as plywood and boards are glued."""
+NEAR = 1e-6
+"""Metres that are left to rounding where a piece is found too long before its outline is made."""
+BEVEL = ("BEVEL", "BEVEL BACK")
+"""What stands on the end of a piece that is bevelled on the engraved face, and on that which is so on the other."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +103,46 @@ def _middle_of_bay(nodes: Floats, least: float, most: float) -> float:
     return float(candidates[away.argmax()])
 
 
+def lapped(span: tuple[float, float], whole: tuple[float, float], lap: float, closed: bool) -> tuple[float, float]:
+    """A span of a piece, longer by `lap` metres at those of its ends that are not ends of the whole strip."""
+    begin = span[0] - lap if closed or span[0] > whole[0] else span[0]
+    return begin, span[1] + lap if closed or span[1] < whole[1] else span[1]
+
+
+def scarf_line(splices: int, lap: float) -> str:
+    """A sentence on scarf joints, so many, of pieces that overlap by `lap` metres."""
+    return (
+        f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF:g}, on the "
+        "engraved face at BEVEL and on the other one at BEVEL BACK"
+    )
+
+
+def lap_marks(
+    layer: Development, span: tuple[float, float], long: tuple[float, float], lap: float, height: float
+) -> tuple[Floats, ...]:
+    """Lines across a piece where its bevels begin, and on which face these are: at its end on the engraved one.
+
+    span : without the laps.    long : with them.    lap : half of what two pieces overlap by, metres.
+    """
+    found = list[Floats]()
+    for k, (s, end) in enumerate(zip(span, long, strict=True)):
+        if s != end:
+            line = np.full(2, s + lap if k == 0 else s - lap)
+            sides = np.array([-np.interp(line[0], layer.course.s, layer.course.right), 0.0])
+            sides[1] = np.interp(line[1], layer.course.s, layer.course.left)
+            found.append(layer.flat(line, sides))
+            high = min(height, 0.25 * float(np.ptp(sides)), lap / 5)
+            at, angle = layer.at(np.array([s]))
+            found += label(BEVEL[1 - k], at[0], float(angle[0]), high)
+    return tuple(found)
+
+
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
     """Whether the strip of a development from one arc length to another fits into one of some rectangles."""
-    return lambda begin, end: fits_stock(development.outline(begin, end), room)
+    longest = max(np.hypot(x, y) for x, y in room) + NEAR
+
+    def fits(begin: float, end: float) -> bool:
+        (x, y), _ = development.at(np.array([begin, end]))  # most that are tried are far too long
+        return float(np.linalg.norm(y - x)) <= longest and fits_stock(development.outline(begin, end), room)
+
+    return fits

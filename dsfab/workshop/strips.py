@@ -1,25 +1,23 @@
 """Flat parts of strips that lie in the surface: developed layer by layer, with holes at their nodes, and spliced."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.members import Member, MemberGraph, Node
-from dsfab.workshop.course import StripCourse, member_course
+from dsfab.workshop.course import StripCourse, member_course, turns_within_its_width, uncurled
 from dsfab.workshop.crowns import stopped_courses
 from dsfab.workshop.development import Development
 from dsfab.workshop.ground import Ground, StripFoot, footed_outline
 from dsfab.workshop.layering import END, Layering
 from dsfab.workshop.letters import text_length
 from dsfab.workshop.parts import FlatPart, Hole, label
-from dsfab.workshop.splices import Cuts, splice_cuts, strip_fits
+from dsfab.workshop.splices import SCARF, Cuts, lap_marks, lapped, splice_cuts, strip_fits
 
 STRIPS = ("strip", "stub", "rim", "band", "ring")
 """Kinds of members that are built as strips."""
-FOLDED = 0.9
-"""A strip whose inner edge is that much shorter than its axis turns about a point: it is no strip, but a plate."""
 EDGE = 1.0
 """A hole is made where that many bolt diameters are between its middle and the edges of its part, at least."""
 LETTERS = 0.3
@@ -62,23 +60,25 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Whether a member is built as a strip: it has an axis, and does not turn within its own width."""
+    """Whether a member is built as a strip: it has an axis, and does not turn within its own width but at its ends."""
     if member.axis is None or member.kind not in STRIPS:
         return False
-    return float((np.abs(member.axis.kg) * member.width / 2).max()) < FOLDED
+    first, last = uncurled(member)
+    s = member.axis.s
+    return not turns_within_its_width(member)[(s >= first) & (s <= last)].any()
 
 
 def strip_parts(
     graph: MemberGraph,
     layering: Layering,
     room: list[tuple[float, float]],
-    covered: bool,
+    splice: str,
     ground: Ground | None = None,
 ) -> StripParts:
     """The parts of all members that are strips.
 
     room    : lengths and widths, metres, that parts may have on the stock.
-    covered : whether splices have cover plates.
+    splice  : "cover" plates, a "scarf", or "none".
     ground  : what they stand on with tabs; None where their ends are not changed.
     """
     found = StripParts()
@@ -90,16 +90,18 @@ def strip_parts(
         bolts = node_bolts(graph, member, course)
         for number in layering.numbers(member.family):
             own, feet = ground.on_ground(course, layering.height(number)) if ground else (course, ())
-            _Strip(graph, member, own, number, layering, feet).into(found, bolts, room, covered)
+            _Strip(graph, member, own, number, layering, splice, feet).into(found, bolts, room)
     return found
 
 
 def _stopped(
     graph: MemberGraph, members: list[Member], courses: dict[str, StripCourse], layering: Layering, found: StripParts
 ) -> dict[str, StripCourse]:
-    """Courses that stop before they run into others of their family; said in `found`."""
+    """Courses that stop before they run into others of their family, or curl up; said in `found`."""
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
-    new = dict[str, StripCourse]()
+    axes = {member.id: member.length for member in members}
+    open_ended = {name: course for name, course in courses.items() if not course.closed}
+    new = {name: course for name, course in open_ended.items() if course.begin > 0 or course.end < axes[name]}
     for family in dict.fromkeys(member.family for member in members):
         mine = {one.id: courses[one.id] for one in members if one.family == family}
         nodes = {name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], mine[name])] for name in mine}
@@ -131,6 +133,7 @@ class _Strip:
     course: StripCourse
     number: int
     layering: Layering
+    splice: str
     feet: tuple[StripFoot, ...] = ()
 
     @property
@@ -139,18 +142,29 @@ class _Strip:
         several = len(self.layering.numbers(self.member.family)) > 1
         return f"{self.member.id}-{self.number}" if several else self.member.id
 
-    def into(self, found: StripParts, bolts: list[StripBolt], room: list[tuple[float, float]], covered: bool) -> None:
+    @property
+    def lap(self) -> float:
+        """Metres that two pieces overlap by."""
+        return SCARF * self.layering.thickness if self.splice == "scarf" else 0.0
+
+    def lapped(self, span: tuple[float, float]) -> tuple[float, float]:
+        """A span with what its piece overlaps its neighbours by."""
+        return lapped(span, (self.course.begin, self.course.end), self.lap / 2, self.course.closed)
+
+    def _fits(self, layer: Development, room: list[tuple[float, float]]) -> Callable[[float, float], bool]:
+        fits = strip_fits(layer, room)
+        return lambda begin, end: fits(*self.lapped((begin, end)))
+
+    def into(self, found: StripParts, bolts: list[StripBolt], room: list[tuple[float, float]]) -> None:
         course, layering = self.course, self.layering
         layer = Development(course, layering.height(self.number))
-        clear = layering.half_cover + self.member.mean_width / 2
-        stations = np.array([bolt.s for bolt in bolts])
-        if course.closed and len(stations):
-            around = course.end - course.begin
-            stations = np.concatenate([stations - around, stations, stations + around])
-        cuts = splice_cuts((course.begin, course.end), stations, clear, strip_fits(layer, room))
+        clear = (self.lap / 2 if self.lap else layering.half_cover) + self.member.mean_width / 2
+        stations = course.rounds(np.array([bolt.s for bolt in bolts]))
+        cuts = splice_cuts((course.begin, course.end), stations, clear, self._fits(layer, room))
         joints = list(cuts.at[:-1] if course.closed else cuts.at[1:-1])
         found.near, found.splices = found.near + cuts.near, found.splices + len(joints)
-        spliced = [list(self._splice_bolts(joint, k)) for k, joint in enumerate(joints, 1)] if covered else []
+        spliced = [list(self._splice_bolts(joint, k)) for k, joint in enumerate(joints, 1)]
+        spliced = spliced if self.splice == "cover" else []
         every = [bolt for some in spliced for bolt in some]
         if course.closed:
             every += [StripBolt(b.name, b.point, b.normal, b.s + course.end - course.begin) for b in every]
@@ -183,6 +197,7 @@ class _Strip:
         """The strip of a layer over a span, with those of the bolts that go through it well inside of its edges."""
         course, least = self.course, EDGE * self.layering.bolt
         holes, stations = list[Hole](), list[float]()
+        long = self.lapped(span)
         for bolt in bolts:
             s, y = layer.place(bolt.point, bolt.normal, bolt.s)
             left, right = (float(np.interp(s, course.s, side)) for side in (course.left, course.right))
@@ -191,11 +206,12 @@ class _Strip:
                 stations.append(s)
             else:
                 missing.append(f"{bolt.name} in {name}")
-        axis = layer.at(layer.stations(*span))[0]
+        axis = layer.at(layer.stations(*long))[0]
         marks = self._marks(layer, name, span, list(zip(stations, holes, strict=True)))
+        marks += lap_marks(layer, span, long, self.lap / 2, self.layering.letters[1])
         strain = bending_strain(course, span, self.layering.thickness)
-        outline = footed_outline(layer, span, self.feet)
-        part = FlatPart(name, self.member.id, span, outline, tuple(holes), (), marks, layer.height, strain, axis)
+        outline = footed_outline(layer, long, self.feet)
+        part = FlatPart(name, self.member.id, long, outline, tuple(holes), (), marks, layer.height, strain, axis)
         return part.lying()
 
     def _marks(

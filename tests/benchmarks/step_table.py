@@ -8,9 +8,11 @@ largest distance from the design (of what is allowed there), what `dsfab check` 
 """
 
 import argparse
+import ctypes
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -144,8 +146,14 @@ def words(said: dict[str, object], made: "dsfab.Design") -> str:
 
 
 def limit(seconds: float) -> Callable[[], None]:
-    """What gives a process so many seconds of the processor."""
-    return lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+    """What gives a process so many seconds of the processor, and on Linux ends it with the one that started it."""
+
+    def begin() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
+        if sys.platform == "linux":
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+    return begin
 
 
 if __name__ == "__main__":

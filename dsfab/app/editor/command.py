@@ -1,36 +1,18 @@
 """`dsfab edit`: open the editor in a browser; Ctrl-C ends it."""
 
-import signal
 import sys
-import threading
 import webbrowser
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
-from dsfab.app.terminal import out
+from dsfab.app.terminal import out, signals_as_interrupts
 from dsfab.errors import DsfabError
 
 OUTPUTS = "outputs"
 """Where builds go, from where the command was started: as those of `dsfab build`."""
-
-
-@contextmanager
-def _signals_as_interrupts() -> Iterator[None]:
-    """A closed terminal, or a word to end, ends it as Ctrl-C does, so that nothing is left behind."""
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    if threading.current_thread() is not threading.main_thread():
-        numbers = []
-    before = [(number, signal.signal(number, signal.default_int_handler)) for number in numbers]
-    try:
-        yield
-    finally:
-        for number, handler in before:
-            signal.signal(number, handler)
 
 
 def edit(
@@ -55,7 +37,7 @@ def edit(
 
     first = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
-    with _signals_as_interrupts(), Session(first, outputs=outputs) as session:
+    with signals_as_interrupts(), Session(first, outputs=outputs) as session:
         try:
             server = EditorServer(session, port)
         except OSError as error:

@@ -20,13 +20,18 @@ def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
 
 def _method() -> list[Control]:
     group, fields, even = "stripes", Pattern.model_fields, "stripes"
-    methods, shown, symmetries = (get_args(fields[name].annotation) for name in ("method", "families", "symmetry"))
+    choices = (get_args(fields[name].annotation) for name in ("method", "families", "symmetry", "forces"))
+    methods, shown, symmetries, forces = choices
     return [
         Control(group, "pattern.method", "method", "choice", choices=methods, live=False, hint=_METHOD),
         Control(group, "pattern.families", "families", "choice", choices=shown, hint=_FAMILIES),
         Control(group, "pattern.halve", "halve", "switch", live=False, hint=_HALVE, method=even),
         Control(
             group, "pattern.symmetry", "symmetry", "choice", choices=symmetries, live=False, hint=_ALIKE, method=even
+        ),
+        Control(group, "pattern.forces", "forces", "choice", choices=forces, live=False, hint=_FORCES, method=even),
+        Control(
+            group, "pattern.weight_rounds", "rounds", "whole", high=2, step=1, live=False, hint=_ROUNDS, method=even
         ),
         Control(
             group, "pattern.rotate", "turn", unit="°", low=-90, high=90, step=1, live=False, hint=_TURN, method=even
@@ -38,6 +43,8 @@ _METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes:
 _FAMILIES = "One family alone has no crossings: rim and kept regions hold it together."
 _HALVE = "Leave out every second stripe where they crowd, ended on the members that cross."
 _ALIKE = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
+_FORCES = "Stripes run along those of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
+_ROUNDS = "How often directions are sought again, with the weight of what stripes leave; 0: of the uncut sheet."
 _TURN = "Degrees that both families are turned by from the stress; 90 lets them change places."
 
 
@@ -105,4 +112,4 @@ def _kept(reach: float) -> list[Control]:
 
 
 _FILLET = "Radius of the corners of openings; seen in what is built."
-_TIDY = "Take off stripes that end in the air, as far as the member that they cross last; seen in what is built."
+_TIDY = "Take off stripes that end in the air, to the member that they cross last; fill slits. Seen in what is built."

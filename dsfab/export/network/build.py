@@ -3,49 +3,24 @@
 import json
 import subprocess
 import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.budget import BudgetError, within
 from dsfab.export.network import use_check
-from dsfab.export.network.curves import fitted_chains, sampled_chains
-from dsfab.export.network.fillets import without_fillets
-from dsfab.export.network.graph import ChainNet, net_of
-from dsfab.export.network.joining import joined_outlines
-from dsfab.export.network.lifting import Lifting
-from dsfab.export.network.model import NetModel, net_model
-from dsfab.export.network.quads import REACH, quad_net
-from dsfab.export.network.straightening import straightened
-from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import TrimmedFace, trimmed_face
+from dsfab.export.network.draft import MemberDraft, member_draft, member_plan
 from dsfab.export.part import Part
-from dsfab.export.plate_text import Entities
 from dsfab.export.program import ProgramError, last_line
 from dsfab.export.smooth.acceptance import GAP
-from dsfab.export.smooth.edges import FLAT
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.occt_check import OcctFinding, findings, occt
 from dsfab.export.smooth.plan import SmoothPlan
-from dsfab.export.smooth.source import StripedSheet
-from dsfab.export.step_pieces import closing
-from dsfab.export.step_text import header
 from dsfab.limits import CHANGED_VOLUME, DEFLECTION
-from dsfab.surface import edge_table, pieces
-from dsfab.units import MM_PER_M
-
-KIND = "curved solid of four-sided patches by members"
-"""What the file says about itself."""
-
-NARROW = 1 / 4000
-"""Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
 """Of the processor, for each of both programs, many times what was measured."""
@@ -103,73 +78,8 @@ def member_file(part: Part) -> MemberFile:
     return _MADE[part]
 
 
-@dataclass(frozen=True, eq=False)
-class MemberDraft:
-    """What nobody has checked: the text, its solids, faces, trimmed ones among them, and the widest gap, mm."""
-
-    text: str
-    solids: int
-    faces: int
-    trimmed: int
-    gap: float
-
-
-def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
-    """The file of a part before it is checked; raises ExportError where it cannot be made."""
-    if plan.curved.striped is None:
-        raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
-    lifting = Lifting.of(plan.surface, plan.curved)
-    new, shells, faces, trimmed = Entities(), list[int](), list[int](), list[TrimmedFace]()
-    count = 0
-    for sheet in _sheets(plan.curved.striped()):
-        model, surfaces = _solid(sheet, lifting, plan)
-        added = NetText(new, model, plan.limits.thickness).faces(surfaces)
-        faces += added
-        shells += [count] * len(added)
-        trimmed += surfaces
-        count += 1
-    end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), new.free, part.name)
-    text = "".join([header(part.name, KIND, count), *new.text, *end])
-    return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
-
-
-def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
-    """The connected pieces of a sheet."""
-    count, piece = pieces(striped.F, edge_table(striped.F))
-    for i in range(count):
-        mine = piece == i
-        yield StripedSheet(striped.F[mine], striped.weights, striped.label[mine], striped.loose[mine])
-
-
-def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    """The model of a piece, and its faces without four sides."""
-    t = plan.limits.thickness
-    net = net_of(sheet, plan.surface.V, t / MM_PER_M)
-    net = without_fillets(net, lifting)
-    net = joined_outlines(net, np.asarray(net.weights @ lifting.skins.points))
-    net = straightened(net, lifting, t)
-    chains = sampled_chains(net, lifting)
-    curves = fitted_chains(chains, dict.fromkeys(chains, FLAT * plan.limits.distance))
-    quads = quad_net(net, chains, curves, REACH * t)
-    nodes = dict[int, Floats]()
-    for k, chain in net.chains.items():
-        nodes |= {int(chain.points[0]): chains[k].Q[0], int(chain.points[-1]): chains[k].Q[-1]}
-    model = net_model(net, quads, nodes)
-    return model, [
-        trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * t)
-        for region, loops in model.trimmed.items()
-    ]
-
-
-def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
-    """(k, 6) points of the skins over the middles of a region's cells."""
-    F: Ints = sheet.F[net.cell == region]
-    a, b, c = (sheet.weights[F[:, i]] for i in range(3))
-    return lifting.points(csr_array((a + b + c) * (1 / 3)))
-
-
 def _accepted(part: Part) -> MemberFile:
-    plan = SmoothPlan(part)
+    plan = member_plan(part)
     draft = member_draft(part, plan)
     within(part, draft.faces, len(draft.text))
     seconds = SECONDS + SECONDS_PER_FACE * draft.faces

@@ -1,10 +1,10 @@
-"""Round corners of openings, taken into the members beside them.
+"""Round corners of openings, taken into the regions beside them.
 
   B |                B |           A fillet lies in no stripe, and has no angle where its arc meets the members'
-    |                  |           edges. Each member gets half of its arc; the corner of the crossing behind it
-----c-t--- A   ->  ----m           moves to the middle m of the arc, and with it the sides of the crossing.
-  X | )                 '--- A
-    t
+    |                  |           edges. The crossing behind it gets the whole arc; the corners of its borders to both
+----c-t--- A   ->  --+ s   A       members move to the arc's ends, where these have right angles, and one patch.
+  X | )              X )---
+    t                  e           Where no crossing is behind it, each member gets half of the arc.
 """
 
 from dataclasses import replace
@@ -13,6 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
+from dsfab.export.network.ends import with_moved_ends, with_whole_arcs
 from dsfab.export.network.graph import VOID, Chain, ChainNet, Loop
 from dsfab.export.network.lifting import Lifting
 
@@ -20,6 +21,8 @@ DETOUR = 2.2
 """A loose region is a fillet if the way along the members behind it is at most so many times its arc: 1.27 of a round
 right angle, 1.65 of one of 60 degrees, 3 of a square."""
 
+SMALLER = 0.6
+"""Of two regions behind a fillet, that whose border is shorter than this share of the other's is the crossing."""
 
 FLATTER = 4.0
 """The same where only two members are behind it: some of the arc lies within these where their walls were made fair."""
@@ -30,7 +33,7 @@ def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take(region)
-    return work.result()
+    return with_whole_arcs(work.result(), work.arcs, lifting)
 
 
 class _Fillets:
@@ -43,6 +46,12 @@ class _Fillets:
         self.chains, self.loops = dict(net.chains), {r: [list(x) for x in loops] for r, loops in net.loops.items()}
         self.loose = set(net.loose)
         self.place = dict[int, int]()
+        self.moved = dict[tuple[int, int], int]()
+        self.arcs = list[int]()
+        self.at = dict[int, list[int]]()
+        for k, chain in net.chains.items():
+            for p in {int(chain.points[0]), int(chain.points[-1])}:
+                self.at.setdefault(p, []).append(k)
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take(self, region: int) -> None:
@@ -60,6 +69,8 @@ class _Fillets:
         if sum(self._length(self._points(step)) for step in inner) > most * self._length(points):
             return
         others = [self._other(step) for step in inner]
+        if self._to_crossing(region, inner, arc, others):
+            return
         if len(inner) == 1 or len(set(others)) == 1:
             halves = [points]
         else:
@@ -71,6 +82,81 @@ class _Fillets:
             del self.chains[k]
         del self.loops[region]
         self.loose.discard(region)
+
+    def _to_crossing(self, region: int, inner: Loop, arc: Loop, others: list[int]) -> bool:
+        """Give a whole arc to the crossing behind it, if there is one."""
+        crossing = self._crossing(inner, others)
+        if crossing is None or crossing in self.loose:
+            return False
+        corners = ((0, self._points(inner[0])[[-1, 0]]), (-1, self._points(inner[-1])[[0, -1]]))
+        moves = [
+            (self._border(int(c), others[i], crossing), int(c), int(end))
+            for i, (c, end) in corners
+            if others[i] != crossing
+        ]
+        if any(border < 0 for border, _, _ in moves):
+            return False
+        own = [(k, not ahead) for (k, ahead), other in zip(inner, others, strict=True) if other == crossing]
+        first = own[0] if own else self._leaving(moves[0][0], moves[0][1])
+        loop = next((some for some in self.loops[crossing] if first in some), None)
+        if loop is None:
+            return False
+        at = loop.index(first)
+        points = np.concatenate([self._points(step)[:-1] for step in arc] + [self._points(arc[-1])[-1:]])
+        self.chains[self.free] = Chain(points, crossing, VOID)
+        loop[at : at + len(own)] = [(self.free, True)]
+        self.arcs.append(self.free)
+        self.free += 1
+        self.moved |= {(border, c): end for border, c, end in moves}
+        self._forget(region, inner, arc, others)
+        return True
+
+    def _forget(self, region: int, inner: Loop, arc: Loop, others: list[int]) -> None:
+        """A region, and the chains around it."""
+        for (k, ahead), other in zip(inner, others, strict=True):
+            for loop in self.loops[other]:
+                if (k, not ahead) in loop:
+                    loop.remove((k, not ahead))
+        for k, _ in [*inner, *arc]:
+            del self.chains[k]
+        del self.loops[region]
+        self.loose.discard(region)
+
+    def _crossing(self, inner: Loop, others: list[int]) -> int | None:
+        """The region behind a fillet that has borders with both of the members beside it, or is by far the smaller."""
+        if len(inner) == 3 and len(set(others)) == 3:
+            return others[1]
+        if len(inner) != 2 or others[0] == others[1]:
+            return None
+        corner = int(self._points(inner[0])[-1])
+        beside = [self.chains[k] for k in self._ending(corner) if k not in (inner[0][0], inner[1][0])]
+        if len(beside) == 1:
+            small, large = sorted(others, key=self._around)
+            return small if self._around(small) < SMALLER * self._around(large) else None
+        behind = [({c.left, c.right} - {other}) for c in beside for other in others if other in (c.left, c.right)]
+        same = len(beside) == 2 and len(behind) == 2 and behind[0] == behind[1] and VOID not in behind[0]
+        return behind[0].pop() if same else None
+
+    def _around(self, region: int) -> float:
+        """The length of a region's border."""
+        return sum(self._length(self._points(step)) for loop in self.loops[region] for step in loop)
+
+    def _border(self, corner: int, member: int, crossing: int) -> int:
+        """The chain between two regions that ends at a corner; -1 where there is not one."""
+        some = [
+            k
+            for k in self._ending(corner)
+            if {self.chains[k].left, self.chains[k].right} == {member, crossing} and (k, corner) not in self.moved
+        ]
+        return some[0] if len(some) == 1 else -1
+
+    def _ending(self, point: int) -> list[int]:
+        """The chains that began or ended at a point, as far as they are left."""
+        return [k for k in self.at.get(point, []) if k in self.chains]
+
+    def _leaving(self, k: int, point: int) -> tuple[int, bool]:
+        """A chain, run through away from one of its ends."""
+        return k, int(self.chains[k].points[0]) == point
 
     def _hand_over(self, inner: Loop, others: list[int], halves: list[Ints]) -> None:
         """The parts of an arc, the last one first, to the first and the last of the regions behind it."""
@@ -113,38 +199,25 @@ class _Fillets:
         return np.insert(points, i + 1, self.count - 1), i + 1
 
     def result(self) -> ChainNet:
-        """The new net: sides of crossings moved with their corners."""
+        """The new net: sides of crossings and borders of members moved with their ends."""
         one, two, t = (
             (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
         )
         weights = self.net.weights
         rows = [weights, weights[one].multiply(1 - t[:, None]) + weights[two].multiply(t[:, None])]
-        moved = [
-            k for k, chain in self.chains.items() if {int(chain.points[0]), int(chain.points[-1])} & set(self.place)
-        ]
-        ends = [
-            [self.place.get(int(self.chains[k].points[i]), int(self.chains[k].points[i])) for i in (0, -1)]
-            for k in moved
-        ]
-        between = [self._between(self.chains[k].points, both) for k, both in zip(moved, ends, strict=True)]
-        if moved:
-            rows.append(self.lifting.weights_at(np.concatenate(between)))
-        start = self.count
-        for k, both, some in zip(moved, ends, between, strict=True):
-            points = np.concatenate([both[:1], np.arange(start, start + len(some)), both[1:]])
-            self.chains[k], start = replace(self.chains[k], points=points), start + len(some)
-        return ChainNet(
-            csr_array(vstack(rows, format="csr")), self.chains, self.loops, frozenset(self.loose), self.net.cell
+        net = replace(
+            self.net,
+            weights=csr_array(vstack(rows, format="csr")),
+            chains=self.chains,
+            loops=self.loops,
+            loose=frozenset(self.loose),
         )
-
-    def _between(self, points: Ints, ends: list[int]) -> Floats:
-        """(k, 3) millimetres along a chain whose ends are elsewhere now."""
-        P = self.P[points]
-        way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))])
-        start, end = self.P[ends[0]] - P[0], self.P[ends[1]] - P[-1]
-        x = np.linspace(0, 1, max(len(points), 5))
-        at = np.stack([np.interp(x * way[-1], way, c) for c in P.T], axis=1)
-        return np.asarray((at + (1 - x)[:, None] * start + x[:, None] * end)[1:-1])
+        moves = {
+            (k, i): self.moved.get((k, int(chain.points[i])), self.place.get(int(chain.points[i]), -1))
+            for k, chain in self.chains.items()
+            for i in (0, -1)
+        }
+        return with_moved_ends(net, {end: point for end, point in moves.items() if point >= 0}, self.lifting)
 
 
 def _inner_and_arc(loop: Loop, others: list[int]) -> tuple[Loop, Loop]:

@@ -6,7 +6,7 @@ o----------o------o          them backwards; a chain of the outline has its mate
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -39,18 +39,23 @@ class Chain:
     left: int
     right: int
 
+    def beside(self, region: int, ahead: bool) -> "Chain":
+        """The same chain with another region on its left, as it is run through (`ahead`, or backwards)."""
+        return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
+
 
 @dataclass(frozen=True, eq=False)
 class ChainNet:
     """weights : (p, n) barycentric, of all points on the uncut surface.    chains : by number.
     loops : by region, with the region on the left.    loose : regions that lie in no stripe.    cell : (m,) the region
-    of each cell of the sheet."""
+    of each cell of the sheet.    parent : regions that are parts of one that has cells."""
 
     weights: csr_array
     chains: dict[int, Chain]
     loops: dict[int, list[Loop]]
     loose: frozenset[int]
     cell: Ints
+    parent: dict[int, int] = field(default_factory=dict)
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
         """First and last node of a step of a loop."""

@@ -1,4 +1,7 @@
-"""Chains of an outline joined where nothing ends: a round corner of which a part lay in a fillet is one chain again."""
+"""Chains of an outline joined where nothing ends: a round corner of which a part lay in a fillet is one chain again.
+
+Lenses between two chains that would become one when they are straightened join a region beside them.
+"""
 
 from dataclasses import replace
 
@@ -57,3 +60,35 @@ def _ends(line: Floats) -> bool:
     way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
     before, here, after = np.einsum("ki,ki->k", way[1:], way[:-1])
     return bool(here < TURN or (here < ROUND and max(before, after) >= ROUND))
+
+
+def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
+    """The net without regions of two chains, both between material, that are narrower than a width; P (p, 3) are its
+    points, in the same unit."""
+    chains, loops, loose = dict(net.chains), dict(net.loops), set(net.loose)
+    for region in list(loops):
+        if len(loops[region]) != 1 or len(loops[region][0]) != 2:
+            continue
+        steps = loops[region][0]
+        sides = [chains[k].points if ahead else chains[k].points[::-1] for k, ahead in steps]
+        beyond = [chains[k].right if ahead else chains[k].left for k, ahead in steps]
+        if VOID in beyond or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
+            continue
+        (gone, ahead), kept = steps
+        loops[beyond[0]] = [[kept if step == (gone, not ahead) else step for step in loop] for loop in loops[beyond[0]]]
+        chains[kept[0]] = chains[kept[0]].beside(beyond[0], kept[1])
+        del chains[gone], loops[region]
+        loose.discard(region)
+    return replace(net, chains=chains, loops=loops, loose=frozenset(loose))
+
+
+def mean_width(line: Floats) -> float:
+    """Of what a closed line (k, 3) is around: its area over half its length."""
+    around = float(np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum())
+    return 2 * float(np.linalg.norm(vector_area(line))) / max(around, 1e-300)
+
+
+def vector_area(line: Floats) -> Floats:
+    """(3,) of what a closed line (k, 3) is around, along its normal."""
+    line = line - line.mean(axis=0)
+    return np.asarray(np.cross(line, np.roll(line, -1, axis=0)).sum(axis=0) / 2)

@@ -82,10 +82,21 @@ class _Beyond:
         return self.chart[k], self.family[k]
 
 
+def both_skins(given: DividedSheet, shift: int) -> Floats:
+    """(n, 2, 3) millimetres, the vertices of a sheet on its upper skin and on its lower one."""
+    V, D = _middle(given, shift)
+    return np.stack([V + D, V - D], axis=1)
+
+
+def _middle(given: DividedSheet, shift: int) -> tuple[Floats, Floats]:
+    """(n, 3) each, millimetres: the vertices of the middle surface, and half-thickness vectors."""
+    D = MM_PER_M * given.D
+    return MM_PER_M * given.V + shift * D, D
+
+
 def sheet_of(given: DividedSheet, shift: int) -> SheetOutline:
     """The regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
-    D = MM_PER_M * given.D
-    V, F = MM_PER_M * given.V + shift * D, given.F
+    V, D, F = *_middle(given, shift), given.F
     table = edge_table(F)
     _, piece = pieces(F, table)
     count = int(given.chart.max()) + 1

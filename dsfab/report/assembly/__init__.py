@@ -4,6 +4,7 @@ axonometry   members as they are seen from far away      sequence   which are pu
 paper        a sheet of paper to draw on                 overview, families, flat_parts, steps   its pages
 refolding    flat parts bent back beside the design      bars, joint   pages of bars, and of one node in full
 book         all of them: `assembly_pdf`      page       the same to turn and to click on: `assembly_page`
+shades       what it colours members by
 """
 
 from dsfab.report.assembly.book import assembly_pdf

@@ -84,6 +84,40 @@ def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     return found
 
 
+def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
+    """All members of a plan of panels, in one skin."""
+    assert plan.graph is not None
+    built = {part.member for part in plan.parts}
+    faces = member_faces(plan.graph, palette, Layering(0.0, 2, 0.0))
+    return [one for one in faces if one.id in built]
+
+
+def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
+    """All members of a plan of planks, in their colours: both sides and the upper edge of each, and plates on them."""
+    assert plan.graph is not None
+    assert plan.planks is not None
+    graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}
+    piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / PIECES
+    found = []
+    for member in graph.members:
+        if member.id in built:
+            red, green, blue = (x / 255 for x in _tint(member, palette))
+            quads = _ribs(member, piece, stock.thickness, stock.depth) if is_strip(member) else _cells(graph, member)
+            found.append(MemberFaces(member.id, (red, green, blue), quads))
+    return found
+
+
+def _ribs(member: Member, piece: float, thickness: float, depth: float) -> Floats:
+    """(q, 4, 3) both sides and the upper edge of an upright plank."""
+    axis = member.axis
+    assert axis is not None
+    P, T, N = axis.at(np.linspace(0, axis.length, max(int(np.ceil(axis.length / piece)), 2) + 1))
+    aside, up = thickness / 2 * np.cross(N, T), depth / 2 * N
+    pairs = ((P - up - aside, P + up - aside), (P - up + aside, P + up + aside), (P + up - aside, P + up + aside))
+    sides = [np.stack([one[:-1], one[1:], two[1:], two[:-1]], axis=1) for one, two in pairs]
+    return np.stack(sides, axis=1).reshape(-1, 4, 3)
+
+
 def joined_faces(faces: list[MemberFaces], plan: WorkshopPlan) -> list[MemberFaces]:
     """Those of bars as those of their members; without plates."""
     member = {part.id: part.member for part in plan.parts}

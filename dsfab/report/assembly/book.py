@@ -10,7 +10,15 @@ from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.pipeline import Design
 from dsfab.render import PAPER, up_axis
-from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, bar_faces, joined_faces, member_faces
+from dsfab.report.assembly.axonometry import (
+    Axonometry,
+    MemberFaces,
+    bar_faces,
+    joined_faces,
+    member_faces,
+    plank_faces,
+    skin_faces,
+)
 from dsfab.report.assembly.bars import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.families import family_pages
@@ -19,7 +27,7 @@ from dsfab.report.assembly.joint import joint_pages
 from dsfab.report.assembly.overview import cover, named_view
 from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, MM, PAGE, QUIET, WIDE, Paper
 from dsfab.report.assembly.refolding import refolded_pages
-from dsfab.report.assembly.sequence import RULE, assembly_steps
+from dsfab.report.assembly.sequence import RULE, assembly_steps, plank_rule, plank_steps
 from dsfab.report.assembly.steps import step_pages
 from dsfab.report.compliance.pdf_style import fonts
 from dsfab.units import MM_PER_M
@@ -65,6 +73,10 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
         return [*flat, last]
     load = design.load if design.has("statics") else None
     up = up_axis(plan.graph.sheet.surface.V, design.surface, load)
+    if plan.planks:
+        return [*_plank_book(plan, design, up), last]
+    if plan.route == "panels":
+        return [*_panel_book(plan, design, up), last]
     if plan.layering is None:
         return [*_bar_book(plan, design, up), last]
     built = {part.member for part in plan.parts}
@@ -99,6 +111,34 @@ def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
     ]
 
 
+def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
+    """All pages of planks but the last."""
+    faces = plank_faces(plan, PAPER)
+    return [
+        ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        *_views(faces, up),
+        *refolded_pages(plan, faces, up),
+        *family_pages(plan),
+        *cut_list_pages(plan),
+        *nest_pages(plan),
+        *node_pages(plan),
+        *step_pages(plank_steps(plan, up), faces, up, plank_rule(plan)),
+    ]
+
+
+def _panel_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
+    """All pages of a model of panels but the last: they are put together in one skin."""
+    faces = skin_faces(plan, PAPER)
+    return [
+        ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
+        *model_pages(plan),
+        *_views(faces, up),
+        *family_pages(plan),
+        *cut_list_pages(plan),
+        *nest_pages(plan),
+    ]
+
+
 def _views(faces: list[MemberFaces], up: Floats) -> list[Page]:
     views = (
         ("Members, from above", Axonometry.of(up, -90.0, 90.0)),
@@ -120,6 +160,13 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
         return model_figures(plan)
     if plan.bars:
         return bar_figures(plan, design)
+    if plan.planks:
+        layers = [("Depth of planks", length(plan.planks.stock.depth)), ("Thickness", length(plan.thickness))]
+        joints = ("Nodes with slots", str(len(plan.planks.found.crossings.found)))
+    else:
+        layers = [("Thickness of a layer", length(plan.thickness))]
+        layers += [("Layers where two members cross", str(preset.workshop.layers))]
+        joints = ("Nodes and splices with bolts", f"{len(bolts)}, bolts of {length(preset.workshop.bolt)}")
     return [
         ("Size over all", " x ".join(f"{x:.2f}" for x in size) + " m"),
         (
@@ -129,9 +176,8 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
         ("Parts", f"{len(plan.parts)}, {len(plan.same)} different"),
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
         ("Sheets", f"{len(plan.sheets)} of {stock}, {plan.used:.0%} used"),
-        ("Thickness of a layer", length(plan.thickness)),
-        ("Layers where two members cross", str(preset.workshop.layers)),
-        ("Nodes and splices with bolts", f"{len(bolts)}, bolts of {length(preset.workshop.bolt)}"),
+        *layers,
+        joints,
         ("Mass of all parts", f"{area * plan.thickness * preset.statics.density:,.0f} kg"),
         (
             "Material",
@@ -140,10 +186,27 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     ]
 
 
+PLANKS_UNCHECKED = (
+    "the statics of halved planks, splices and glue: the design was judged as one sheet, with members that lie in it",
+    "the statics while it is being put up; props and scaffolding",
+    "inner corners of slots: a round cutter leaves its radius there, to be squared by hand or over-cut",
+    "what twists planks: its stress, and how they spring back",
+    "moisture, grain and knots; edge and end distances of bolts after the material's standard",
+    "bearings: what holds the structure at its supports",
+)
+"""What nobody looked at of upright planks."""
+
+
+def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:
+    if plan.model:
+        return MODEL_UNCHECKED
+    return BARS_UNCHECKED if plan.bars else PLANKS_UNCHECKED if plan.planks else UNCHECKED
+
+
 def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
     x, y = PAGE.x, PAGE.y + PAGE.high - 8
     blocks = (
-        ("Not checked by dsfab:", MODEL_UNCHECKED if plan.model else BARS_UNCHECKED if plan.bars else UNCHECKED),
+        ("Not checked by dsfab:", _unchecked_points(plan)),
         ("Told of this plan:", plan.notes),
     )
     for head, notes in blocks:

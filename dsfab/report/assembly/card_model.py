@@ -17,6 +17,29 @@ MODEL_UNCHECKED = (
     "members of one layer that run into each other, as at a crown: trim them with a knife",
 )
 """What nobody looked at."""
+PANEL_STEPS = (
+    (
+        "Sort",
+        "The name of a panel is engraved on it: B07.3 is the third of B07, from its beginning on. The pages of "
+        "families say which member crosses which, in order.",
+    ),
+    ("Bend", "Pull panels over the edge of a table, engraved face up, until they keep about the bend they need."),
+    (
+        "Build from the base",
+        "Put the ends that stand on the ground into the slots of their names, and glue what lies along it before them "
+        "on the engraved lines.",
+    ),
+    (
+        "Then from the edges",
+        "Edges and what is kept around supports and loads go through, then family A. Panels of one member that are "
+        "longer than a sheet are glued end to end, the tab of one beneath the next. Then put family B between them: "
+        "its panels end at short marks at the edges of the others, tabs beneath these. A drop of glue on each tab.",
+    ),
+    ("Plates", "Glue plates beneath, in the middle of what ends there."),
+)
+"""What to do with panels after they are cut: heads and words."""
+BASE = 2
+"""The number of that step that is left out where nothing stands on the ground."""
 WIDE = 150.0
 """Millimetres of the page for words; the plate has the rest."""
 NAMES = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
@@ -25,7 +48,6 @@ NAMES = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around 
 def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
     """Key figures of a model for its cover."""
     assert plan.graph is not None
-    assert plan.layering is not None
     size = MM_PER_M * np.ptp(plan.graph.sheet.surface.V, axis=0)
     pins = {hole.bolt for part in plan.parts for hole in part.holes}
     stock = ", ".join(sorted({_millimetres(sheet.size) for sheet in plan.sheets}))
@@ -38,7 +60,11 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
         ("Sheets of card", f"{len(plan.sheets)} of {stock}, {plan.used:.0%} used"),
         ("Thickness of the card", length(plan.thickness)),
-        ("Nodes and splices with pins", f"{len(pins)}, holes of {length(plan.layering.bolt)}"),
+        *(
+            [("Nodes and splices with pins", f"{len(pins)}, holes of {length(plan.layering.bolt)}")]
+            if plan.layering
+            else []
+        ),
     ]
 
 
@@ -71,14 +97,17 @@ def _page(plan: WorkshopPlan) -> Callable[[Paper], None]:
 
 def _steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     """What to do in order: a head and its words each."""
-    assert plan.layering is not None
-    pins = length(plan.layering.bolt)
     yield (
         "Cut",
         f"Send sheet_1 and those after it (DXF or SVG, millimetres) to the laser, on card of {length(plan.thickness)}. "
         "In this order: ENGRAVE (green) at low power, then HOLES (blue) and SLOTS (magenta), CUT (red) last. STOCK "
         "(grey) is the edge of the sheet and is not cut. Names are on the outer face.",
     )
+    if plan.layering is None:
+        stands = any(part.id.startswith("base") for part in plan.parts)
+        yield from (step for step in PANEL_STEPS if stands or step is not PANEL_STEPS[BASE])
+        return
+    pins = length(plan.layering.bolt)
     yield (
         "Sort",
         "The name of a part is engraved on it, A01.2 is the second piece of A01, A01.c1 the cover of its first splice. "

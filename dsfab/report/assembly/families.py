@@ -23,6 +23,14 @@ BARRED = (
     "Above each line the member that crosses there, below it millimetres along the curved axis from the beginning; "
     "red: the number of each bar, 3 for A07.3. Lengths of bars are those of their drawings."
 )
+HALVED = (
+    "Above each line the member that crosses there, below it millimetres along the axis from the beginning; red: "
+    "splices. Slots are open above where the other plank is put on, and below where this one is put on the other."
+)
+PANELS = (
+    "Above each line the member that crosses there, below it millimetres from the beginning, of the model; red: where "
+    "panels begin, at the edge of what goes through or at a splice."
+)
 FAMILIES = {"major": "Family A", "minor": "Family B", "rim": "Edges", "keep": "Around supports and loads"}
 PER_PAGE = int(PAGE.high // ROW)
 
@@ -48,12 +56,18 @@ def _page(plan: WorkshopPlan, members: list[Member], scale: float) -> Callable[[
             _row(paper, plan, member, PAGE.y + PAGE.high - (k + 1) * ROW, scale)
         paper.text(
             (PAGE.x, PAGE.y - 4),
-            BARRED if plan.bars else SPLICED,
+            _said(plan),
             7,
             QUIET,
         )
 
     return draw
+
+
+def _said(plan: WorkshopPlan) -> str:
+    if plan.route == "panels":
+        return PANELS
+    return BARRED if plan.bars else HALVED if plan.planks else SPLICED
 
 
 def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: float) -> None:
@@ -66,7 +80,7 @@ def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: floa
     covers = len(parts) - len(pieces)
     words = _count(len(pieces), "bar" if plan.bars else "piece") + (f", {_count(covers, 'cover')}" if covers else "")
     paper.text((PAGE.x, y + 5.5), words, 7, QUIET)
-    if pieces and not plan.bars:
+    if pieces and plan.layering:
         paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm", 7, QUIET)
     paper.lines([np.array([[PAGE.x, y - 0.5], [PAGE.x + PAGE.wide, y - 0.5]])], HAIR, 0.3)
     if member.axis is None:

@@ -43,7 +43,8 @@ def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Cal
             paper.text((cell.x, top), f"{len(group)} x {part.id}", 8, bold=True)
             paper.text((cell.x + cell.wide, top), f"{a:,.0f} x {b:,.0f}", 7.5, side="right")
             thick = f" · {MM_PER_M * plan.thickness_of(part):g} mm" if plan.bars else ""
-            words = f"{len(part.holes)} holes{thick} · sheet {sheets}"
+            holes = f"{len(part.holes)} hole{'' if len(part.holes) == 1 else 's'}" if part.holes else ""
+            words = f"{holes}{thick} · sheet {sheets}".removeprefix(" · ")
             paper.text((cell.x, cell.y + 0.6), _short(words, 64), 6, QUIET)
             room = PaperBox(cell.x, cell.y + 3.4, cell.wide, cell.high - 8.4)
             half = part.size / 2
@@ -134,11 +135,11 @@ def node_pages(plan: WorkshopPlan) -> list[Page]:
     per_page = ROWS * COLUMNS
     for k in range(0, len(rows), per_page):
         some = rows[k : k + per_page]
-        pages.append((f"Nodes {some[0][0]} to {some[-1][0]}", _node_page(some)))
+        pages.append((f"Nodes {some[0][0]} to {some[-1][0]}", _node_page(some, "on" if plan.layering else "with")))
     return pages
 
 
-def _node_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper], None]:
+def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Callable[[Paper], None]:
     heads = ("node", "members", "angle", "x", "y", "z")
     places = (0.0, 16.0, 72.0, 90.0, 107.0, 122.0)
 
@@ -151,7 +152,7 @@ def _node_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper],
             paper.lines([np.array([[x, top - 1], [x + 122, top - 1]])], INK, 0.5)
             for row, (name, kind, one, two, _, _, angle, *at) in enumerate(rows[k : k + ROWS], 1):
                 y = top - row * step
-                words = f"{one} on {two}" if kind == "crossing" else f"{one}, {two} ({kind})"
+                words = f"{one} {meets} {two}" if kind == "crossing" else f"{one}, {two} ({kind})"
                 paper.text((x, y), str(name), 6.5, bold=True)
                 paper.text((x + places[1], y), words, 6.5)
                 shown = "" if angle != angle else f"{angle:.1f}°"

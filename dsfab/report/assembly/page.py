@@ -10,18 +10,24 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.pipeline import Design
 from dsfab.render import PAPER, up_axis
-from dsfab.report.assembly.axonometry import MemberFaces, bar_faces, member_faces
+from dsfab.report.assembly.axonometry import MemberFaces, bar_faces, member_faces, plank_faces, skin_faces
+from dsfab.report.assembly.refolding import piece_length, strip_quads
+from dsfab.report.assembly.shades import page_figures, page_shades
 from dsfab.report.html import style
 from dsfab.surface import simplified_line
 from dsfab.units import MM_PER_M
-from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem
+from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolded
 
 TOLERANCE = 3e-4
 """Metres that an outline on the page may be off the part's."""
 
 
-def assembly_page(plan: WorkshopPlan, design: Design) -> str:
-    """One file that fetches nothing; the same plan gives the same page. Only of a plan with members."""
+def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
+    """One file that fetches nothing; the same plan gives the same page. Only of a plan with members.
+
+    judged : whether members can be coloured by their forces and by what these are of what they can bear: a page for
+    clients, without the workshop's drawings beside it.
+    """
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
@@ -32,6 +38,8 @@ def assembly_page(plan: WorkshopPlan, design: Design) -> str:
         f"{len(plan.sheets)} sheets",
         "all": "All bars and plates" if plan.bars else "All members",
         "notes": list(plan.notes),
+        "figures": page_figures(plan, design, judged),
+        "shades": page_shades(plan, [one.id for one in faces], design if judged else None),
         "up": up_axis(graph.sheet.surface.V, design.surface, load).tolist(),
         "members": [
             {
@@ -42,22 +50,43 @@ def assembly_page(plan: WorkshopPlan, design: Design) -> str:
             }
             for one in faces
         ],
-        "parts": [_part(plan, number) for number in range(len(plan.parts))],
+        "built": _built(plan, faces),
+        "parts": [_part(plan, number, drawn=not judged) for number in range(len(plan.parts))],
         "sheets": _sheets(plan),
     }
     template = files("dsfab.report.assembly").joinpath("page.html").read_text(encoding="utf-8")
     text = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
-    head = template.replace("{{title}}", escape(f"{preset.name}: workshop")).replace("{{style}}", style())
+    title = escape(f"{preset.name}: {'structure' if judged else 'workshop'}")
+    head = template.replace("{{title}}", title).replace("{{style}}", style())
     return head.replace("{{facts}}", text)
 
 
 def _faces(plan: WorkshopPlan) -> list[MemberFaces]:
     """What a click chooses: a member, or of bars a bar or a plate."""
+    if plan.planks:
+        return plank_faces(plan, PAPER)
+    if plan.route == "panels":
+        return skin_faces(plan, PAPER)
     if plan.layering is None:
         return bar_faces(plan, PAPER)
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
     return [one for one in member_faces(plan.graph, PAPER, plan.layering) if one.id in built]
+
+
+def _built(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
+    """Flat parts bent back into space, metres; none of plans whose members are shown as their parts anyway."""
+    if plan.bars:
+        return []
+    piece = piece_length(faces)
+    return [
+        {
+            "id": one.id,
+            "member": one.member,
+            "faces": strip_quads(one, piece, plan.planks is not None).round(3).ravel().tolist(),
+        }
+        for one in refolded(plan).strips
+    ]
 
 
 def _chosen(part: FlatPart, plan: WorkshopPlan) -> str:
@@ -90,7 +119,8 @@ def _words(plan: WorkshopPlan, name: str) -> str:
     return f"{size}{len(nodes)} nodes with {', '.join(others)}" if others else f"{size}no nodes"
 
 
-def _part(plan: WorkshopPlan, number: int) -> dict[str, Any]:
+def _part(plan: WorkshopPlan, number: int, drawn: bool) -> dict[str, Any]:
+    """A flat part; `drawn` says whether its drawing lies beside the page."""
     part = plan.parts[number]
     same = next(group[0] for group in plan.same if number in group)
     return {
@@ -98,7 +128,7 @@ def _part(plan: WorkshopPlan, number: int) -> dict[str, Any]:
         "member": _chosen(part, plan),
         "size": (MM_PER_M * part.size).round(1).tolist(),
         "sheet": plan.sheet_of[part.id],
-        "file": f"{file_stem(plan.parts[same].id)}.dxf",
+        "file": f"{file_stem(plan.parts[same].id)}.dxf" if drawn else "",
         "loops": [_loop(part, loop) for loop in (part.outline, *part.slots)],
         "holes": [
             round(x, 1)

@@ -8,9 +8,12 @@ from dsfab.arrays import Floats
 from dsfab.report.assembly.axonometry import PIECES, Axonometry, MemberFaces
 from dsfab.report.assembly.overview import structure
 from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
+from dsfab.surface import simplified_line
 from dsfab.units import MM_PER_M
 from dsfab.workshop import RefoldedStrip, WorkshopPlan, refolded
 
+DRAWN = 1e-3
+"""Metres that edges of planks may be off on the drawing."""
 WORDS = 24.0
 """Millimetres below the pictures, at least."""
 
@@ -23,22 +26,35 @@ def refolded_pages(
     if not found.strips:
         return []
     colours = {one.id: one.colour for one in faces}
-    piece = float(np.linalg.norm(np.ptp(np.concatenate([one.quads.reshape(-1, 3) for one in faces]), axis=0))) / PIECES
-    parts = [MemberFaces(one.id, colours[one.member], strip_quads(one, piece)) for one in found.strips]
-    worst = f"{MM_PER_M * found.off.max():.2g} mm" if len(found.off) else ""
-    said = f"{len(parts)} flat parts, bent back by their lengths on the drawings, each in its layer."
-    said += f" {len(found.off)} holes at nodes are up to {worst} off the line of their bolt." if worst else ""
+    piece = piece_length(faces)
+    parts = [
+        MemberFaces(one.id, colours[one.member], strip_quads(one, piece, plan.planks is not None))
+        for one in found.strips
+    ]
+    said = f"{len(parts)} flat parts, bent back by their lengths on the drawings, each in its place."
+    if len(found.off):
+        what = "slots of two planks at nodes" if plan.planks else "holes at nodes"
+        beside = "beside each other" if plan.planks else "off the line of their bolt"
+        said += f" {len(found.off)} {what} are up to {MM_PER_M * found.off.max():.2g} mm {beside}."
     plates = len(plan.parts) - len(parts)
     said += f" {plates} {'plate is' if plates == 1 else 'plates are'} not bent back." if plates else ""
     return [("Parts bent back into space", _page(faces, parts, up, said))]
 
 
-def strip_quads(strip: RefoldedStrip, piece: float) -> Floats:
-    """(q, 4, 3) a strip in pieces of about so many metres."""
+def piece_length(faces: list[MemberFaces]) -> float:
+    """Metres of the pieces in which parts are drawn."""
+    return float(np.linalg.norm(np.ptp(np.concatenate([one.quads.reshape(-1, 3) for one in faces]), axis=0))) / PIECES
+
+
+def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
+    """(q, 4, 3) a strip in pieces of about so many metres; of one with slots at every corner of these."""
     middle = strip.edges.mean(axis=1)
     long = float(np.linalg.norm(np.diff(middle, axis=0), axis=1).sum())
     count = max(int(np.ceil(long / piece)), 1)
-    rows = strip.edges[np.unique(np.linspace(0, len(strip.edges) - 1, count + 1).round().astype(int))]
+    if slotted:
+        rows = simplified_line(strip.edges.reshape(-1, 6), DRAWN).reshape(-1, 2, 3)
+    else:
+        rows = strip.edges[np.unique(np.linspace(0, len(strip.edges) - 1, count + 1).round().astype(int))]
     right, left = rows[:, 0], rows[:, 1]
     return np.stack([right[:-1], right[1:], left[1:], left[:-1]], axis=1)
 

@@ -144,18 +144,19 @@ def _chart(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportFigure:
 
 
 def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
-    """Displacements and stress of the governing case."""
-    name, case = found.cases[0], found.governing
-    shown = found.fields[name]
-    under = f" under load case {escaped(name)}" if len(found.cases) > 1 else ""
+    """Displacements and stress, each of the case or combination in which it is the largest that is judged."""
+    (farthest, moves), (strained, strains) = found.decisive("displacement"), found.decisive("stress")
+    under = {name: f" under {escaped(name)}" if len(found.cases) > 1 else "" for name in (farthest, strained)}
     moved = drawn.displacement(
-        shown, case.displacement.value, number.figure(f"Displacements{under}, drawn {{factor}} times as large.")
+        found.fields[farthest],
+        moves.displacement.value,
+        number.figure(f"Displacements{under[farthest]}, drawn {{factor}} times as large."),
     )
     stressed = drawn.stress(
-        shown,
+        found.fields[strained],
         number.figure(
-            f"von Mises stress{under}, the largest of top, middle and bottom of the sheet as it is cut; on 99 % of the "
-            f"area of the finest mesh at most {quantity(case.stress.quantile, 'Pa')}."
+            f"von Mises stress{under[strained]}, the largest of top, middle and bottom of the sheet as it is cut; on "
+            f"99 % of the area of the finest mesh at most {quantity(strains.stress.quantile, 'Pa')}."
         ),
     )
     words = Paragraph(
@@ -177,12 +178,13 @@ def reactions(found: Findings, number: Numbers) -> ReportSection:
 
 def scope(found: Findings) -> list[ReportSection]:
     """What was assumed, and what nobody looked at."""
-    statics = found.task.preset.statics
+    preset = found.task.preset
+    statics = preset.statics
     assumed = [
         "Linear elastic, isotropic material; small displacements; loads that do not follow the motion.",
         f"A thin sheet of one thickness ({length(statics.thickness)}); where a load asks for its own weight, it is "
         "that of the material that is there, of the design and of each competitor. The directions of the stripes were "
-        "sought with that of the uncut sheet.",
+        f"sought with that of {'what stripes leave' if preset.pattern.rounds else 'the uncut sheet'}.",
         "Supports are rigid unless they are springs, and hold in both directions.",
         "What lies on openings (snow, wind, pressure, cladding) is carried by a covering to the material nearest along "
         "the surface, with its sum and its moment, unless a load is not covered: then it acts on the members alone. A "

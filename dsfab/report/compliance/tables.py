@@ -145,10 +145,7 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
     more = [f"{escaped(name)} {force(whole)}" for name, (cut, whole) in size.items() if whole > (1 + MORE) * cut]
     if not more:
         return ""
-    return (
-        f"The uncut sheet, on which the directions were sought, carries more of its own weight, or of what is not "
-        f"covered: {', '.join(more)}."
-    )
+    return f"The uncut sheet carries more of its own weight, or of what is not covered: {', '.join(more)}."
 
 
 def found_order(found: Findings) -> list[str]:
@@ -292,11 +289,11 @@ def cases_table(found: Findings, number: Numbers) -> Table:
 
 
 def stress_table(found: Findings, number: Numbers) -> Table:
-    """Largest stresses of the governing case, with their places."""
-    case = found.governing
+    """Largest stresses of the case in which they are the largest that are judged, with their places."""
+    name, case = found.decisive("stress")
     rows = [
-        (name, quantity(one.quantile, "Pa"), quantity(one.settled, "Pa"), quantity(one.value, "Pa"), point(one.place))
-        for name, one in (
+        (what, quantity(one.quantile, "Pa"), quantity(one.settled, "Pa"), quantity(one.value, "Pa"), point(one.place))
+        for what, one in (
             ("von Mises", case.stress),
             ("Largest principal (tension)", case.tension),
             ("Smallest principal (compression)", case.compression),
@@ -308,7 +305,8 @@ def stress_table(found: Findings, number: Numbers) -> Table:
         "mesh shows grows with every finer one. Judge by the first two columns: what 99 % of the area does not exceed, "
         "and the largest further than a rib's width from all of them."
     )
-    told = f"Stress, of a mesh of {_thousands(case.triangles)} triangles."
+    under = f" under {escaped(name)}" if len(found.cases) > 1 else ""
+    told = f"Stress{under}, of a mesh of {_thousands(case.triangles)} triangles."
     return Table(number.table(told), head, rows, 1, note, (2.4, 1.4, 1.6, 1.4, 2))
 
 

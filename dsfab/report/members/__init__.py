@@ -1,22 +1,27 @@
 """The report of `dsfab report`: members against the code of their material, as one HTML file and as a PDF.
 
-rating     bands of colour for the cells of bays      diagrams   N, Vz and My along members
+rating     bands of colour for the cells of bays      diagrams   section forces along members
 sections   its parts, in their order
 """
 
 from datetime import UTC, datetime
 from pathlib import Path
 
-from dsfab.errors import ExportError
+from dsfab.errors import DsfabError, ExportError
 from dsfab.pipeline import Design
+from dsfab.render import up_axis
+from dsfab.report.assembly import assembly_page
 from dsfab.report.compliance.document import Document, Numbers
 from dsfab.report.compliance.html import page
 from dsfab.report.compliance.pdf import pdf
 from dsfab.report.design.facts import versions
 from dsfab.report.members import sections
 from dsfab.report.members.rating import rating_figure
+from dsfab.workshop import workshop_plan
 
 FILES = ("report.html", "report.pdf")
+STRUCTURE = "structure.html"
+"""The structure to turn, cut and colour, for a client."""
 
 __all__ = ["FILES", "member_report", "write_member_report"]
 
@@ -47,11 +52,19 @@ def member_report(design: Design, command: str) -> Document:
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
-    """Write both files; returns their names, and what could not be done, a sentence each."""
-    document = member_report(design, command)
+    """Write the report and the page of the structure; returns their names, and what could not be done, in sentences."""
+    document, files, told = member_report(design, command), [FILES[0]], list[str]()
     (folder / FILES[0]).write_text(page(document), encoding="utf-8")
     try:
         (folder / FILES[1]).write_bytes(pdf(document))
+        files.append(FILES[1])
     except ExportError as error:
-        return [FILES[0]], [str(error)]
-    return list(FILES), []
+        told.append(str(error))
+    try:
+        plan = workshop_plan(design, up_axis(design.surface.V, design.surface, design.load))
+    except DsfabError as error:
+        return files, [*told, f"{STRUCTURE} is left out, for the design has no flat parts: {error}"]
+    if plan.graph is None:
+        return files, told
+    (folder / STRUCTURE).write_text(assembly_page(plan, design, judged=True), encoding="utf-8")
+    return [*files, STRUCTURE], told

@@ -1,9 +1,10 @@
-"""N, Vz and My along members, as PNG."""
+"""Section forces along members, as PNG."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dsfab.frame import COMPONENTS
 from dsfab.pipeline import Design
 from dsfab.report.compliance.charts import Chart, lettering, png
 from dsfab.report.compliance.words import unit_for
@@ -13,34 +14,51 @@ if TYPE_CHECKING:
 
     from dsfab.frame import MemberForces
 
-SHOWN = ((0, "N", "N"), (2, "Vz", "N"), (4, "My", "N m"))
+UNITS = (*["N"] * 3, *["N m"] * 3)
+"""Of the components: forces, then moments."""
+SHOWN = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
 """Component, its name and its unit."""
-WIDE, HIGH = 6.8, 1.05
-"""Inches of a row; the head has half a row more."""
+ACROSS = 3
+"""Components in a row: forces above, moments below."""
+WIDE, HIGH = 6.8, 0.68
+"""Inches of a row; the axis below has half a row more."""
 RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 """Colours of what is above and below zero, and of lines."""
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> Chart:
-    """A row for each member, with the case or combination that it is drawn for, and a column for N, Vz and My.
+    """Two rows for each member, with the case or combination that it is drawn for: N, Vy, Vz, and Mt, My, Mz below.
 
     Grey lines are the least and the greatest of all cases; strokes at the bottom are nodes.
     """
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+    lines = len(SHOWN) // ACROSS
     with lettering(**{"font.size": 7.5}):
-        figure = Figure(figsize=(WIDE, HIGH * (len(rows) + 0.4)), layout="constrained")
-        grid = figure.subplots(len(rows), len(SHOWN), squeeze=False)
-        for line, (name, case) in zip(grid, rows, strict=True):
+        layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)
+        figure = Figure(figsize=(WIDE, HIGH * (lines * len(rows) + 0.4)), layout=layout)
+        grid = figure.subplots(lines * len(rows), ACROSS, squeeze=False)
+        for number, (name, case) in enumerate(rows):
+            block = grid[lines * number : lines * (number + 1)]
             forces = design.member_forces[name]
-            for axes, (column, letter, unit) in zip(line, SHOWN, strict=True):
+            nodes = [node.at[node.members.index(name)] for node in design.members.along[name]]
+            for axes, (column, (letter, unit)) in zip(block.flat, SHOWN, strict=True):
                 _drawn(axes, forces, case, (column, letter, unit))
-                nodes = [node.at[node.members.index(name)] for node in design.members.along[name]]
                 axes.plot(nodes, np.zeros(len(nodes)), "|", color=INK, ms=4, transform=axes.get_xaxis_transform())
-            line[0].annotate(name, (0, 1.08), xycoords="axes fraction", fontsize=8.5, fontweight="bold", va="bottom")
+            for axes in block[:-1].flat:
+                axes.tick_params(labelbottom=False)
+            _titled(block[0, 0], name, case)
         for axes in grid[-1]:
             axes.set_xlabel("along the member, m")
         return png(figure)
+
+
+def _titled(axes: "Axes", name: str, case: str) -> None:
+    """The member and its case, above the titles of the diagrams."""
+    above: dict[str, Any] = {"textcoords": "offset points", "va": "bottom", "fontsize": 8.5}
+    bold = axes.annotate(name, (0, 1), (0, 10), xycoords="axes fraction", fontweight="bold", **above)
+    axes.annotate(case, (1, 0), (6, 0), xycoords=bold, **above)
 
 
 def _drawn(axes: "Axes", forces: "MemberForces", case: str, shown: tuple[int, str, str]) -> None:

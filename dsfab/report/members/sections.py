@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dsfab.eurocode import Utilisation
+from dsfab.frame import COMPONENTS
 from dsfab.pipeline import Design
 from dsfab.preset_file import preset_toml
 from dsfab.report.compliance import tables
@@ -21,15 +22,13 @@ from dsfab.report.compliance.document import (
     escaped,
 )
 from dsfab.report.compliance.words import length, percent, unit_for
-from dsfab.report.members.diagrams import force_diagrams
+from dsfab.report.members.diagrams import UNITS, force_diagrams
 from dsfab.report.members.rating import WORST
 
 LISTED = 400
 """Members in the list of all of them, at most."""
-ON_A_PAGE = 5
-"""Members in one figure of diagrams."""
-UNITS = (*["N"] * 3, *["N m"] * 3)
-NAMES = ("N", "Vy", "Vz", "Mt", "My", "Mz")
+IN_A_FIGURE = 3
+"""Members in one figure of diagrams: two of these are a page."""
 
 
 def worst_words(found: Utilisation) -> str:
@@ -84,10 +83,12 @@ def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) ->
         section = f"{length(float(bays.width[bay, station]))} × {length(bays.thickness)}"
         numbers = [f"{x / factor:.2f}" for x, (factor, _) in zip(row, scale, strict=True)]
         rows.append((bays.member[bay], section, length(float(bays.length[bay])), *numbers))
-    heads = [f"{name}, {unit}" for name, (_, unit) in zip(NAMES, scale, strict=True)]
+    heads = [f"{name}, {unit}" for name, (_, unit) in zip(COMPONENTS, scale, strict=True)]
     caption = number.table("The same: section, length from node to node, and forces where that check decides.")
     note = "N positive is tension. My bends with the surface and stretches the side of its normal, Mz bends in it."
-    return Table(caption, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(NAMES)))
+    return Table(
+        caption, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS))
+    )
 
 
 def along(design: Design, number: Numbers) -> ReportSection:
@@ -95,14 +96,14 @@ def along(design: Design, number: Numbers) -> ReportSection:
     found = design.member_utilisation
     rows = [(found.bays.member[bay], found.governing(bay)[1]) for bay in found.worst_bays(WORST)]
     several = len(found.bays.forces) > 1
-    told = "in the case that decides; grey: least and greatest of all cases. " if several else ""
+    told = "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
     figures = []
-    for part in (rows[:ON_A_PAGE], rows[ON_A_PAGE:]):
-        if part:
-            image, size = force_diagrams(design, part)
-            names = f"{part[0][0]} to {part[-1][0]}" if len(part) > 1 else part[0][0]
-            words = f"N, Vz and My along {names}{', ' if told else '. '}{told}Strokes at the bottom are nodes."
-            figures.append(ReportFigure(number.figure(words), image, size, 1.0))
+    for first in range(0, len(rows), IN_A_FIGURE):
+        part = rows[first : first + IN_A_FIGURE]
+        image, size = force_diagrams(design, part)
+        names = ", ".join(name for name, _ in part)
+        words = f"Section forces along {names}. {told}Strokes at the bottom are nodes."
+        figures.append(ReportFigure(number.figure(words), image, size, 1.0))
     return ReportSection("Forces along them", figures, own_page=True)
 
 

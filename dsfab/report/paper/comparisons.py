@@ -13,6 +13,8 @@ from dsfab.pipeline import Design, draft
 from dsfab.preset_file import overridden
 from dsfab.report.paper.drawing import PaperComparison, PaperPicture, paper_picture
 from dsfab.report.paper.earlier import beside_earlier
+from dsfab.report.paper.editing import edited
+from dsfab.report.paper.upsampled import upsampled_beside_exact
 from dsfab.results import DiffusionResult
 from dsfab.study.baselines.striped import as_mode
 
@@ -26,13 +28,13 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
     if name == "hanging_bar":
         return [_michell(design, shown), _ratios(design, folder)]
     if name == "sphere":
-        return [_one_family(design, folder, shown)]
+        return [_one_family(design, folder, shown), upsampled_beside_exact(design, folder)]
     if name == "bridge":
         return [beside_earlier(design, folder, shown)]
     if name == "bob":
         words = "What the statics find on Bob: the stress gathers between the head and the feet."
         again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
-        return [PaperComparison("Bob under his load", words, (again,))]
+        return [PaperComparison("Bob under his load", words, (again,)), edited(design, folder)]
     return []
 
 

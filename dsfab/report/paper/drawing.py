@@ -64,15 +64,20 @@ def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str
     title = title or _title(design, show)
     file = f"{stem}-{show.replace('_', '-')}.webp"
     try:
-        name = design.preset.name
-        marks = {*MARKS} - {"person"} | {SCALE.get(name, "person")}
-        with Previewer(design, show=show, view=VIEWS.get(name, "iso"), marks=marks) as previewer:
+        with previewer_of(design, show) as previewer:
             pixels = previewer.picture(size, quality=LIGHT, words=False)
             words, bar = previewer.words, previewer.bar
     except DsfabError as error:
         return PaperPicture("", title, str(error))
     save_picture(pixels, folder / file)
     return PaperPicture(file, title, words, bar, size)
+
+
+def previewer_of(design: Design, show: str = "structure") -> Previewer:
+    """What draws a figure from its side, with what stands beside it; to be closed."""
+    name = design.preset.name
+    marks = {*MARKS} - {"person"} | {SCALE.get(name, "person")}
+    return Previewer(design, show=show, view=VIEWS.get(name, "iso"), marks=marks)
 
 
 def save_picture(pixels: Bytes, path: Path) -> None:

@@ -37,11 +37,15 @@ WAYS = {
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A rendition of a figure, its picture, and what was found of the paper's claim, or ''."""
+    """A rendition of a figure, its picture, and what was found of the paper's claim, or ''.
+
+    edge : metres, of the mesh that was used; 0 where it could not be made.
+    """
 
     rendition: Rendition
     picture: PaperPicture
     found: str = ""
+    edge: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +85,18 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
         carried, notes = _carried(made[1])
         shown = tuple(paper_picture(design, folder, show, figure.preset) for show in ("structure", *STEPS))
         compared = tuple(comparisons(design, folder, {one.file: one for one in shown}))
-        ways = tuple(_pictured(figure, one, folder, shown[0]) for one in made)
+        ways = tuple(_told(_pictured(figure, one, folder, shown[0])) for one in made)
     except DsfabError as error:
         return FigurePictures(figure, error=str(error))
     surface, seconds = design.surface, processor_seconds(design)
     return FigurePictures(figure, surface.n, surface.m, seconds, carried, notes, shown, compared, ways, coarser)
+
+
+def _told(way: RenditionPicture) -> RenditionPicture:
+    """What is told of a rendition, without the design, which is large: figures come from other processes."""
+    design = way.rendition.design
+    edge = float(design.preset.surface.model_dump()["edge"]) if design else 0.0
+    return replace(way, rendition=replace(way.rendition, design=None), edge=edge)
 
 
 def processor_seconds(design: Design) -> dict[str, float]:

@@ -30,15 +30,19 @@ def measured(made: FigurePictures, coarser: float) -> str:
     cells = "".join(picture_cell(one.picture, name) for one in made.ways)
     head = "".join(f'<th title="{escape(words)}">{escape(column)}</th>' for column, words in COLUMNS)
     rows = "".join(_row(one.rendition) for one in made.ways)
-    again = f"dsfab reproduce {name}" + (f" --coarser {coarser:g}" if coarser != 1 else "")
     findings = "".join(
         f"<p><b>{escape(WAYS[one.rendition.name])}:</b> {escape(one.found)}.</p>" for one in made.ways if one.found
     )
     return (
         f'{findings}<div class="compared ways" style="--across: {len(made.ways)}">{cells}</div>'
-        f'<table class="measured"><caption>Measured, again by <code>{escape(again)}</code></caption>'
+        f'<table class="measured"><caption>Measured, again by {again(name, coarser)}</caption>'
         f"<tr><th></th>{head}</tr>{rows}</table>{_built(made)}"
     )
+
+
+def again(name: str, coarser: float) -> str:
+    """The command that makes a figure of the page again, with all that is measured on it."""
+    return f"<code>{escape(f'dsfab reproduce {name}' + (f' --coarser {coarser:g}' if coarser != 1 else ''))}</code>"
 
 
 def rendition_facts(made: Rendition) -> tuple[str, ...]:
@@ -62,11 +66,6 @@ def _row(made: Rendition) -> str:
     return f"<tr><th>{escape(WAYS[made.name])}</th>{cells}</tr>"
 
 
-def _edge(made: Rendition) -> float:
-    """Metres, of the mesh that was used."""
-    return float(made.design.preset.surface.model_dump()["edge"]) if made.design else 0.0
-
-
 def _ratio(x: float) -> str:
     """A ratio of compliances in words."""
     return "no load" if np.isnan(x) else "not carried" if np.isinf(x) else f"{x:.3g}"
@@ -78,7 +77,8 @@ def _built(made: FigurePictures) -> str:
     for way in made.ways:
         one = way.rendition
         told = one.refused or "; ".join(one.departures) or "no departure but the scale of the modes"
-        mesh = f" --set surface.edge={_edge(one):.6g}" if made.coarser != 1 and one.design else ""
+        told += f"; not carried: {one.uncarried}" if one.uncarried else ""
+        mesh = f" --set surface.edge={way.edge:.6g}" if made.coarser != 1 and way.edge else ""
         lines.append(
             f'<p class="quiet"><b>{escape(WAYS[one.name])}</b>: {escape(told)}. '
             f"<code>dsfab build {escape(made.figure.preset + mesh + one.command)}</code></p>"

@@ -11,7 +11,7 @@ from dsfab.report.html import html_page, image, why
 from dsfab.report.paper.claim import claim_section
 from dsfab.report.paper.drawing import PaperComparison
 from dsfab.report.paper.figures import RUNS, FigurePictures
-from dsfab.report.paper.measures import measured, picture_cell
+from dsfab.report.paper.measures import again, measured, picture_cell
 from dsfab.study.paper import Parameters, Timings
 
 PAGE_NAME = "index.html"
@@ -48,7 +48,9 @@ class PageFacts:
 
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
     """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
-    compared = [_comparison(one) for figure in figures for one in figure.comparisons]
+    compared = [
+        _comparison(one, again(figure.figure.preset, about.coarser)) for figure in figures for one in figure.comparisons
+    ]
     sections = [_section(figure, about.coarser) for figure in figures]
     body = [_header(about), _overview(figures), *sections, *compared, claim_section(volumes)]
     return html_page("The paper's figures, made again", "\n".join(body), STYLE)
@@ -147,12 +149,14 @@ def _timing(who: str, vertices: int, triangles: int, seconds: dict[str, float | 
     return f"<tr><th>{who}</th><td>{vertices:,}</td><td>{triangles:,}</td>{cells}<td>{sum(known):.3f}</td></tr>"
 
 
-def _comparison(one: PaperComparison) -> str:
+def _comparison(one: PaperComparison, command: str) -> str:
+    """command : what makes it again."""
     rows = "".join(
         f'<div class="compared" style="--across: {len(row)}">{"".join(picture_cell(s, one.title) for s in row)}</div>'
         for row in one.rows
     )
-    return f"<section><h2>{escape(one.title)}</h2><p>{escape(one.words)}</p>{rows}</section>"
+    words = f'<p>{escape(one.words)}</p><p class="quiet">Again by {command}</p>'
+    return f"<section><h2>{escape(one.title)}</h2>{words}{rows}</section>"
 
 
 STYLE = """

@@ -61,7 +61,14 @@ class ComparisonTask:
             spacing = family.distance(surface.area, surface.mean_edge)
             return family.model_copy(update={"spacing": spacing, "frequency": 0.0})
 
-        modes = {"method": "modes", "guide": (), "rotate": 0.0, "major": apart(ask.major), "minor": apart(ask.minor)}
+        modes = {
+            "method": "modes",
+            "guide": (),
+            "rotate": 0.0,
+            "forces": "uncut",
+            "major": apart(ask.major),
+            "minor": apart(ask.minor),
+        }
         return self.preset.model_copy(update={"pattern": ask.model_copy(update=modes)})
 
     @property

@@ -2,11 +2,12 @@
 program.
 
 solid     a cut sheet as wedges, with supports and loads       calculix  the files for the program, and what it finds
+running   the program itself, watched and ended
 limit     linear buckling, its shape as an imperfection, the path of loads: `nonlinear_check`
 """
 
-from dsfab.study.nonlinear.calculix import require_ccx
 from dsfab.study.nonlinear.limit import NonlinearCheck, limit_of, nonlinear_check, solid_check
+from dsfab.study.nonlinear.running import require_ccx
 from dsfab.study.nonlinear.solid import WedgeModel, solid_model
 
 __all__ = [

@@ -8,15 +8,12 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
-from dsfab.statics import FaceStiffness, SheetModel
+from dsfab.statics import FaceStiffness, SheetModel, optimality_step
 from dsfab.study.simp.filtering import face_filter, filtered_sensitivity
 from dsfab.surface import LoadCase, Surface
 
 GREY = 0.1
 """Densities nearer than this to 0 or 1 count as void or material."""
-
-BISECTED = 1e-6
-"""The Lagrange multiplier of the area is found to this share."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +131,7 @@ def densities(
             energy = K.energies(factor(K.force)) @ many
             history.append(float(now.stiffness(x) @ energy))
             gain = filtered_sensitivity(H, x, now.slope(x) * energy / surface.areas)
-            new = _optimality_step(x, gain, surface.areas, area, solid, ask.move)
+            new = optimality_step(x, gain, surface.areas, area, solid, ask.move)
             step, x = np.abs(new - x).max(), new
             if step < ask.change:
                 break
@@ -150,18 +147,3 @@ def _start(surface: Surface, area: float, solid: Bools) -> float:
             "anyway; ask for an area between these, or set a smaller pattern.keep or pattern.rim"
         )
     return (area - given) / (surface.area - given)
-
-
-def _optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """x sqrt(gain / multiplier), moved by at most `move`, with the multiplier that meets the area [Bendsoe 1995]."""
-    low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
-    root = x * np.sqrt(np.maximum(gain, 0.0))
-    least, most = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
-    while most - least > BISECTED * most:
-        middle = (least + most) / 2  # the root of the multiplier
-        new = np.where(solid, 1.0, np.clip(root / middle, low, high))
-        if areas @ new > area:
-            least = middle
-        else:
-            most = middle
-    return np.asarray(new)

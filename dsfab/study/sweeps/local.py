@@ -55,9 +55,9 @@ class LocalWorkers:
         raise BrokenExecutor(f"{worker} cannot be started")
 
     def _begin(self, worker: str) -> None:
-        with _quiet_start():
+        with quiet_start():
             context = multiprocessing.get_context("spawn")
-            pool = ProcessPoolExecutor(1, mp_context=context, initializer=_end_with_parent)
+            pool = ProcessPoolExecutor(1, mp_context=context, initializer=end_with_parent)
             self._pools[worker] = pool
             pool.submit(os.getpid).add_done_callback(lambda future: self._introduce(worker, future))
 
@@ -89,7 +89,7 @@ class LocalWorkers:
 
 
 @contextmanager
-def _quiet_start() -> Iterator[None]:
+def quiet_start() -> Iterator[None]:
     """Processes that begin here compute in one thread, and leave Ctrl-C to the coordinator."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
@@ -104,7 +104,7 @@ def _quiet_start() -> Iterator[None]:
             os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Begins in each worker: when the coordinator is killed, nobody else would end its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()

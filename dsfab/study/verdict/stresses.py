@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
@@ -68,9 +68,7 @@ def extreme(surface: Surface, value: Floats, far: Bools | None = None) -> Extrem
 
 def quantile(value: Floats, weight: Floats, share: float = QUANTILE) -> float:
     """What of the values (k,) a share of the weights (k,) does not exceed."""
-    order = np.argsort(value)
-    upto = np.cumsum(weight[order])
-    return float(value[order][min(np.searchsorted(upto, share * upto[-1]), len(order) - 1)])
+    return weighted_quantile(value, weight, share)
 
 
 def off_corners(surface: Surface, held: Bools) -> Bools:

@@ -2,7 +2,9 @@
 
 guard.py  what goes wrong, as a sentence
 limits.py  how much a reader may take       record.py  what was read, repaired and dropped    text.py  bytes to lines
-obj.py  off.py  ply.py  stl.py  gltf.py (also .glb)  threemf.py       soup.py  faces that share no vertex, joined
+obj.py  off.py  ply.py  stl.py  gltf.py (also .glb)  threemf.py  dxf.py  rhino.py  occt.py (STEP, BREP)
+apart.py  the last two, in a process of their own      curves.py  what drawings share
+soup.py  faces that share no vertex, joined
 """
 
 from dsfab.surface.formats.limits import DEFAULT_TRIANGLES, Budget

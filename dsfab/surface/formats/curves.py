@@ -19,11 +19,13 @@ LARGEST = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """What is drawn: layer and points (k, 3) of each curve, in the drawing's unit; the layers; the unit, if it says."""
+    """What is drawn: layer and points (k, 3) of each curve, in the drawing's unit; the layers; the unit, if it says;
+    layer and place (1, 3) of each point that is drawn."""
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]
     unit: str | None
+    points: tuple[tuple[str, Floats], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""DXF drawings (AutoCAD): the curves of the model space, read with ezdxf."""
+"""DXF drawings (AutoCAD): the curves, points and meshes of the model space, read with ezdxf."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,14 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import SurfaceError
 from dsfab.surface.formats.curves import FLAT, LARGEST, Drawing, DrawingBudget, flattened
-from dsfab.surface.formats.limits import MalformedFileError
+from dsfab.surface.formats.limits import Budget, MalformedFileError
+from dsfab.surface.formats.record import TriangleFile, counted
+from dsfab.surface.places import equal_merged
+from dsfab.surface.polygons import Polygons, triangles
+from dsfab.units import metres_per
 
 UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
 """$INSUNITS."""
 TAIL = 512
 """Bytes at the end of a file within which it says that this is its end."""
+SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
+"""Entities with shapes that only AutoCAD reads."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
@@ -21,22 +28,84 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
     Raises MalformedFileError for what is no whole DXF file, SurfaceError beyond the budget.
     """
+    document = _document(path)
+    runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
+    for entity in _Entities(budget).leaves(document.modelspace(), 0):
+        layer = entity.dxf.layer
+        for curve in _curves(entity):
+            count += len(curve)
+            budget.require("points", count)
+            runs.append((layer, curve))
+        if entity.dxftype() == "POINT":
+            dots.append((layer, np.array([[*entity.dxf.location]])))
+    layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _ in (*runs, *dots)})
+    return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots))
+
+
+def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
+    """The meshes of a DXF file: 3DFACE, MESH, polyface and polygon meshes, blocks opened; vertices at exactly the same
+    place become one.
+
+    Raises SurfaceError for a file without any and beyond the budget, MalformedFileError as `read_dxf` does.
+    """
+    document = _document(path)
+    V, F, count, solids = list[Floats](), list[Ints](), 0, 0
+    drawing = DrawingBudget(entities=budget.triangles, seconds=budget.seconds)
+    for entity in _Entities(drawing).leaves(document.modelspace(), 0):
+        solids += entity.dxftype() in SOLIDS
+        for mesh in _polygons(entity):
+            corners = triangles(mesh).F
+            V.append(mesh.V)
+            F.append(corners + count)
+            count += len(mesh.V)
+            budget.require_vertices(count)
+    if not V:
+        what = f"{counted(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
+        raise SurfaceError(f"it holds {what}: no 3DFACE, MESH or polyface; export the surface as a mesh, or as STEP")
+    points, faces = equal_merged(np.concatenate(V), np.concatenate(F))
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    unit = _unit(document)
+    dropped = (f"{counted(solids, 'solid')} or surface",) if solids else ()
+    return TriangleFile(points, faces, unit, metres_per(unit or "m"), (), dropped)
+
+
+def _document(path: Path) -> Any:
+    """The drawing in a file; raises MalformedFileError for what is none."""
     import ezdxf
     from ezdxf import recover
 
     if b"EOF" not in path.read_bytes()[-TAIL:]:
         raise MalformedFileError("its end, EOF, is missing: it is no DXF file, or it is cut off")
     try:
-        document, _ = recover.readfile(path)
+        return recover.readfile(path)[0]
     except ezdxf.DXFError as error:
         raise MalformedFileError((str(error).splitlines() or ["ezdxf says no more"])[0][:120]) from None
-    runs, points = [], 0
-    for layer, curve in _Entities(budget).runs(document.modelspace(), 0):
-        points += len(curve)
-        budget.require("points", points)
-        runs.append((layer, curve))
-    layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _ in runs})
-    return Drawing(tuple(runs), tuple(layers), UNITS.get(int(document.header.get("$INSUNITS", 0))))
+
+
+def _unit(document: Any) -> str | None:
+    return UNITS.get(int(document.header.get("$INSUNITS", 0)))
+
+
+def _polygons(entity: Any) -> Iterator[Polygons]:
+    """The faces of an entity: none of what is no mesh."""
+    from ezdxf.render import MeshBuilder
+
+    kind = entity.dxftype()
+    if kind == "3DFACE":
+        corners = np.array([[*point] for point in entity.wcs_vertices()])
+        yield Polygons(corners, np.arange(len(corners)), np.array([len(corners)]))
+        return
+    if kind == "MESH":
+        mesh = MeshBuilder.from_mesh(entity)
+    elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+        mesh = MeshBuilder.from_polyface(entity)
+    else:
+        return
+    V = np.array([[*point] for point in mesh.vertices], dtype=np.float64).reshape(-1, 3)
+    faces = [list(face) for face in mesh.faces if len(face) > 2]
+    sizes = np.array([len(face) for face in faces], dtype=np.int64)
+    if faces:
+        yield Polygons(V, np.array([k for face in faces for k in face], dtype=np.int64), sizes)
 
 
 class _Entities:
@@ -45,8 +114,8 @@ class _Entities:
     def __init__(self, budget: DrawingBudget) -> None:
         self.budget, self.count = budget, 0
 
-    def runs(self, entities: Any, depth: int) -> Iterator[tuple[str, Floats]]:
-        """Layer and points (k, 3) of each curve."""
+    def leaves(self, entities: Any, depth: int) -> Iterator[Any]:
+        """All that is drawn, blocks opened."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks lie in one another, more than {self.budget.depth} deep")
         for entity in entities:
@@ -56,13 +125,13 @@ class _Entities:
             if entity.dxftype() == "INSERT":
                 yield from self._inserted(entity, depth)
             else:
-                yield from ((entity.dxf.layer, points) for points in _curves(entity))
+                yield entity
 
     def _inserted(self, insert: Any, depth: int) -> Iterator[tuple[str, Floats]]:
         """What a block holds, once for each place of a grid of insertions."""
         self.budget.require("entities", self.count + insert.mcount)
         for one in insert.multi_insert() if insert.mcount > 1 else (insert,):
-            yield from self.runs(one.virtual_entities(), depth + 1)
+            yield from self.leaves(one.virtual_entities(), depth + 1)
 
 
 def _require_numbers(entity: Any) -> None:

@@ -1,4 +1,4 @@
-"""3DM drawings (Rhino): the curves of the model, read with rhino3dm, which need not be there."""
+"""3DM files (Rhino): the curves, points and meshes of the model, read with rhino3dm, which need not be there."""
 
 import importlib.util
 from collections.abc import Iterable, Iterator
@@ -7,16 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.formats.curves import Drawing, DrawingBudget, flattened
 from dsfab.surface.formats.limits import MalformedFileError
+from dsfab.surface.formats.record import TriangleFile, counted
+from dsfab.surface.polygons import Polygons, triangles
+from dsfab.units import metres_per
 
 UNITS = {
     "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km",
     "Inches": "in", "Feet": "ft",
 }  # fmt: skip
 """Names of rhino3dm."""
+MARKS = ("Point", "TextDot", "PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve", "Light")
+"""What is drawn beside a surface and needs no word."""
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
@@ -28,18 +33,76 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     require_rhino()
     import rhino3dm
 
+    model = _model(path)
+    runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
+    for layer, thing, place in _Model.things_of(model, budget):
+        if isinstance(thing, rhino3dm.Curve):
+            runs.append((layer, _moved(_points(thing), place)))
+            count += len(runs[-1][1])
+            budget.require("points", count)
+        elif isinstance(thing, rhino3dm.Point):
+            dots.append((layer, _moved(np.array([[getattr(thing.Location, axis) for axis in "XYZ"]]), place)))
+    layers = tuple(sorted(layer.Name for layer in model.Layers))
+    return Drawing(tuple(runs), layers, UNITS.get(model.Settings.ModelUnitSystem.name), tuple(dots))
+
+
+def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
+    """The meshes of a 3DM file, blocks opened, and those that it was saved with of surfaces; none joined with another.
+
+    Raises SurfaceError for a file with surfaces alone that were saved without meshes, and as `read_rhino` does.
+    """
+    model = _model(path)
+    V, F, count, bare, others = list[Floats](), list[Ints](), 0, 0, 0
+    for _, thing, place in _Model.things_of(model, budget):
+        meshes = _meshes(thing)
+        bare += meshes is None
+        others += meshes == [] and type(thing).__name__ not in MARKS
+        for mesh in meshes or ():
+            points, corners = _mesh_arrays(mesh)
+            V.append(_moved(points, place))
+            F.append(corners + count)
+            count += len(points)
+    if not V:
+        what = f"{counted(bare, 'surface')} without a mesh" if bare else "no mesh"
+        raise SurfaceError(f"it holds {what}; in Rhino make one (Mesh), or export the surface as STEP")
+    unit = UNITS.get(model.Settings.ModelUnitSystem.name)
+    dropped = [counted(bare, "surface") + " saved without its mesh"] if bare else []
+    dropped += [counted(others, "object") + " that are neither mesh nor surface"] if others else []
+    return TriangleFile(np.concatenate(V), np.concatenate(F), unit, metres_per(unit or "m"), (), tuple(dropped))
+
+
+def _meshes(thing: Any) -> list[Any] | None:
+    """The meshes of what is drawn; [] for what is no surface, None for a surface that was saved without one."""
+    import rhino3dm
+
+    if isinstance(thing, rhino3dm.Mesh):
+        return [thing]
+    if isinstance(thing, rhino3dm.Brep):
+        found = [face.GetMesh(rhino3dm.MeshType.Any) for face in thing.Faces]
+        return found if all(found) else None
+    if isinstance(thing, rhino3dm.Extrusion):
+        mesh = thing.GetMesh(rhino3dm.MeshType.Any)
+        return [mesh] if mesh else None
+    return None if isinstance(thing, rhino3dm.Surface | rhino3dm.SubD) else []
+
+
+def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
+    """V (n, 3) and F (m, 3) of a mesh, quads cut along their shorter diagonals."""
+    V = np.array([[p.X, p.Y, p.Z] for p in mesh.Vertices], dtype=np.float64).reshape(-1, 3)
+    quads = np.array([mesh.Faces[k] for k in range(len(mesh.Faces))], dtype=np.int64).reshape(-1, 4)
+    sizes = np.where(quads[:, 2] == quads[:, 3], 3, 4)
+    corners = quads[np.arange(4) < sizes[:, None]]
+    return V, triangles(Polygons(V, corners, sizes)).F
+
+
+def _model(path: Path) -> Any:
+    """The model in a file; raises MalformedFileError for what is none."""
+    import rhino3dm
+
     model = rhino3dm.File3dm.Read(str(path))
     if model is None:
         raise MalformedFileError("it is damaged, or no 3DM file")
-    budget.require("entities", len(model.Objects))
-    runs, points = [], 0
-    drawn = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
-    for layer, curve in _Model(model, budget).runs(drawn, np.eye(4), 0):
-        runs.append((layer, curve))
-        points += len(curve)
-        budget.require("points", points)
-    layers = tuple(sorted(layer.Name for layer in model.Layers))
-    return Drawing(tuple(runs), layers, UNITS.get(model.Settings.ModelUnitSystem.name))
+    return model
 
 
 class _Model:
@@ -50,8 +113,15 @@ class _Model:
         self.model, self.budget, self.count = model, budget, 0
         self.layers = {layer.Index: layer.Name for layer in model.Layers}
 
-    def runs(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Floats]]:
-        """Layer and points (k, 3) of each curve, moved by a matrix (4, 4)."""
+    @classmethod
+    def things_of(cls, model: Any, budget: DrawingBudget) -> Iterator[tuple[str, Any, Floats]]:
+        """Layer, geometry and matrix (4, 4) of everything that is drawn; raises SurfaceError beyond the budget."""
+        budget.require("entities", len(model.Objects))
+        drawn = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
+        return cls(model, budget).things(drawn, np.eye(4), 0)
+
+    def things(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Any, Floats]]:
+        """The same of some objects, moved by a matrix (4, 4)."""
         import rhino3dm
 
         if depth > self.budget.depth:
@@ -61,10 +131,9 @@ class _Model:
             self.budget.require("entities", self.count)
             if isinstance(thing.Geometry, rhino3dm.InstanceReference):
                 inside = self._block(thing.Geometry.ParentIdefId)
-                yield from self.runs(inside, place @ _matrix(thing.Geometry.Xform), depth + 1)
-            elif isinstance(thing.Geometry, rhino3dm.Curve):
-                points = _points(thing.Geometry) @ place[:3, :3].T + place[:3, 3]
-                yield self.layers.get(thing.Attributes.LayerIndex, ""), points
+                yield from self.things(inside, place @ _matrix(thing.Geometry.Xform), depth + 1)
+            else:
+                yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
 
     def _block(self, number: Any) -> list[Any]:
         """What a block holds; raises MalformedFileError for one that is not in the file, as of a linked one."""
@@ -74,6 +143,11 @@ class _Model:
             name = f"the block {block.Name!r}" if block else "a block"
             raise MalformedFileError(f"{name} is inserted and not in the file; explode it, or embed it in Rhino")
         return inside
+
+
+def _moved(points: Floats, place: Floats) -> Floats:
+    """Points (k, 3) moved by a matrix (4, 4)."""
+    return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
 
 def _matrix(moved: Any) -> Floats:

@@ -13,6 +13,8 @@ from dsfab.surface.shapes.solids import Field, Point, ball, blended, ellipsoid, 
 
 FOOT = 0.4
 """Where the camel's neck is cut, in the coordinates that it is drawn in."""
+MOUTH, HOLLOW = 0.017, 0.034
+"""About half as wide as the camel's mouth and the hollow of its ear: triangles that are wider cannot show them."""
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
@@ -29,6 +31,9 @@ def _above_ground(field: Field, k: float) -> Field:
 @shape
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
+
+    Edges that are longer than its mouth or its ears are wide leave out the mouth, the nostrils and the hollow of the
+    ears, and make these thicker: what is left is a head in even triangles.
 
     height : from the boundary to about the tips of the ears, metres.
     """
@@ -47,14 +52,17 @@ def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     head = blended([head, lip], 0.03)
     mouth = limb([(0.24, 0.2, 0.632), (0.38, 0.055, 0.6), (0.54, 0.0, 0.59)], [0.008, 0.014, 0.018])
     nostril = limb([(0.455, 0.055, 0.69), (0.5, 0.025, 0.68)], [0.013, 0.018])
-    head = without(without(head, mouth, 0.03), nostril, 0.015)
-    whole, tall = mirrored(blended([head, _ear()], 0.05)), 1.004 - FOOT
-    unit = skin(whole, (-0.5, -0.3, FOOT), (0.6, 0.3, 1.1), edge * tall / height, floor=FOOT)
+    tall = 1.004 - FOOT
+    wide = edge * tall / height
+    if wide <= MOUTH:
+        head = without(without(head, mouth, 0.03), nostril, 0.015)
+    whole = mirrored(blended([head, _ear(wide)], 0.05))
+    unit = skin(whole, (-0.5, -0.3, FOOT), (0.6, 0.3, 1.1), wide, floor=FOOT)
     return Surface((unit.V - [0, 0, FOOT]) * height / tall, unit.F)
 
 
-def _ear() -> Field:
-    """A pointed leaf, hollow in front."""
+def _ear(wide: float) -> Field:
+    """A pointed leaf, at least two triangles thick, hollow in front if these are not wider than the hollow."""
     along = np.array([-0.45, 0.6, 0.66])
     along /= np.linalg.norm(along)
     front = np.array([0.9, 0.3, 0.2])
@@ -62,7 +70,9 @@ def _ear() -> Field:
     front /= np.linalg.norm(front)
     axes = np.stack([along, np.cross(front, along), front])
     centre = np.array([-0.105, 0.15, 0.93])
-    leaf = ellipsoid(centre, (0.095, 0.055, 0.036), axes)
+    leaf = ellipsoid(centre, (0.095, max(0.055, wide), max(0.036, wide)), axes)
+    if wide > HOLLOW:
+        return leaf
     hollow = ellipsoid(centre + 0.042 * front, (0.068, 0.034, 0.026), axes)
     return without(leaf, hollow, 0.02)
 

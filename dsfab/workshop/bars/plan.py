@@ -7,16 +7,13 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.members import MemberGraph
-from dsfab.wording import length
+from dsfab.wording import length, some_names
 from dsfab.workshop.bars.cutting import BarStock, bar_part, plate_part
 from dsfab.workshop.bars.joints import BarLattice, LatticeBar, bar_lattice
 from dsfab.workshop.bars.lattice import is_barred, member_lattice
 from dsfab.workshop.legs import Footing, leg_lines
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plates import plate_parts
-
-SHOWN = 5
-"""So many names stand for many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +30,11 @@ class BarPlan:
     def loose(self) -> tuple[str, ...]:
         """Names of bars that are too short for a bolt at each end."""
         return tuple(bar.bay.id for bar in self.found.bars if not self.stock.bolts(bar)[0])
+
+    @property
+    def strayed(self) -> float:
+        """Metres by which bars leave the surface, at most."""
+        return max(bar.sagitta for bar in self.found.bars)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -62,7 +64,7 @@ def _possible(plan: BarPlan) -> Iterator[str]:
     joints = sum(joint.node.joined for joint in plan.found.joints)
     yield (
         f"{len(bars)} straight bars of {length(stock.bar)} on {joints} plates of {length(stock.plate)}; they leave the "
-        f"surface by up to {length(max(bar.sagitta for bar in bars))} ({max(bars, key=_sagitta).bay.id})"
+        f"surface by up to {length(plan.strayed)} ({max(bars, key=_sagitta).bay.id})"
     )
     if plan.loose:
         yield (
@@ -99,13 +101,9 @@ def _left_out(plan: BarPlan) -> Iterator[str]:
         yield f"{_names(lattice.rings)} left out: closed, with fewer than three nodes"
     ends = [node for node in lattice.nodes if not node.joined]
     if ends:
-        yield f"{len(ends)} bars end without a plate, at edges of the surface: {_listed([node.id for node in ends])}"
+        yield f"{len(ends)} bars end without a plate, at edges of the surface: {some_names([node.id for node in ends])}"
 
 
 def _names(names: tuple[str, ...]) -> str:
     """'A01.2 and 3 others are'."""
-    return f"{_listed(list(names))} {'is' if len(names) == 1 else 'are'}"
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:SHOWN]) + (f" and {len(names) - SHOWN} more" if len(names) > SHOWN else "")
+    return f"{some_names(names)} {'is' if len(names) == 1 else 'are'}"

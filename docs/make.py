@@ -1,12 +1,16 @@
-"""The pictures of `outputs/gallery`, made anew: `python -m tests.benchmarks.gallery [NAME...]`.
+"""The pictures of the README and of the site, made anew: `python -m docs.make [NAME...]`.
 
 Of each design its finished solid, and a page of four: what presses on the surface, its principal stresses, the sheet by
-families, the solid. Bob's mesh is looked for in DSFAB_MESHES; without it his pictures stay as they are.
+families, the solid. Besides: pages of dsfab in a browser, options side by side, drawings of concepts, pictures of the
+examples. Bob's mesh is looked for in DSFAB_MESHES; without it his pictures stay as they are.
 """
 
+import os
+import runpy
 import sys
 import tempfile
 import time
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +19,8 @@ from PIL import Image
 from scipy.interpolate import CubicSpline, LinearNDInterpolator
 
 import dsfab
+from docs.drawings import CONCEPTS
+from docs.wires import drawn
 from dsfab.app.cli import main
 from dsfab.app.editor.source import Opened
 from dsfab.arrays import from_segments
@@ -30,7 +36,8 @@ from tests.meshes import mesh_file
 from tests.test_app_editor import serving
 from tests.test_app_editor_page import READY
 
-GALLERY = Path(__file__).parents[2] / "outputs" / "gallery"
+ROOT = Path(__file__).resolve().parent.parent
+GALLERY = ROOT / "outputs" / "gallery"
 SHIPPED = (
     *("dome", "globe", "barrel_vault", "tower", "snow_vault", "cantilever"),
     *("gridshell", "slab"),
@@ -99,9 +106,18 @@ def draw(name: str) -> None:
 
 def editor() -> None:
     """The editor as it opens on the dome."""
+    _in_the_editor(dsfab.load_preset("dome"), "editor")
+
+
+def my_roof_editor() -> None:
+    """The editor as it opens on what `dsfab new` proposes for the canopy's mesh."""
+    _in_the_editor(dsfab.preset_for(GALLERY / "canopy.obj").model_copy(update={"name": "my_roof"}), "my_roof_editor")
+
+
+def _in_the_editor(preset: dsfab.Preset, name: str) -> None:
     width, height = 1440, 900
     with (
-        serving(Opened(dsfab.load_preset("dome"), ("dome",))) as server,
+        serving(Opened(preset, (preset.name,))) as server,
         tempfile.TemporaryDirectory() as folder,
         opened(Path(folder), (width, height)) as tab,
     ):
@@ -109,7 +125,7 @@ def editor() -> None:
         tab.open(server.address, READY)
         time.sleep(SETTLED)
         tab.picture(Path(folder) / "editor.png")
-        write(Image.open(Path(folder) / "editor.png").convert("RGB"), "editor")
+        write(Image.open(Path(folder) / "editor.png").convert("RGB"), name)
 
 
 def explore() -> None:
@@ -184,13 +200,14 @@ def options() -> None:
 
 CURVE = [[-5.0, -3.6], [-3.9, -2.9], [-2.5, -2.0], [-1.2, -1.35], [0.0, -1.2], [1.2, -1.5], [2.5, -2.2], [5.0, -3.8]]
 """In plan over the canopy, metres."""
+CANOPY = GALLERY / "canopy.toml"
 NEAR = 0.16
 """Metres from it that are red in the picture."""
 
 
 def guides() -> None:
     """A canopy as it is, and with a member on a curve."""
-    told, canopy = [], dsfab.load_preset(GALLERY / "canopy.toml")
+    told, canopy = [], dsfab.load_preset(CANOPY)
     V = dsfab.run(canopy).surface.V
     plan = CubicSpline(range(len(CURVE)), CURVE)(np.linspace(0, len(CURVE) - 1, 30))
     curve = np.column_stack([plan, LinearNDInterpolator(V[:, :2], V[:, 2])(plan)]).round(3).tolist()
@@ -205,17 +222,65 @@ def guides() -> None:
     write(np.concatenate(told, axis=1), "guides")
 
 
+def grasshopper() -> None:
+    """The component on its canvas, and the structure that comes back for the canopy's mesh."""
+    with tempfile.TemporaryDirectory() as folder:
+        drawn(GALLERY / "canopy.obj").savefig(Path(folder) / "wires.png")
+        write(Image.open(Path(folder) / "wires.png").convert("RGB"), "grasshopper")
+
+
 PAGES = {
+    "grasshopper": grasshopper,
     "options": options,
     "guides": guides,
     "workshop": workshop,
     "card": card,
     "editor": editor,
+    "my_roof_editor": my_roof_editor,
     "explore": explore,
     "report": report,
 }
 
+EXAMPLES = {path.stem: path for path in sorted((ROOT / "docs" / "examples").glob("*.py"))}
+
+
+def example(name: str) -> None:
+    """The picture that an example draws."""
+    with tempfile.TemporaryDirectory() as folder:
+        with chdir(folder):
+            runpy.run_path(str(EXAMPLES[name]), run_name="__main__")
+        write(Image.open(Path(folder) / f"{name}.png").convert("RGB"), f"examples/{name}")
+
+
+def concept(name: str) -> None:
+    """A drawing of docs/concepts.md."""
+    with tempfile.TemporaryDirectory() as folder:
+        CONCEPTS[name]().savefig(Path(folder) / "drawing.png")
+        write(Image.open(Path(folder) / "drawing.png").convert("RGB"), f"concepts/{name}")
+
+
+def files(name: str) -> tuple[str, ...]:
+    """The pictures that a name of the table makes, from outputs/gallery on."""
+    if name in DESIGNS:
+        return tuple(
+            f"{name}{end}.png" for end, is_drawn in (("", name in ALONE), ("_steps", name != "my_roof")) if is_drawn
+        )
+    folder = "examples/" if name in EXAMPLES else "concepts/" if name in CONCEPTS else ""
+    return (f"{folder}{name}.png",)
+
+
+MAKERS = {
+    **dict.fromkeys(DESIGNS, draw),
+    **{name: lambda name: PAGES[name]() for name in PAGES},
+    **dict.fromkeys(EXAMPLES, example),
+    **dict.fromkeys(CONCEPTS, concept),
+}
+"""Who makes the pictures of a name."""
+
 if __name__ == "__main__":
-    for name in sys.argv[1:] or (*DESIGNS, *PAGES):
-        draw(name) if name in DESIGNS else PAGES[name]()
-        print(f"  {GALLERY / name}.png")
+    for name in sys.argv[1:] or MAKERS:
+        if name == "figurine" and "DSFAB_MESHES" not in os.environ:
+            print("  figurine: left as it is, for DSFAB_MESHES names no folder with bob.obj")
+            continue
+        MAKERS[name](name)
+        print(*(f"  {GALLERY / file}" for file in files(name)), sep="\n")

@@ -1,0 +1,300 @@
+"""dsfab in Blender: builds a structure of the mesh of the active object, and shows its solid and its members.
+
+Written by `dsfab blender`. Install it in Preferences > Add-ons > Install from Disk; its panel is in the sidebar (N) of
+the 3D view. dsfab itself runs as a program of its own, by the Python that the preferences of the add-on name.
+"""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+from mathutils import Matrix
+
+bl_info = {
+    "name": "dsfab",
+    "description": "A structure that follows the forces in the mesh of the active object",
+    "author": "the dsfab founders",
+    "version": (0, 1, 0),
+    "blender": (4, 2, 0),
+    "location": "3D View > Sidebar > dsfab",
+    "category": "Mesh",
+}
+
+PYTHON = ""
+"""The Python that dsfab is installed in, as `dsfab blender` knew it; empty: that of Blender."""
+MADE_OF = "dsfab_source"
+"""Marks what is ours with the name of the object that it was built of."""
+WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+"""Objects that Blender can turn into a mesh."""
+BLINK = 0.2
+"""Seconds between two looks at the program."""
+
+
+class BuildError(Exception):
+    """A sentence for the person, in Blender's status bar."""
+
+
+class Preferences(bpy.types.AddonPreferences):
+    """Where dsfab is."""
+
+    bl_idname = __name__
+    python: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Python of dsfab", description="Empty: Blender's own", default=PYTHON, subtype="FILE_PATH"
+    )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """One field."""
+        self.layout.prop(self, "python")
+
+
+class Wishes(bpy.types.PropertyGroup):
+    """What is built; kept in the .blend file."""
+
+    preset: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Preset",
+        description="A .toml file, or the name of a preset of dsfab; empty: dsfab decides by the mesh",
+        subtype="FILE_PATH",
+    )
+    changes: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Changes",
+        description="Keys of the preset with other values, spaces between: statics.material=S235 pattern.rotate=45",
+    )
+
+
+def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
+    """Write an object as OBJ, in metres and where it stands, with its modifiers. Raises BuildError without faces."""
+    if source.get(MADE_OF):
+        raise BuildError(f"{source.name} was built by dsfab; select {source[MADE_OF]}, the surface of it")
+    if source.type not in WITH_FACES:
+        raise BuildError(f"{source.name} is no surface; select a mesh")
+    source.hide_set(False)  # Blender knows no modifiers of what is hidden
+    shown = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = shown.to_mesh()
+    try:
+        if not len(mesh.polygons):
+            raise BuildError(f"{source.name} has no faces; select a mesh with a surface")
+        place = Matrix.Scale(metres, 4) @ shown.matrix_world
+        lines = ["v {:.9g} {:.9g} {:.9g}".format(*(place @ vertex.co)) for vertex in mesh.vertices]
+        lines += ["f " + " ".join(str(k + 1) for k in face.vertices) for face in mesh.polygons]
+        path.write_text("\n".join(lines) + "\n", encoding="ascii")
+    finally:
+        shown.to_mesh_clear()
+
+
+def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str]:
+    """The words that build it. Raises BuildError for changes that are no words."""
+    preset = bpy.path.abspath(settings.preset)
+    preset = str(Path(preset).resolve()) if Path(preset).is_file() else preset
+    words = [preset, "--mesh", str(mesh)] if preset else [str(mesh)]
+    try:
+        changes = shlex.split(settings.changes)
+    except ValueError as error:
+        raise BuildError(f"changes: {error}; write KEY=VALUE, spaces between") from None
+    words += [word for text in changes for word in ("--set", text)]
+    words += ["--unit", "m", "--up", "z", "--format", "glb,members.glb", "--no-preview", "--quiet", "-o", str(output)]
+    return [bpy.path.abspath(python) if python else sys.executable, "-m", "dsfab", "build", *words]
+
+
+def sentence(code: int, said: str) -> str:
+    """What dsfab says of a failure, without the name before it."""
+    lines = [line for line in said.strip().splitlines() if line]
+    told = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
+    if "No module named dsfab" in said or "No module named 'dsfab'" in said:
+        return "this Python has no dsfab; name another one in the preferences of the add-on"
+    return told[-1] if told else f"dsfab ended with {code}: {lines[-1] if lines else 'no word'}"
+
+
+def imported(path: Path, source: str, collection: bpy.types.Collection, metres: float) -> list[bpy.types.Object]:
+    """The meshes of a GLB file, as objects of a collection, in the unit of the scene."""
+    before = set(bpy.data.objects)
+    unit = bpy.context.scene.unit_settings
+    unit.scale_length = 1.0  # the importer asks it; the objects are made as long as they are in the scene below
+    try:
+        bpy.ops.import_scene.gltf(filepath=str(path))
+    finally:
+        unit.scale_length = metres
+    new = [one for one in bpy.data.objects if one not in before]
+    bpy.context.view_layer.update()
+    meshes = [one for one in new if one.type == "MESH"]
+    for one in meshes:
+        place = Matrix.Scale(1 / metres, 4) @ one.matrix_world
+        one.parent = None
+        one.data.transform(place)
+        one.matrix_world = Matrix.Identity(4)
+        one[MADE_OF] = source
+        for other in list(one.users_collection):
+            other.objects.unlink(one)
+        collection.objects.link(one)
+    for one in set(new) - set(meshes):
+        bpy.data.objects.remove(one)
+    return meshes
+
+
+def emptied(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
+    """A new collection for what is built of an object; the one of its last build goes, with what is in it."""
+    for old in [one for one in bpy.data.collections if one.get(MADE_OF) == name]:
+        for part in (*old.children_recursive, old):
+            for one in list(part.objects):
+                if one.get(MADE_OF):
+                    bpy.data.objects.remove(one)
+                elif not set(one.users_collection) - {part}:
+                    under.objects.link(one)  # somebody else's
+            bpy.data.collections.remove(part)
+    made = bpy.data.collections.new(f"{name} structure")
+    made[MADE_OF] = name
+    under.children.link(made)
+    return made
+
+
+def layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
+    """Where the eye of a collection is."""
+    layers = [bpy.context.view_layer.layer_collection]
+    while layers:
+        layer = layers.pop()
+        if layer.collection == collection:
+            return layer
+        layers.extend(layer.children)
+    raise KeyError(collection.name)
+
+
+def shown(folder: Path, source: bpy.types.Object, metres: float) -> int:
+    """Show the solid and the members that lie in a folder, hide the source; how many members there are.
+
+    The eye of the members is closed: they lie within the solid.
+    """
+    made = emptied(source.name, bpy.context.scene.collection)
+    whole = next(one for one in folder.glob("*.glb") if not one.stem.endswith(".members"))
+    for solid in imported(whole, source.name, made, metres):
+        solid.name = f"{source.name} solid"
+    members = bpy.data.collections.new(f"{source.name} members")
+    made.children.link(members)
+    bodies = imported(next(folder.glob("*.members.glb")), source.name, members, metres)
+    layer_of(members).hide_viewport = True
+    bpy.context.view_layer.objects.active = source  # the next build is of it too
+    source.hide_set(True)
+    return len(bodies)
+
+
+class Build(bpy.types.Operator):
+    """Build a structure of the mesh of the active object"""
+
+    bl_idname = "dsfab.build"
+    bl_label = "Build structure"
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012  Blender reads it so
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """An object with a surface, in object mode."""
+        return context.mode == "OBJECT" and context.active_object is not None
+
+    def _begin(self, context: bpy.types.Context) -> bool:
+        """Start the program; False, and the person told, where it cannot be."""
+        self._folder = tempfile.TemporaryDirectory(prefix="dsfab-")
+        self._source = context.active_object.name
+        self._metres = context.scene.unit_settings.scale_length  # of a unit of the scene
+        folder = Path(self._folder.name)
+        entry = context.preferences.addons.get(__name__)
+        python = entry.preferences.python if entry and entry.preferences else PYTHON
+        try:
+            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # the design has its name
+            mesh_file(context.active_object, self._metres, mesh)
+            words = command(python, mesh, context.scene.dsfab, folder / "built")
+            # to a file: a pipe that nobody reads would stop the program when it is full
+            with (folder / "said.txt").open("wb") as said:
+                own = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+                self._process = subprocess.Popen(
+                    words, stdin=subprocess.DEVNULL, stdout=said, stderr=said, cwd=folder, env=own
+                )
+        except BuildError as error:
+            return self._refused(str(error))
+        except OSError as error:
+            return self._refused(f"{words[0]} cannot be run ({error.strerror}); see the preferences of the add-on")
+        return True
+
+    def _refused(self, text: str) -> bool:
+        self.report({"ERROR"}, text)
+        self._folder.cleanup()
+        return False
+
+    def _end(self) -> set[str]:
+        """Show what the program built, or say why there is nothing."""
+        folder = Path(self._folder.name)
+        said = (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
+        source = bpy.data.objects.get(self._source)
+        if self._process.returncode or source is None:
+            gone = f"{self._source} is not there any more"
+            self._refused(gone if source is None else sentence(self._process.returncode, said))
+            return {"CANCELLED"}
+        count = shown(folder / "built", source, self._metres)
+        self._folder.cleanup()
+        self.report({"INFO"}, f"{source.name}: a solid, and {count} members in a collection with a closed eye")
+        return {"FINISHED"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Wait for it: for scripts."""
+        if not self._begin(context):
+            return {"CANCELLED"}
+        self._process.wait()
+        return self._end()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Let the person go on working meanwhile."""
+        if not self._begin(context):
+            return {"CANCELLED"}
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(BLINK, window=context.window)
+        manager.modal_handler_add(self)
+        context.workspace.status_text_set("dsfab is building. Esc ends it.")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Look whether it has ended; Esc ends it."""
+        stopped = event.type == "ESC"
+        if not stopped and self._process.poll() is None:
+            return {"PASS_THROUGH"}
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+        if not stopped:
+            return self._end()
+        self._process.kill()
+        self._process.wait()
+        self._folder.cleanup()
+        return {"CANCELLED"}
+
+
+class Panel(bpy.types.Panel):
+    """In the sidebar of the 3D view."""
+
+    bl_idname = "VIEW3D_PT_dsfab"
+    bl_label = "dsfab"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "dsfab"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Preset, changes, a button."""
+        for name in ("preset", "changes"):
+            self.layout.prop(context.scene.dsfab, name)
+        self.layout.operator(Build.bl_idname)
+
+
+CLASSES = (Preferences, Wishes, Build, Panel)
+
+
+def register() -> None:
+    """As Blender asks for it."""
+    for one in CLASSES:
+        bpy.utils.register_class(one)
+    bpy.types.Scene.dsfab = bpy.props.PointerProperty(type=Wishes)
+
+
+def unregister() -> None:
+    """As Blender asks for it."""
+    del bpy.types.Scene.dsfab
+    for one in reversed(CLASSES):
+        bpy.utils.unregister_class(one)

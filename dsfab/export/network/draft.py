@@ -1,0 +1,128 @@
+"""The text of a part by members, which nobody has checked."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Floats, Ints
+from dsfab.errors import ExportError
+from dsfab.export.network.curves import fitted_chains, sampled_chains
+from dsfab.export.network.dividing import divided
+from dsfab.export.network.fillets import without_fillets
+from dsfab.export.network.graph import ChainNet, net_of
+from dsfab.export.network.joining import joined_outlines, without_lenses
+from dsfab.export.network.lifting import Lifting
+from dsfab.export.network.model import NetModel, net_model
+from dsfab.export.network.quads import REACH, quad_net
+from dsfab.export.network.straightening import straightened
+from dsfab.export.network.text import NetText
+from dsfab.export.network.trimmed import TrimmedFace, trimmed_face
+from dsfab.export.part import Part
+from dsfab.export.plate_text import Entities
+from dsfab.export.smooth.edges import FLAT
+from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.export.smooth.source import StripedSheet
+from dsfab.export.step_pieces import closing
+from dsfab.export.step_text import header
+from dsfab.surface import edge_table, pieces
+from dsfab.units import MM_PER_M
+
+KIND = "curved solid of four-sided patches by members"
+"""What the file says about itself."""
+
+NARROW = 1 / 4000
+"""Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
+
+
+LENS = 1 / 3
+"""Width of a region between two chains that is no region, as a share of the thickness."""
+
+UNASKED = 3000
+"""Faces of a file that nobody asked for by name: cutting it takes OCCT three quarters of a minute."""
+
+
+@dataclass(frozen=True, eq=False)
+class MemberDraft:
+    """What nobody has checked: the text, its solids, faces, trimmed ones among them, and the widest gap, mm."""
+
+    text: str
+    solids: int
+    faces: int
+    trimmed: int
+    gap: float
+
+
+def member_plan(part: Part) -> SmoothPlan:
+    """What is known of a part's sheet, whatever the number of its walls."""
+    return SmoothPlan(replace(part, hurry=0))
+
+
+def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
+    """The file of a part before it is checked; raises ExportError where it cannot be made, or nobody asked for so
+    large a one."""
+    if plan.curved.striped is None:
+        raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
+    lifting = Lifting.of(plan.surface, plan.curved)
+    new, shells, faces, trimmed = Entities(), list[int](), list[int](), list[TrimmedFace]()
+    count = 0
+    for sheet in _sheets(plan.curved.striped()):
+        model, surfaces = _solid(sheet, lifting, plan)
+        added = NetText(new, model, plan.limits.thickness).faces(surfaces)
+        faces += added
+        shells += [count] * len(added)
+        trimmed += surfaces
+        count += 1
+    if part.hurry and len(faces) > UNASKED:
+        raise ExportError(
+            f"by members it would have {len(faces)} faces, more than {UNASKED}, which take too long to be tried "
+            "unasked; ask for step = 'members'"
+        )
+    end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), new.free, part.name)
+    text = "".join([header(part.name, KIND, count), *new.text, *end])
+    return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
+
+
+def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
+    """The connected pieces of a sheet."""
+    count, piece = pieces(striped.F, edge_table(striped.F))
+    for i in range(count):
+        mine = piece == i
+        yield StripedSheet(striped.F[mine], striped.weights, striped.label[mine], striped.loose[mine])
+
+
+def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
+    """The model of a piece, and its faces without four sides."""
+    t = plan.limits.thickness
+    net = net_of(sheet, plan.surface.V, t / MM_PER_M)
+    net = without_fillets(net, lifting)
+    P = np.asarray(net.weights @ lifting.skins.points)
+    net = joined_outlines(without_lenses(net, P, LENS * t), P)
+    net = straightened(net, lifting, t)
+    model = _model(net, lifting, plan)
+    whole = divided(net, model.trimmed, lifting, NARROW * t)
+    if whole is not net:
+        net, model = whole, _model(whole, lifting, plan)
+    return model, [
+        trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * t)
+        for region, loops in model.trimmed.items()
+    ]
+
+
+def _model(net: ChainNet, lifting: Lifting, plan: SmoothPlan) -> NetModel:
+    """The model of a net."""
+    chains = sampled_chains(net, lifting)
+    curves = fitted_chains(chains, dict.fromkeys(chains, FLAT * plan.limits.distance))
+    quads = quad_net(net, chains, curves, REACH * plan.limits.thickness)
+    nodes = dict[int, Floats]()
+    for k, chain in net.chains.items():
+        nodes |= {int(chain.points[0]): chains[k].Q[0], int(chain.points[-1]): chains[k].Q[-1]}
+    return net_model(net, quads, nodes)
+
+
+def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
+    """(k, 6) points of the skins over the middles of a region's cells."""
+    F: Ints = sheet.F[net.cell == net.parent.get(region, region)]
+    a, b, c = (sheet.weights[F[:, i]] for i in range(3))
+    return lifting.points(csr_array((a + b + c) * (1 / 3)))

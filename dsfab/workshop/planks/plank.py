@@ -1,0 +1,193 @@
+"""One plank on its way to become flat parts: where it is divided, its ends, slots, holes and cover plates."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.errors import PatternError
+from dsfab.members import Member
+from dsfab.workshop.course import StripCourse
+from dsfab.workshop.development import Development
+from dsfab.workshop.ground import Ground
+from dsfab.workshop.layering import END
+from dsfab.workshop.limits import CALM
+from dsfab.workshop.parts import FlatPart, Hole, label
+from dsfab.workshop.planks.found import PlankParts
+from dsfab.workshop.planks.outline import Ends, PlankStock, letters_within, level_cut, plank_marks, plank_outline
+from dsfab.workshop.planks.slots import Crossing, Slot
+from dsfab.workshop.planks.ways import SLIDE, middle, spread
+from dsfab.workshop.splices import lap_marks, lapped, splice_cuts
+from dsfab.workshop.strips import EDGE
+
+APART = 0.5
+"""Thicknesses of wood between two slots of a plank, at least."""
+
+
+@dataclass
+class Plank:
+    """A member on its way to become parts: arc lengths of its beginning and its end at the right and left edges, where
+    it is divided, and on which way (3,) each piece is put on."""
+
+    member: Member
+    course: StripCourse
+    stock: PlankStock
+    ends: Ends = ((0.0, 0.0), (0.0, 0.0))
+    cuts: tuple[float, ...] = ()
+    ways: list[Floats | None] = field(default_factory=list)
+    slots: list[Slot] = field(default_factory=list)
+
+    def divide(
+        self, crossings: Sequence[Crossing], room: list[tuple[float, float]], ground: Ground | None, found: PlankParts
+    ) -> None:
+        """Into pieces that fit on the stock and can be put on, at crossings where this is the upper plank."""
+        course, stock = self.course, self.stock
+        upper = [one for one in crossings if self._is(one, 1)]
+        at, normals = np.array([one.at[1] for one in upper]), np.array([one.normal for one in upper]).reshape(-1, 3)
+        stations = np.array([one.at[k] for one in crossings for k in (0, 1) if self._is(one, k)])
+        self.ends = self._level_ends(ground, stations, found)
+
+        def on_stock(begin: float, end: float) -> bool:
+            return self._fits(begin, end, room)
+
+        def slides(begin: float, end: float) -> bool:
+            return on_stock(begin, end) and spread(normals[(at >= begin) & (at <= end)]) <= SLIDE
+
+        clear = stock.reach + 2 * stock.thickness
+        try:
+            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, slides)
+        except PatternError:
+            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, on_stock)
+        self.cuts = cuts.at
+        found.near, found.splices = found.near + cuts.near, found.splices + len(cuts.at) - (1 if course.closed else 2)
+        for name, (begin, end) in zip(self.names, self.spans, strict=True):
+            some = normals[(at >= begin) & (at <= end)]
+            angle = spread(some)
+            if angle > SLIDE * (1 + 1e-9):
+                found.stuck[name] = angle
+            found.steep[name] = angle
+            self.ways.append(middle(some) if len(some) and angle <= SLIDE * (1 + 1e-9) else None)
+
+    def _is(self, one: Crossing, k: int) -> bool:
+        return one.members[k] == self.member.id
+
+    @property
+    def spans(self) -> list[tuple[float, float]]:
+        """Of the pieces, without what they overlap by."""
+        return list(zip(self.cuts, self.cuts[1:], strict=False))
+
+    @property
+    def names(self) -> list[str]:
+        """'A07', or 'A07.1', 'A07.2'."""
+        count = len(self.spans)
+        return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
+
+    def way_at(self, s: float) -> Floats | None:
+        """The way on which the piece at an arc length is put on; None where slots stay as narrow as they can be."""
+        return next((way for way, (a, b) in zip(self.ways, self.spans, strict=True) if a <= s <= b), None)
+
+    def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
+        """Whether the piece of a span lies on the stock, along its own middle line."""
+        layer, (a, b) = Development(self.course, 0.0), self._lapped((begin, end))
+        x, angle = layer.at(np.linspace(a, b, 9))
+        outline = plank_outline(layer, self._piece_ends((a, b)), (), self.stock.depth)
+        way = (x[-1] - x[0]) / np.linalg.norm(x[-1] - x[0])
+        p, q = float(np.ptp(outline @ way)), float(np.ptp(outline @ [-way[1], way[0]]))
+        fits = any((p <= long and q <= wide) or (q <= long and p <= wide) for long, wide in room)
+        return fits and bool(np.ptp(angle) < np.pi)
+
+    def _lapped(self, span: tuple[float, float]) -> tuple[float, float]:
+        course = self.course
+        return lapped(span, (course.begin, course.end), self.stock.lap / 2, course.closed)
+
+    def _piece_ends(self, long: tuple[float, float]) -> Ends:
+        """Of a piece with its laps: square, but for those of the member."""
+        course, (begin, end) = self.course, self.ends
+        return (
+            begin if long[0] == course.begin and not course.closed else (long[0], long[0]),
+            end if long[1] == course.end and not course.closed else (long[1], long[1]),
+        )
+
+    def into(self, found: PlankParts) -> None:
+        """Pieces and cover plates into what was found."""
+        course, stock, layer = self.course, self.stock, Development(self.course, 0.0)
+        joints = list(self.cuts[:-1] if course.closed else self.cuts[1:-1])
+        holes = [self._splice_holes(joint, k) for k, joint in enumerate(joints, 1)] if stock.splice == "cover" else []
+        around = course.end - course.begin
+        every = [one for some in holes for one in some]
+        every += [(s + around, y, name) for s, y, name in every] if course.closed else []
+        self._note(found)
+        for name, span in zip(self.names, self.spans, strict=True):
+            slots = self._slots(name, span, found)
+            begin, end = self._lapped(span)
+            outline = plank_outline(layer, self._piece_ends((begin, end)), slots, stock.depth)
+            inside = [one for one in every if begin + EDGE * stock.bolt <= one[0] <= end - EDGE * stock.bolt]
+            drilled = tuple(Hole(layer.flat(np.array([s]), np.array([y]))[0], stock.bolt, n) for s, y, n in inside)
+            marks = plank_marks(layer, name, (begin, end), slots, stock)
+            if stock.lap:
+                marks += lap_marks(layer, span, (begin, end), stock.lap / 2, stock.letters[1])
+            axis = layer.at(layer.stations(begin, end))[0]
+            strain = found.bends[self.member.id]
+            part = FlatPart(name, self.member.id, (begin, end), outline, drilled, (), marks, 0.0, strain, axis)
+            found.pieces.append(part.lying())
+        for k, (joint, some) in enumerate(zip(joints, holes, strict=False), 1):
+            found.covers.append(self._cover(f"{self.member.id}.c{k}", joint, some))
+
+    def _note(self, found: PlankParts) -> None:
+        """How far the member is bent, and how much longer its edges are than drawn."""
+        course, y = self.course, self.stock.depth / 2
+        past = 0.0 if course.closed else min(CALM * self.member.mean_width, (course.end - course.begin) / 3)
+        inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
+        kn, tg = course.kg[inside], course.tg[inside]  # of the surface: those of a plank on it are turned
+        found.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
+        more = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
+        found.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in more)
+
+    def _slots(self, name: str, span: tuple[float, float], found: PlankParts) -> list[Slot]:
+        """Those of a piece, without any that run into the one before on the same edge, or out at an end."""
+        kept = list[Slot]()
+        for slot in sorted(self.slots, key=lambda one: one.s):
+            if not span[0] <= slot.s <= span[1]:
+                continue
+            edge = self.stock.depth / 2 * (1 if slot.above else -1)
+            low = slot.s + slot.mouth(edge)[0] - APART * self.stock.thickness
+            before = [one.s + one.mouth(edge)[1] for one in kept if one.above == slot.above]
+            if before and before[-1] > low:
+                found.crowded.append(f"{slot.node} in {name}")
+            else:
+                kept.append(slot)
+        return kept
+
+    def _level_ends(self, ground: Ground | None, stations: Floats, found: PlankParts) -> Ends:
+        """Arc lengths at the right and left edge: of ends at supports along the ground, if no slot is in the way."""
+        course, layer = self.course, Development(self.course, 0.0)
+        made = [(course.begin, course.begin), (course.end, course.end)]
+        for k in (0, 1):
+            if ground is None or course.closed:
+                continue
+            cut = level_cut(layer, ground, made[k][0], bool(k), self.stock.depth)
+            if cut and all(min(cut) > s if k else max(cut) < s for s in stations + (2 * k - 1) * self.stock.thickness):
+                made[k] = cut
+                found.level += 1
+        return made[0], made[1]
+
+    def _splice_holes(self, joint: float, number: int) -> list[tuple[float, float, str]]:
+        name = f"{self.member.id}.c{number}"
+        return [(joint + x, y, name) for x, y in self.stock.layering.splice_bolts(self.stock.depth)]
+
+    def _cover(self, name: str, joint: float, holes: Sequence[tuple[float, float, str]]) -> FlatPart:
+        """The plate beside a splice, on the right of the plank."""
+        stock, reach = self.stock, self.stock.layering.half_cover
+        layer, drilled = Development(self.course, stock.thickness), list[Hole]()
+        for s, y, bolt in holes:
+            P, T, N = (row[0] for row in self.course.at(np.array([s])))
+            s, y = layer.place(P + y * np.cross(N, T), N, s)
+            drilled.append(Hole(layer.flat(np.array([s]), np.array([y]))[0], stock.bolt, bolt))
+        at, angle = layer.at(np.array([joint]))
+        marks = label(name, at[0], float(angle[0]), letters_within(name, stock, 0.6 * END * stock.bolt))
+        span = joint - reach, joint + reach
+        outline, axis = layer.outline(*span), layer.at(layer.stations(*span))[0]
+        strain = stock.thickness / 2 * float(np.abs(np.interp(joint, self.course.s, self.course.kn)))
+        part = FlatPart(name, self.member.id, span, outline, tuple(drilled), (), marks, stock.thickness, strain, axis)
+        return part.lying()

@@ -1,0 +1,52 @@
+"""Things made in processes of their own come in their order; one that ends before its time is told."""
+
+import math
+import os
+import time
+
+import pytest
+
+from dsfab.errors import DsfabError
+from dsfab.study import fitting_processes, made_in_processes, processes
+
+
+def test_one_worker_is_this_process():
+    own = made_in_processes(lambda k: (k, os.getpid()), [3, 1], workers=1)  # a lambda reaches no other process
+    assert list(own) == [(3, os.getpid()), (1, os.getpid())]
+
+
+@pytest.mark.slow
+def test_results_come_in_the_order_of_what_was_given():
+    assert list(made_in_processes(math.factorial, [5, 3, 4], workers=2)) == [120, 6, 24]
+    (pid,) = set(made_in_processes(os.getpgid, [os.getpid()], workers=2))
+    assert pid == os.getpgid(os.getpid())
+
+
+def begun(one):
+    """Its number and when it was begun; the first takes a moment."""
+    at = time.monotonic()
+    time.sleep(0.2)
+    return one, at
+
+
+@pytest.mark.slow
+def test_what_takes_longest_is_begun_first():
+    told = list(made_in_processes(begun, [1, 5, 3, 4, 2], workers=2, work=float))
+    assert [one for one, _ in told] == [1, 5, 3, 4, 2]
+    assert {one for one, _ in sorted(told, key=lambda each: each[1])[:2]} == {4, 5}
+
+
+@pytest.mark.slow
+def test_a_process_that_ends_before_its_time_is_told():
+    with pytest.raises(DsfabError, match="--workers 1"):
+        list(made_in_processes(os._exit, [1, 1], workers=2))
+
+
+@pytest.mark.parametrize(
+    ("count", "cores", "free", "expected"),
+    [(17, 2, 20e9, 2), (1, 8, 20e9, 1), (17, 8, 7e9, 2), (17, 8, 1e9, 1), (17, 4, 0, 4)],
+)
+def test_as_many_fit_as_there_are_cores_and_memory(monkeypatch, count, cores, free, expected):
+    monkeypatch.setattr(processes, "cores", lambda: cores)
+    monkeypatch.setattr(processes, "free_memory", lambda: int(free))
+    assert fitting_processes(count) == expected

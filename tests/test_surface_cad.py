@@ -1,0 +1,319 @@
+"""Surfaces out of CAD programs: 3DM by rhino3dm, STEP and BREP by OCCT, DXF by ezdxf, glTF by trimesh; wrong ones."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from dsfab.app.cli import main
+from dsfab.errors import SurfaceError
+from dsfab.proposal import propose
+from dsfab.surface import describe, drawing_files, read_surface
+from dsfab.surface.files import raw_mesh
+from dsfab.surface.formats import apart
+from dsfab.surface.formats.curves import DrawingBudget
+from dsfab.surface.formats.occt import read_occt
+from dsfab.surface.formats.rhino import read_rhino, read_rhino_meshes
+from tests.zoo import grid
+
+build123d = pytest.importorskip("build123d")
+rhino3dm = pytest.importorskip("rhino3dm")
+APART = pytest.mark.slow
+"""Each file that is read in a process of its own takes a second."""
+
+
+@pytest.fixture
+def within(monkeypatch):
+    """Foreign readers in this process: quicker by the second that a process takes to begin."""
+    readers = {
+        "meshes": lambda path: read_rhino_meshes(path, DrawingBudget()),
+        "cad": read_occt,
+    }
+
+    def triangles(kind, path, budget):
+        return readers[kind](path)
+
+    monkeypatch.setattr(apart, "_triangles", triangles)
+    monkeypatch.setitem(drawing_files._READERS, ".3dm", read_rhino)
+
+
+def rhino_mesh(V, faces):
+    """With triangles and quads."""
+    mesh = rhino3dm.Mesh()
+    for point in np.asarray(V, dtype=float).tolist():
+        mesh.Vertices.Add(*point)
+    for face in faces:
+        mesh.Faces.AddFace(*face)
+    return mesh
+
+
+def on_layer(model, name):
+    """Attributes of what lies on a layer, which is made if it is not there."""
+    known = {layer.Name: layer.Index for layer in model.Layers}
+    attributes = rhino3dm.ObjectAttributes()
+    attributes.LayerIndex = known[name] if name in known else model.Layers.AddLayer(name, (0, 0, 0, 255))
+    return attributes
+
+
+def roof(size=1.0):
+    """4 x 3 m in 48 quads, a parabola .8 m high."""
+    x, y = np.meshgrid(np.linspace(0, 4, 9), np.linspace(0, 3, 7), indexing="ij")
+    V = size * np.stack([x, y, 0.8 * (1 - (x / 2 - 1) ** 2)], axis=-1).reshape(-1, 3)
+    faces = [(7 * i + j, 7 * i + j + 7, 7 * i + j + 8, 7 * i + j + 1) for i in range(8) for j in range(6)]
+    return V, faces
+
+
+def saved(model, path):
+    assert model.Write(str(path), 7)
+    return path
+
+
+def rhino_file(path, *meshes, unit=None):
+    model = rhino3dm.File3dm()
+    model.Settings.ModelUnitSystem = unit or rhino3dm.UnitSystem.Meters
+    for mesh in meshes:
+        model.Objects.AddMesh(mesh)
+    return saved(model, path)
+
+
+def test_meshes_of_rhino_in_its_unit(tmp_path, within):
+    """Quads cut in two; two meshes that share an edge are one sheet; triangles and quads beside each other."""
+    V, faces = roof(1000.0)
+    left, right = faces[:24], faces[24:]
+    path = rhino_file(
+        tmp_path / "roof.3dm", rhino_mesh(V, left), rhino_mesh(V, right), unit=rhino3dm.UnitSystem.Millimeters
+    )
+    surface = read_surface(path)
+    assert (surface.m, surface.n, surface.pieces[0]) == (96, 63, 1)
+    assert np.ptp(surface.V, axis=0) == pytest.approx([4, 3, 0.8], rel=1e-6)
+    assert describe(path).unit == "mm"
+    mixed = read_surface(rhino_file(tmp_path / "mixed.3dm", rhino_mesh(V, [faces[0], (9, 16, 17)])))
+    assert mixed.m == 3
+
+
+def test_meshes_in_blocks_stand_where_they_are_inserted(tmp_path, within):
+    V, faces = roof()
+    model = rhino3dm.File3dm()
+    model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Meters
+    model.InstanceDefinitions.Add(
+        "bay", "", "", "", rhino3dm.Point3d(0, 0, 0), (rhino_mesh(V, faces),), (rhino3dm.ObjectAttributes(),)
+    )
+    block = model.InstanceDefinitions[0]
+    for step in range(2):
+        moved = rhino3dm.Transform.Translation(4.0 * step, 0, 0)
+        model.Objects.AddInstanceObject(rhino3dm.InstanceReference(block.Id, moved))
+    surface = read_surface(saved(model, tmp_path / "bays.3dm"))
+    assert surface.pieces[0] == 1
+    assert np.ptp(surface.V, axis=0) == pytest.approx([8, 3, 0.8], rel=1e-6)
+
+
+def test_surfaces_of_rhino_without_a_mesh_are_told(tmp_path, within):
+    sphere = rhino3dm.Sphere(rhino3dm.Point3d(0, 0, 0), 2.0).ToBrep()
+    model = rhino3dm.File3dm()
+    model.Objects.AddBrep(sphere)
+    alone = saved(model, tmp_path / "alone.3dm")
+    with pytest.raises(SurfaceError, match=r"alone.3dm: it holds 1 surface without a mesh; in Rhino make one \(Mesh\)"):
+        read_surface(alone)
+    model.Objects.AddMesh(rhino_mesh(*roof()))
+    assert "1 surface saved without its mesh" in raw_mesh(saved(model, tmp_path / "both.3dm")).record.dropped
+    empty = saved(rhino3dm.File3dm(), tmp_path / "empty.3dm")
+    with pytest.raises(SurfaceError, match=r"empty.3dm: it holds no mesh; in Rhino make one"):
+        read_surface(empty)
+
+
+@pytest.mark.parametrize("suffix", [".step", ".stp", ".brep"])
+def test_faces_of_a_cad_file_are_one_sheet(tmp_path, suffix, within):
+    """A quarter of a cylinder and a plane that meet in a line, 10 m long: area within a thousandth, one piece."""
+    arc = build123d.Edge.make_circle(3000, start_angle=0, end_angle=90)
+    line = build123d.Edge.make_line((3000, 0, 0), (3000, -2000, 0))
+    shell = build123d.Shell(build123d.Face.extrude(each, (0, 0, 10000)) for each in (arc, line))
+    assert len(shell.faces()) == 2
+    path = tmp_path / f"canopy{suffix}"
+    {".brep": build123d.export_brep}.get(suffix, build123d.export_step)(shell, path)
+    surface = read_surface(path, None if suffix != ".brep" else "mm")
+    assert surface.pieces[0] == 1
+    assert len(surface.loops) == 1
+    assert surface.area == pytest.approx(10 * (3 * np.pi / 2 + 2), rel=1e-3)
+    radius = np.hypot(surface.V[:, 0], surface.V[:, 1])[surface.V[:, 1] > 1e-6]
+    assert radius == pytest.approx(3, rel=1e-6)
+
+
+def test_meshes_of_dxf(tmp_path):
+    """3DFACE, MESH, a polyface and a block of them: each the same roof."""
+    import ezdxf
+    from ezdxf.render import MeshBuilder
+
+    V, faces = roof(1000.0)
+    builder = MeshBuilder()
+    builder.add_mesh(vertices=V.tolist(), faces=faces)
+    for kind in ("mesh", "polyface", "3dfaces", "block"):
+        document = ezdxf.new(units=4)
+        space = document.modelspace()
+        into = document.blocks.new("bay") if kind == "block" else space
+        render = {"mesh": builder.render_mesh, "polyface": builder.render_polyface}
+        render.get(kind, builder.render_3dfaces)(into)
+        if kind == "block":
+            space.add_blockref("bay", (0, 0))
+        space.add_point((1, 2, 3))
+        document.saveas(tmp_path / f"{kind}.dxf")
+        surface = read_surface(tmp_path / f"{kind}.dxf")
+        assert (surface.m, surface.n) == (96, 63)
+        assert np.ptp(surface.V, axis=0) == pytest.approx([4, 3, 0.8], rel=1e-6)
+
+
+def test_a_gltf_with_its_numbers_beside_it(tmp_path):
+    s = grid(4, 3, 4.0, 3.0)
+    upright = np.stack([s.V[:, 0], s.V[:, 2], -s.V[:, 1]], axis=1)
+    for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh.Trimesh(upright, s.F))).items():
+        (tmp_path / name).write_bytes(data)
+    surface = read_surface(tmp_path / "model.gltf")
+    assert surface.m == s.m
+    assert np.ptp(surface.V, axis=0) == pytest.approx([4, 3, 0], abs=1e-6)
+
+
+def dxf_of_lines(path):
+    import ezdxf
+
+    document = ezdxf.new()
+    document.modelspace().add_line((0, 0), (1, 1))
+    document.saveas(path)
+
+
+def step_of_a_line(path):
+    build123d.export_step(build123d.Edge.make_line((0, 0, 0), (1, 0, 0)), path)
+
+
+WRONG = {
+    "cut off 3dm": ("x.3dm", b"3D Geometry File Format        7", "x.3dm cannot be read as 3DM"),
+    "no 3dm": ("x.3dm", b"a roof", "x.3dm cannot be read as 3DM"),
+    "cut off step": ("x.step", b"ISO-10303-21;\nHEADER;\n", "x.step cannot be read as STEP .it is no STEP file with"),
+    "no step": ("x.stp", b"a roof", "x.stp cannot be read as STP"),
+    "no brep": ("x.brep", b"DBRep_DrawableShape\n", "x.brep cannot be read as BREP"),
+    "a line": ("x.step", step_of_a_line, "it holds no faces, only curves or points"),
+    "cut off dxf": ("x.dxf", b"  0\nSECTION\n", "its end, EOF, is missing"),
+    "lines": ("x.dxf", dxf_of_lines, "x.dxf: it holds no mesh: no 3DFACE, MESH or polyface; export the surface"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_holds_no_surface_is_told_in_a_sentence(tmp_path, what, within):
+    name, content, said = WRONG[what]
+    path = tmp_path / name
+    if callable(content):
+        content(path)
+    else:
+        path.write_bytes(content)
+    with pytest.raises(SurfaceError, match=said):
+        read_surface(path)
+
+
+@APART
+def test_foreign_readers_run_apart_and_their_end_is_told(tmp_path, monkeypatch):
+    """The same files by the program; one that breaks it, and one that takes too long."""
+    V, faces = roof()
+    rhino = rhino_file(tmp_path / "roof.3dm", rhino_mesh(V, faces))
+    step = tmp_path / "plane.step"
+    build123d.export_step(build123d.Face.make_rect(4000, 3000), step)
+    assert read_surface(rhino).area == pytest.approx(read_surface(step).area, rel=0.2)
+    (tmp_path / "bad.step").write_bytes(b"a roof")
+    with pytest.raises(SurfaceError, match=r"bad.step cannot be read as STEP .it is no STEP file with shapes"):
+        read_surface(tmp_path / "bad.step")
+    monkeypatch.setattr(apart, "PROGRAM", "raise SystemExit(1)")
+    with pytest.raises(SurfaceError, match=r"plane.step cannot be read as STEP .it is damaged: OCCT breaks on it"):
+        read_surface(step)
+    monkeypatch.setattr(apart, "PROGRAM", "import time; time.sleep(30)")
+    monkeypatch.setitem(apart.SECONDS, "cad", -239.9)
+    with pytest.raises(SurfaceError, match="reading took more than 240 s; export it as a mesh"):
+        read_surface(step)
+
+
+def site(path, marks, unit=None):
+    """A roof in Rhino with points and curves on layers: (layer, rows), a curve where there is more than one row."""
+    V, faces = roof()
+    model = rhino3dm.File3dm()
+    model.Settings.ModelUnitSystem = unit or rhino3dm.UnitSystem.Meters
+    model.Objects.AddMesh(rhino_mesh(V, faces))
+    for layer, rows in marks:
+        points = [rhino3dm.Point3d(*row) for row in rows]
+        if len(rows) == 1:
+            model.Objects.AddPoint(points[0], on_layer(model, layer))
+        else:
+            model.Objects.AddPolyline(rhino3dm.Polyline(points), on_layer(model, layer))
+    return saved(model, path)
+
+
+SQUARE = [(1.5, 1, 3), (2.5, 1, 3), (2.5, 2, 3), (1.5, 2, 3), (1.5, 1, 3)]
+MARKS = [
+    ("Support", [(0, 0, 0), (0, 3, 0)]),
+    ("Support", [(4, 0, 0)]),
+    ("Support", [(4, 3, 0)]),
+    ("load", [(2, 0, 0.8)]),
+    ("load", [(1, 1, 2), (3, 1, 2), (3, 2, 2), (1, 2, 2), (1, 1, 2)]),
+    ("void", SQUARE),
+    ("keep", [(1, 0.2, 0.6), (1, 2.8, 0.6)]),
+    ("drawing", [(0, 0, 9)]),
+]
+
+
+def test_one_file_says_where_it_stands_and_what_it_carries(tmp_path, within):
+    """Points and curves on four layers become pickers; what is on others stays a drawing."""
+    proposal = propose(site(tmp_path / "site.3dm", MARKS))
+    preset, text = proposal.preset, "\n".join(proposal.lines)
+    first, second = preset.surface.support
+    surface = preset.surface.build()
+    held = first.at.vertices(surface) | second.at.vertices(surface)
+    assert np.isclose(surface.V[first.at.vertices(surface)][:, 0].min(), 4, atol=1e-6)  # points, then curves
+    assert np.isclose(surface.V[second.at.vertices(surface)][:, 0].max(), 0, atol=1e-6)
+    assert np.ptp(surface.V[second.at.vertices(surface)][:, 1]) == pytest.approx(3)
+    assert held.sum() < 0.2 * surface.n
+    forces = [load.force for load in preset.surface.load if load.kind == "force"]
+    assert forces == [(0, 0, -1000), (0, 0, -2000)]  # a point, and 2 m2
+    assert [region.do for region in preset.pattern.region] == ["keep", "void"]
+    assert "layer Support  2 points, 1 line; change surface.support" in text
+    assert "1 kPa within a curve: placeholders; change surface.load" in text
+    assert "stands on" in text
+    assert "support as drawn" in text
+    again = tomllib.loads(proposal.text(Path("site.3dm")))
+    assert again["pattern"]["region"][1]["at"] == {"pick": "curve", "file": "site.3dm", "layer": "void", "unit": "m"}
+
+
+def test_marks_in_millimetres_and_what_encloses_nothing(tmp_path, within):
+    rows = [(layer, [tuple(1000 * x for x in row) for row in rows]) for layer, rows in [*MARKS, ("void", [(1, 1, 0)])]]
+    path = site(tmp_path / "site.3dm", rows, rhino3dm.UnitSystem.Millimeters)
+    with pytest.raises(SurfaceError, match="marks on layer 'support', and its surface stands on its side; turn all"):
+        propose(path, up="y")
+    assert "1 of them enclose nothing and are passed over" in "\n".join(propose(path).lines)
+
+
+def test_dxf_has_layers_too(tmp_path):
+    import ezdxf
+    from ezdxf.render import MeshBuilder
+
+    document = ezdxf.new(units=6)
+    V, faces = roof()
+    builder = MeshBuilder()
+    builder.add_mesh(vertices=V.tolist(), faces=faces)
+    builder.render_mesh(document.modelspace())
+    for x in (0, 4):
+        document.modelspace().add_line((x, 0, 0), (x, 3, 0), dxfattribs={"layer": "SUPPORT"})
+    document.modelspace().add_circle((2, 1.5, 5), 0.5, dxfattribs={"layer": "void"})
+    document.saveas(tmp_path / "site.dxf")
+    preset = propose(tmp_path / "site.dxf").preset
+    assert len(preset.surface.support) == 2
+    assert [region.do for region in preset.pattern.region] == ["void"]
+
+
+@pytest.mark.slow
+def test_build_takes_all_from_one_file(tmp_path, monkeypatch, capsys):
+    """The opening is there, and what lies on which layer is told."""
+    monkeypatch.chdir(tmp_path)
+    site(tmp_path / "site.3dm", MARKS)
+    assert main(["build", "site.3dm", "-o", "out", "--no-picture", "--format", "stl", "--set", "surface.edge=0.4"]) == 0
+    said = capsys.readouterr().out
+    assert "layer void" in said
+    solid = trimesh.load(tmp_path / "out" / "site.stl")
+    assert solid.is_watertight
+    inside = np.abs(solid.vertices[:, :2] / 1000 - (2, 1.5)).max(axis=1) < 0.45
+    assert not inside.any()

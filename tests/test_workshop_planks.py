@@ -1,0 +1,245 @@
+"""Upright planks: closed forms, drawings bent back into space, and bodies that go into each other's slots."""
+
+from functools import cache
+
+import ezdxf
+import manifold3d
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from shapely import Polygon, affinity
+
+from dsfab.app.cli import main
+from dsfab.errors import PatternError
+from dsfab.export import flat_dxf
+from dsfab.members import member_graph
+from dsfab.pipeline import Design
+from dsfab.preset_file import load_preset, overridden
+from dsfab.workshop import refolded, workshop_plan
+from dsfab.workshop.built import strip_body
+from dsfab.workshop.drawings import part_drawing
+from dsfab.workshop.plan import WorkshopPlan
+from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, slot_width, standing_order
+from dsfab.workshop.planks.ways import SLIDE, spread
+from tests.analytic import SURFACES
+
+STOCK = PlankStock(thickness=0.018, depth=0.12, bolt=0.012, splice="cover", letters=(0.02, 0.008))
+ROOM = [(2.484, 1.234)]
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@cache
+def graph_of(name, edge=0.4):
+    given = SURFACES[name](edge)
+    return member_graph(given.surface, given.sheet(), given.pattern)
+
+
+@cache
+def plan_of(name, edge=0.4, stock=STOCK):
+    graph = graph_of(name, edge)
+    return plank_plan(graph, np.tile(UP, (graph.sheet.surface.n, 1)), stock, ROOM, 0.0)
+
+
+@cache
+def whole_of(name):
+    """A plan as a workshop's, of planks alone."""
+    plan = plan_of(name)
+    return WorkshopPlan("planks", 0.018, plan.parts, (), (), (), graph_of(name), planks=plan)
+
+
+# --- closed forms
+
+
+@pytest.mark.parametrize("degrees", [30, 57, 79, 90])
+def test_a_slot_is_as_wide_as_two_crossing_planks_lie_in_each_other(degrees):
+    band = Polygon([(-9, -0.5), (9, -0.5), (9, 0.5), (-9, 0.5)])
+    x0, _, x1, _ = band.intersection(affinity.rotate(band, degrees, origin=(0, 0))).bounds
+    assert slot_width(1.0, np.radians(degrees)) == pytest.approx(x1 - x0, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_meridians_of_a_sphere_are_rings_with_slots_at_equal_angles():
+    """Planks in planes through the middle: rings of radii R - h/2 and R + h/2, slots .1 radians apart."""
+    graph, rings = graph_of("sphere", 0.2), 0
+    outward = np.einsum("ki,ki->k", graph.by_id["B05"].axis.N, graph.by_id["B05"].axis.P).mean()
+    for part in plan_of("sphere", 0.2).found.pieces:
+        if graph.by_id[part.member].family != "minor":
+            continue
+        rings += 1
+        middle, radius = fitted_circle(part.axis)
+        assert radius == pytest.approx(6.5, rel=1e-2)
+        away = np.linalg.norm(part.outline - middle, axis=1)
+        edges = np.abs(away - radius) > STOCK.depth / 4
+        assert np.abs(np.abs(away - radius)[edges] - STOCK.depth / 2).max() < 8e-4
+        outer = beside(part.axis, part.outline)[1] > STOCK.depth / 4  # on the side of the normals
+        assert ((away > radius)[outer] == (outward > 0)).all()
+        bottoms = slot_bottoms(part.outline, part.axis) - middle
+        angle = np.unwrap(np.arctan2(bottoms[:, 1], bottoms[:, 0]))
+        assert np.abs(np.abs(np.diff(angle)) - 0.1 * 6.5 / radius).max(initial=0) < 4e-4
+    assert rings > 12
+
+
+def test_twisted_edges_are_longer_than_drawn_as_a_helix_says():
+    """sqrt((1 - y kn)^2 + (y tg)^2) - (1 - y kn), kn = tg = 1 / 2R of helices at 45 degrees, along their length."""
+    graph, plan = graph_of("cylinder"), plan_of("cylinder")
+    k, y = 1 / (2 * 4.45), STOCK.depth / 2
+    more = np.hypot(1 - y * k, y * k) - (1 - y * k)
+    for name in ("A05", "B06"):
+        member = graph.by_id[name]
+        assert plan.found.longer[name] == pytest.approx(more * member.length, rel=0.1)
+    assert max(plan.found.bends.values()) < 2e-4  # helices do not bend in the surface
+    assert f"up to {1e3 * max(plan.found.longer.values()):.3g} mm longer" in plan.lines[1]
+
+
+def test_a_slot_opens_by_what_the_way_leans_to_each_plank():
+    crossing = plan_of("hypar").found.crossings.found[7]
+    one, two = crossing.ways
+    lower, upper = crossing.leans(crossing.normal + 0.1 * one - 0.2 * two)
+    assert (lower, upper) == (pytest.approx(0.1), pytest.approx(0.2))
+
+
+def fitted_circle(P):
+    """Middle and radius of the circle nearest to points (k, 2) [Kasa 1976]."""
+    x, y, c = np.linalg.lstsq(np.c_[2 * P, np.ones(len(P))], (P**2).sum(axis=1), rcond=None)[0]
+    return np.array([x, y]), np.sqrt(c + x**2 + y**2)
+
+
+# --- drawings alone, bent back
+
+
+def beside(axis, points):
+    """Lengths along a line and distances to its left of points, which may lie beyond its ends."""
+    a, way = axis[:-1], np.diff(axis, axis=0)
+    long = np.linalg.norm(way, axis=1)
+    t = np.einsum("qsi,si->qs", points[:, None] - a, way) / long**2
+    low, high = np.zeros(len(way)), np.ones(len(way))
+    low[0], high[-1] = -np.inf, np.inf
+    t = np.clip(t, low, high)
+    off = points[:, None] - (a + t[..., None] * way)
+    k, q = np.linalg.norm(off, axis=2).argmin(axis=1), np.arange(len(points))
+    left = (way[k, 0] * off[q, k, 1] - way[k, 1] * off[q, k, 0]) / long[k]
+    return np.r_[0, np.cumsum(long)][k] + t[q, k] * long[k], left
+
+
+def slot_bottoms(outline, axis):
+    """(q, 2) middles between inner corners that follow each other: they are near the axis, edges are not."""
+    inner = np.abs(beside(axis, outline)[1]) < STOCK.depth / 4
+    pairs = inner & np.roll(inner, -1)
+    return ((outline + np.roll(outline, -1, axis=0)) / 2)[pairs]
+
+
+def read(part, folder):
+    path = folder / "part.dxf"
+    path.write_bytes(flat_dxf(part_drawing(part)))
+    space = ezdxf.readfile(path).modelspace()
+    lines = [space.query(f'LWPOLYLINE[layer=="{layer}"]') for layer in ("CUT", "AXIS")]
+    return [np.array([p[:2] for p in line.get_points()]) / 1000 for (line,) in lines]
+
+
+@pytest.mark.parametrize(
+    "name", ["sphere", "hypar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("cylinder", "catenoid"))]
+)
+def test_slots_of_drawings_bent_back_are_where_the_other_plank_is(name, tmp_path):
+    """Each plank's middle line is laid on its member's axis by lengths; both slots of a node end at one place."""
+    graph, plan, found = graph_of(name), plan_of(name), {}
+    courses = plank_courses(graph, STOCK)[0]
+    some = set(sorted({part.member for part in plan.found.pieces if part.member[0] == "A"})[1:3])
+    nodes = [node for node in graph.nodes if some & set(node.members) and node.kind == "crossing"]
+    wanted = some | {member for node in nodes for member in node.members}
+    for part in plan.found.pieces:
+        if part.member in wanted:
+            outline, axis = read(part, tmp_path)
+            course = courses[part.member]
+            s = np.linspace(*part.span, 4001)
+            P, N = (CubicSpline(course.s, x)(s) for x in (course.P, course.N))
+            long = np.r_[0, np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))]
+            assert np.linalg.norm(np.diff(axis, axis=0), axis=1).sum() == pytest.approx(long[-1], abs=3e-4)
+            along, y = beside(axis, slot_bottoms(outline, axis))
+            for a, b in zip(along, y, strict=True):
+                at, n = (np.array([np.interp(a, long, c) for c in x.T]) for x in (P, N))
+                place = at + b * n / np.linalg.norm(n)
+                near = min(nodes, key=lambda node: np.linalg.norm(node.point - place))
+                if np.linalg.norm(near.point - place) < 0.02:
+                    found.setdefault(near.id, []).append(place)
+    assert {node.id for node in nodes} == set(found)
+    for node in nodes:
+        one, two = found[node.id]
+        off = two - one
+        assert np.linalg.norm(off - (off @ node.normal) * node.normal) < 1e-4
+        assert abs(off @ node.normal) == pytest.approx(2e-4, abs=2e-5)  # the air between both
+
+
+def body(strip, shift=(0, 0, 0)):
+    V, F = strip_body(strip, STOCK.thickness)
+    solid = manifold3d.Manifold(manifold3d.Mesh64(V + shift, F.astype(np.uint64)))
+    assert solid.status() == manifold3d.Error.NoError
+    return solid
+
+
+@pytest.mark.parametrize("name", ["sphere", "hypar"])
+def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
+    """Bodies of planks as thick as they are: the upper one, off by some of the way on which it comes, meets none."""
+    plan, strips = plan_of(name), {one.id: one for one in refolded(whole_of(name)).strips}
+    pieces = [part for part in plan.found.pieces if part.member[0] == "B"]
+    upper = max(pieces, key=lambda part: plan.found.steep[part.id])  # of many slots
+    here = [one for one in plan.found.crossings.found if one.members[1] == upper.member]
+    here = [one for one in here if upper.span[0] <= one.at[1] <= upper.span[1]]
+    normals = np.array([one.normal for one in here])
+    assert len(here) > 2
+    assert np.radians(4) < spread(normals) <= SLIDE + 1e-9
+    i, j = np.unravel_index((normals @ normals.T).argmin(), (len(here),) * 2)
+    way = (normals[i] + normals[j]) / np.linalg.norm(normals[i] + normals[j])
+    lower = [
+        body(strips[part.id])
+        for one in (here[0], here[-1])
+        for part in plan.found.pieces
+        if part.member == one.members[0] and part.span[0] < one.at[0] < part.span[1]
+    ]
+    assert len(lower) >= 2
+    for lifted in (0.0, 0.02, 0.04, 0.06, 0.1):
+        moved = body(strips[upper.id], lifted * way)
+        assert max((moved ^ other).volume() for other in lower) < 3e-9  # three cubic millimetres, by the mesh
+    aside = body(strips[upper.id], 0.002 * here[0].ways[1])
+    assert (aside ^ lower[0]).volume() > 1e-7  # slots are no wider than they need to be
+
+
+# --- what cannot be, and where planks end
+
+
+def test_arches_stand_first_and_purlins_are_put_on_them():
+    vault = Design.of(load_preset("barrel_vault", {"surface.edge": 0.5})).until("slicing")
+    assert [one for one in standing_order(vault.members, UP) if one in ("major", "minor")] == ["minor", "major"]
+    thick = overridden(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})
+    with pytest.raises(PatternError, match=r"100 mm deep of boards 80 mm thick do not stand upright: set workshop\.t"):
+        workshop_plan(Design.of(thick, vault).until("slicing"))
+    model = overridden(vault.preset, {"workshop.route": "planks", "workshop.model": 50})
+    with pytest.raises(PatternError, match="a model is built of strips"):
+        workshop_plan(Design.of(model, vault).until("slicing"))
+
+
+@pytest.mark.slow
+def test_planks_of_a_vault_stand_on_the_ground_and_its_files_are_the_same_twice(tmp_path, capsys):
+    changes = ["surface.edge=0.5", "workshop.route=planks", "workshop.thickness=0.03"]
+    words = ["workshop", "barrel_vault", *(x for change in changes for x in ("--set", change))]
+    assert main([*words, "--ifc", "-o", str(tmp_path / "one")]) == 0
+    said = capsys.readouterr().out
+    assert "18 upright planks, 200 mm deep and 30 mm thick, are bent across themselves" in said
+    assert "ends at supports are cut along the ground" in said
+    assert main([*words, "--ifc", "-o", str(tmp_path / "two"), "--quiet"]) == 0
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
+    assert one == two
+    assert {"nest.dxf", "assembly.pdf", "index.html", "members.ifc", "cutlist.csv"} <= set(one)
+    design = Design.of(load_preset("barrel_vault", dict(change.split("=") for change in changes))).until("slicing")
+    plan = workshop_plan(design)
+    arches = [strip for strip in refolded(plan).strips if strip.member[0] == "B" and ".c" not in strip.id]
+    low = np.array([strip.edges[..., 2].min() for strip in arches])
+    assert np.sum(low < 0.1) == 24  # both ends of twelve arches
+    assert np.abs(low[low < 0.1]).max() < 5e-3  # the springing lines are at z = 0
+
+
+def test_slots_too_near_to_each_other_and_steep_ones_are_told():
+    thick = plan_of("sphere", 0.4, PlankStock(0.3, 0.6, 0.012, "none", (0.02, 0.008)))
+    assert any(line.startswith("NOT POSSIBLE: slots are nearer to each other") for line in thick.lines)
+    assert thick.found.crowded
+    bolts = plan_of("sphere", 0.4, PlankStock(0.018, 0.12, 0.09, "cover", (0.02, 0.008)))
+    assert any(line.startswith("NOT TO SLIDE TOGETHER") for line in bolts.lines) == bool(bolts.found.stuck)
