@@ -254,7 +254,7 @@ def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     Stripes on other fields are what evenly spaced ones are compared with: nothing is added to the mass that they are
     drawn with. What modes are compared with is filled as they are, and meets their mass round by round.
     """
-    own = pattern.even is not None or preset.pattern.method == "modes"
+    own = pattern.even is not None or pattern.settled(preset).pattern.method == "modes"
     return merging(preset) if pattern.tidy is not None and own else "none"
 
 
