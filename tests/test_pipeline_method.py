@@ -9,11 +9,10 @@ from dsfab.pipeline.method import CLOSE
 from dsfab.pipeline.stressing import Stressed
 from dsfab.report.design.choice import attempt_facts, attempt_lines
 from dsfab.results import Attempt
-from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
+from dsfab.study.baselines import ComparisonTask
 from dsfab.study.judging import quick
 from tests.benchmarks import against_simp
 from tests.presets import DOME_MODES
-from tests.test_study_simp import bracket
 
 SMALL = {"surface.edge": 0.8, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.6, "pattern.width.steps": 2}
 PLATE = {"surface.edge": 0.05, "pattern.method": "auto", "pattern.width.steps": 2}
@@ -148,30 +147,21 @@ def test_stressed_widths_are_judged_evened():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "most"), [(0.5, 1.2), (0.3, 1.5)])
-def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation(share, most):
-    """2.56 and 2.71 times its compliance it had while widths were constant or graded only."""
-    family = {"mode": "auto", "phase": "auto", "frequency": 6.0}
-    pattern = {"rim": 0.02, "keep": 0.03, "width": {"rule": "graded", "solid_fraction": share}}
-    preset = dsfab.Preset(
-        surface=bracket(40, 0),
-        supports=[{"at": {"pick": "side", "axis": "y", "end": "max"}, "hold": "xyz"}],
-        loads=[{"kind": "force", "at": {"pick": "ball", "center": [2, 0.4, 0], "radius": 0.12}, "force": [0, -1e3, 0]}],
-        statics={"thickness": 0.02, "young": 210e9, "poisson": 0.3, "density": 7850.0},
-        pattern={**pattern, "method": "auto", "major": family, "minor": family},
-    )
-    made = dsfab.pipeline.draft(preset)
-    task = ComparisonTask.of(made, made.sheet.surface.area)
-    own = Structure(made.slicing.cells, made.pattern.names, made.sheet, 1, 0.02)
-    (variant,) = BASELINES["simp"](task)
-    assert quick(task, own).compliance < most * quick(task, variant.make()).compliance
-    assert made.sheet.surface.area / made.surface.area == pytest.approx(share, abs=6e-3)
+@pytest.mark.parametrize("share", [0.5, 0.3])
+def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation(share):
+    """1.15 and 1.5 times its compliance are asked; 2.56 and 2.71 it had while widths were constant or graded only."""
+    made = dsfab.pipeline.draft(against_simp.preset("bracket", share))
+    own = against_simp.structure(made)
+    task = ComparisonTask.of(made, own.sheet.surface.area)
+    most = against_simp.ASKED[share] * quick(task, against_simp.simp(task)).compliance
+    assert quick(task, own).compliance < most
+    assert own.sheet.surface.area / made.surface.area == pytest.approx(share, abs=6e-3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "edge", "share", "ratio"),
-    [("hole", 0.045, 0.5, 1.246), ("hole", 0.045, 0.3, 1.745), ("arch", 0.1, 0.5, 1.19), ("arch", 0.1, 0.3, 1.44)],
+    [("hole", 0.045, 0.5, 1.219), ("hole", 0.045, 0.3, 1.745), ("arch", 0.1, 0.5, 1.19), ("arch", 0.1, 0.3, 1.44)],
 )
 def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_the_least(name, edge, share, ratio):
     """Over the stiffest sheet of varying thickness and the same mass, which none with openings can reach: on meshes as
