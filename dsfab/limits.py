@@ -17,10 +17,10 @@ SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
 
 BALANCE = 1e-4
-"""Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes, far below what elements are
-off by. Rounding alone makes 1e-6 of it where a sheet is long, thin and finely meshed (a beam of 30 widths with 8 `hhj`
-cells across), and 1.3e-5 where needles of 9 micrometres bend that are 20 mm thick, whatever the equations are solved to:
-the entries of their stiffness are rounded."""
+"""Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes, far below what elements
+are off by. Rounding alone makes 1e-6 of it where a sheet is long, thin and finely meshed (a beam of 30 widths with 8
+`hhj` cells across), and 1.3e-5 where needles of 9 micrometres bend that are 20 mm thick, however well the equations are
+solved: the entries of their stiffness are rounded."""
 
 PRECISE = 1e-8
 """Relative residual of the linear system, in the norm of its energy, that is told when it is exceeded."""
