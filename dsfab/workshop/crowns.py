@@ -75,9 +75,7 @@ def stopped_courses(
 def curled_courses(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
     """Those of the courses of members, by their names, that stop where these curl up at an end (see `uncurled`)."""
     lengths = {member.id: member.length for member in members}
-    return {
-        name: one for name, one in courses.items() if not one.closed and (one.begin > 0 or one.end < lengths[name])
-    }
+    return {name: one for name, one in courses.items() if not one.closed and (one.begin > 0 or one.end < lengths[name])}
 
 
 def _near_pairs(ends: Sequence[_End]) -> list[set[_End]]:
