@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt
-from pydantic import field_validator
+from pydantic import field_validator, model_validator
 
 from dsfab.preset_surface import Section
 
@@ -21,6 +21,9 @@ class Workshop(Section):
     bent, else bars where these stay near the surface, else planks where they can be bent and put on."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Metres; length and width of the sheets to cut from, of one size or of several."""
+    prices: tuple[Annotated[float, Gt(0)], ...] = ()
+    """Of a sheet of each size of the stock, in its order and in any currency: what is cheapest together is taken then.
+    Without prices it is the least area."""
     thickness: Annotated[float, Ge(0)] = 0.0
     """Metres; of one layer, of planks or of bars. 0: that of [statics], shared out to the layers."""
     depth: Annotated[float, Ge(0)] = 0.0
@@ -52,9 +55,25 @@ class Workshop(Section):
             return (tuple(given),)
         return given
 
+    @field_validator("prices", mode="before")
+    @classmethod
+    def _price_or_several(cls, given: Any) -> Any:
+        """That of one size may be written as a number."""
+        return (given,) if isinstance(given, int | float) and not isinstance(given, bool) else given
+
     @field_validator("stock")
     @classmethod
     def _some(cls, stock: tuple[StockSize, ...]) -> tuple[StockSize, ...]:
         if not stock:
             raise ValueError("no sheet to cut from; give length and width in metres, for instance [2.5, 1.25]")
         return tuple((max(size), min(size)) for size in stock)
+
+    @model_validator(mode="after")
+    def _price_of_each(self) -> "Workshop":
+        if self.prices and len(self.prices) != len(self.stock):
+            sizes = f"{len(self.stock)} size{'' if len(self.stock) == 1 else 's'}"
+            raise ValueError(
+                f"prices for {len(self.prices)} sizes, and stock has {sizes}; give one price for each size, in the "
+                "same order, or none"
+            )
+        return self

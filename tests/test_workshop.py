@@ -320,7 +320,7 @@ def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_pa
 def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, vault):
     """Read by openpyxl."""
     book = openpyxl.load_workbook(io.BytesIO(cut_list_workbook(plan)))
-    assert book.sheetnames == ["parts", "nests", "nodes"]
+    assert book.sheetnames == ["parts", "nests", "stock", "nodes"]
     rows = [list(row) for row in book["parts"].values]
     listed = list(csv.reader(io.StringIO(cut_list(plan))))
     assert [str(cell) for cell in rows[0]] == listed[0]
@@ -333,6 +333,8 @@ def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, 
     assert sorted(row[4] for row in nests) == sorted(part.id for part in plan.parts)
     last = plan.sheets[-1].parts[-1]
     assert nests[-1][4:7] == (last.part.id, *(1000 * last.placed.outline.min(axis=0)).round(1))
+    ((_, *stock),) = list(book["stock"].values)[1:]
+    assert stock == [1250, 40, len(plan.sheets), pytest.approx(plan.used, abs=5e-4)]
     nodes = {row[0]: row for row in list(book["nodes"].values)[1:]}
     node = vault.members.nodes[3]
     assert nodes[node.id][2:4] == node.members

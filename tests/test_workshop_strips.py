@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 
 from dsfab.export import flat_dxf
 from dsfab.members import Member, MemberAxis, MemberGraph, member_graph
-from dsfab.workshop import Development, Layering, is_strip, member_course, strip_parts
+from dsfab.workshop import Development, Layering, PlankStock, is_strip, member_course, plank_plan, strip_parts
 from dsfab.workshop.drawings import part_drawing
 from tests.analytic import SURFACES, WIDTH
 from tests.zoo import grid
@@ -61,6 +61,16 @@ def test_a_strip_that_curls_up_at_its_end_is_built_up_to_there():
     straight = hook(0.0)
     assert is_strip(straight)
     assert member_course(graph, straight, 0.1, 0.1).end == 6
+
+
+@pytest.mark.parametrize(("member", "stopped"), [(hook(0.2, 5.85), ["A1"]), (hook(0.0), [])])
+def test_a_plank_that_curls_up_at_its_end_stops_there_and_is_told(member, stopped):
+    graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
+    stock = PlankStock(0.018, 0.12, 0.012, "cover", (0.02, 0.008))
+    plan = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, STOCK, 0.0)
+    assert plan.found.stopped == stopped
+    assert max(part.span[1] for part in plan.parts) == pytest.approx(5.85 if stopped else 6, abs=0.02)
+    assert any("A1 stop before their ends" in line and "curl up" in line for line in plan.lines) == bool(stopped)
 
 
 # --- parts as files, bent back

@@ -156,7 +156,7 @@ def _counted(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
     return (len(plan.parts), "part"), (len(plan.sheets), "sheet")
 
 
-MODEL = {"stock": "[0.42, 0.297]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
+MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
 """[workshop] for card: A3, 1 mm, holes for pins, and room for the laser; metres."""
 PAPERS = {"A4": (0.297, 0.21), "A3": (0.42, 0.297), "A2": (0.594, 0.42), "A1": (0.841, 0.594), "A0": (1.189, 0.841)}
 """Sizes of sheets of card, metres [ISO 216]."""

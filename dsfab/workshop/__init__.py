@@ -4,7 +4,8 @@ course, development   an axis laid open, and a layer over it rolled out    layer
 strips, splices       parts of lying strips                                plates, sheet   discs; flat designs
 parts, letters        what is cut and engraved                             limits     what can be bent and drilled
 model, ground, base   models in card, with feet in a plate
-nesting, hints        parts on sheets; what would save some               plan       all of it: `workshop_plan`
+nesting, hints        parts on sheets; what would save some               prices     what these cost
+plan                  all of it: `workshop_plan`
 bars                  straight bars between nodes, on plates             planks     upright ones, in slots
 routes                which way it is built, and why
 refolding, built      strips bent back into space; members as bodies of their parts
@@ -24,6 +25,7 @@ from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
 from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan
 from dsfab.workshop.plates import layer_numbers
+from dsfab.workshop.prices import money, stock_cost, stock_words
 from dsfab.workshop.refolding import RefoldedPlan, RefoldedStrip, refolded
 from dsfab.workshop.sheet import SheetJoint, sheet_parts
 from dsfab.workshop.strips import StripParts, is_strip, strip_parts
@@ -57,6 +59,7 @@ __all__ = [
     "is_strip",
     "layer_numbers",
     "member_course",
+    "money",
     "nested",
     "node_table",
     "placed_parts",
@@ -64,6 +67,8 @@ __all__ = [
     "plate_arms",
     "refolded",
     "sheet_parts",
+    "stock_cost",
+    "stock_words",
     "strip_limits",
     "strip_parts",
     "workshop_plan",

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
+from dsfab.members import Member
 from dsfab.workshop.course import StripCourse
 
 FINE = 6.0
@@ -69,6 +70,12 @@ def stopped_courses(
         course = stopped.get(end.name, courses[end.name])
         stopped[end.name] = _stopped(course, end.last, min(clear) if end.last else max(clear), nodes[end.name], past)
     return stopped
+
+
+def curled_courses(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
+    """Those of the courses of members, by their names, that stop where these curl up at an end (see `uncurled`)."""
+    lengths = {member.id: member.length for member in members}
+    return {name: one for name, one in courses.items() if not one.closed and (one.begin > 0 or one.end < lengths[name])}
 
 
 def _near_pairs(ends: Sequence[_End]) -> list[set[_End]]:

@@ -1,7 +1,7 @@
 """`WorkshopPlan`: what a workshop needs of a design: its parts, their sheets, and what is to be known first."""
 
 from collections import Counter
-from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -9,6 +9,7 @@ from dsfab.arrays import Floats
 from dsfab.errors import PatternError
 from dsfab.members import MemberGraph
 from dsfab.pipeline import Design
+from dsfab.preset_workshop import Workshop
 from dsfab.wording import length
 from dsfab.workshop.bars import BarPlan
 from dsfab.workshop.base import base_notes, base_parts
@@ -23,6 +24,7 @@ from dsfab.workshop.panels import panel_parts
 from dsfab.workshop.parts import FlatPart, congruent, shape_key
 from dsfab.workshop.planks import PlankPlan
 from dsfab.workshop.plates import is_plate, plate_parts
+from dsfab.workshop.prices import price_notes, stock_choices, stock_cost
 from dsfab.workshop.routes import UP, chosen_route, footing_of, node_normals, stock_room
 from dsfab.workshop.sheet import SheetJoint, sheet_parts
 from dsfab.workshop.splices import SCARF, scarf_line
@@ -88,8 +90,25 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
 
     up : (3,) unit vector, for the base plate of a model.
 
+    Where the stock has prices, it is the cheapest of those for all of its sizes and for the shorter ones alone.
+
     Raises PatternError where the route is not possible, or a part fits on no sheet.
     """
+    first, *others = stock_choices(design.preset.workshop)
+    plan = _plan(design, up)
+    plans = [(first, plan)]
+    for ask in others:
+        shorter = Design.of(design.preset.model_copy(update={"workshop": ask}), design)
+        with suppress(PatternError):
+            plans.append((ask, _plan(shorter, up)))
+    plans = [(ask, one) for ask, one in plans if one.route == plan.route]
+    best = min(plans, key=lambda one: stock_cost(one[1].sheets))[1]
+    left = [(ask, stock_cost(one.sheets)) for ask, one in plans if one is not best]
+    return replace(best, notes=(*best.notes, *price_notes(best.sheets, left)))
+
+
+def _plan(design: Design, up: Floats) -> WorkshopPlan:
+    """The plan of a design for all of its stock."""
     ask, surface = design.preset.workshop, design.sheet.surface
     if ask.route == "sheet" and not surface.is_flat:
         raise PatternError(
@@ -114,7 +133,7 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
         thickness = layering.thickness
     else:
         parts, notes = _flat(design, room)
-    sheets = nested_by_thickness(parts, ask.stock, ask.gap, ask.grain)
+    sheets = nested_by_thickness(parts, ask)
     if layering:
         notes = [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap, ask.grain)]
     if route.reason:
@@ -125,14 +144,13 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     )
 
 
-def nested_by_thickness(
-    parts: list[FlatPart], stock: Sequence[tuple[float, float]], gap: float, grain: bool = False
-) -> list[NestedSheet]:
+def nested_by_thickness(parts: list[FlatPart], ask: Workshop) -> list[NestedSheet]:
     """Parts on sheets, those of each thickness on sheets of their own (see `nested`)."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
-    return [sheet for some in groups.values() for sheet in nested(some, stock, gap, grain)]
+    found = (nested(some, ask.stock, ask.gap, ask.grain, ask.prices) for some in groups.values())
+    return [sheet for sheets in found for sheet in sheets]
 
 
 def _scale(design: Design) -> float:

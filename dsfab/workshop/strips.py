@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.members import Member, MemberGraph, Node
 from dsfab.workshop.course import StripCourse, member_course, turns_within_its_width, uncurled
-from dsfab.workshop.crowns import stopped_courses
+from dsfab.workshop.crowns import curled_courses, stopped_courses
 from dsfab.workshop.development import Development
 from dsfab.workshop.ground import Ground, StripFoot, footed_outline
 from dsfab.workshop.layering import END, Layering
@@ -99,9 +99,7 @@ def _stopped(
 ) -> dict[str, StripCourse]:
     """Courses that stop before they run into others of their family, or curl up; said in `found`."""
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
-    axes = {member.id: member.length for member in members}
-    open_ended = {name: course for name, course in courses.items() if not course.closed}
-    new = {name: course for name, course in open_ended.items() if course.begin > 0 or course.end < axes[name]}
+    new = curled_courses(courses, members)
     for family in dict.fromkeys(member.family for member in members):
         mine = {one.id: courses[one.id] for one in members if one.family == family}
         nodes = {name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], mine[name])] for name in mine}

@@ -11,7 +11,9 @@ import numpy as np
 from dsfab.units import MM_PER_M
 from dsfab.workshop.bars import BarPlan
 from dsfab.workshop.drawings import file_stem
+from dsfab.workshop.nesting import NestedSheet
 from dsfab.workshop.plan import WorkshopPlan
+from dsfab.workshop.prices import stock_cost
 
 Cell = str | int | float
 NEVER = datetime(1980, 1, 1)
@@ -31,9 +33,10 @@ class PlanTable:
 
 def part_table(plan: WorkshopPlan) -> PlanTable:
     """A row for each part that differs from all others: how often it is cut, and as which parts."""
+    costs = part_costs(plan)
     head = (
         *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes"),
-        *("layer_mm", "strain", "sheets", "file"),
+        *("layer_mm", "strain", "sheets", "file", *(("cost",) if costs else ())),
     )
     rows = []
     for group in plan.same:
@@ -45,8 +48,38 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
             + (round(MM_PER_M * plan.thickness_of(part), 3), round(part.area, 4), len(part.holes))
             + (round(MM_PER_M * part.layer, 3), f"{part.strain:.2e}", " ".join(map(str, sheets)))
             + (f"{file_stem(part.id)}.dxf",)
+            + ((round(sum(costs[one] for one in names), 2),) if costs else ())
         )
     return PlanTable("parts", head, tuple(rows))
+
+
+def part_costs(plan: WorkshopPlan) -> dict[str, float]:
+    """What each part, by its name, costs: its share, by area, of its sheet's price; empty where there are no prices."""
+    if not any(sheet.price for sheet in plan.sheets):
+        return {}
+    whole = [sum(one.part.area for one in sheet.parts) for sheet in plan.sheets]
+    shares = [sheet.price / area for sheet, area in zip(plan.sheets, whole, strict=True)]
+    return {
+        one.part.id: share * one.part.area
+        for sheet, share in zip(plan.sheets, shares, strict=True)
+        for one in sheet.parts
+    }
+
+
+def stock_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each size and thickness of the sheets: how many there are, how much of them becomes parts, and their
+    price, where they have one."""
+    kinds: dict[tuple[float, ...], list[NestedSheet]] = {}
+    for sheet in plan.sheets:
+        thickness = plan.thickness_of(sheet.parts[0].part)
+        kinds.setdefault((*sheet.size, thickness, sheet.price), []).append(sheet)
+    rows = []
+    for (a, b, thickness, price), sheets in sorted(kinds.items()):
+        mm = [round(MM_PER_M * x, 3) for x in (a, b, thickness)]
+        used = sum(sheet.used for sheet in sheets) / len(sheets)
+        rows.append((*mm, len(sheets), round(used, 3), *((price, round(price * len(sheets), 2)) if price else ())))
+    head = ("length_mm", "width_mm", "thickness_mm", "sheets", "used")
+    return PlanTable("stock", (*head, *(("price", "cost") if stock_cost(plan.sheets) else ())), tuple(rows))
 
 
 def nest_table(plan: WorkshopPlan) -> PlanTable:
@@ -120,14 +153,14 @@ def table_csv(table: PlanTable) -> str:
 
 
 def cut_list_workbook(plan: WorkshopPlan) -> bytes:
-    """Parts, nests, nodes and bars as an Excel workbook, a sheet for each that has rows."""
+    """Parts, nests, stock, nodes and bars as an Excel workbook, a sheet for each that has rows."""
     import xlsxwriter
 
     file = io.BytesIO()
     with xlsxwriter.Workbook(file, {"in_memory": True}) as book:
         book.set_properties({"created": NEVER})
         strong = book.add_format({"bold": True, "bottom": 1})
-        for table in (part_table(plan), nest_table(plan), node_table(plan), bar_table(plan)):
+        for table in (f(plan) for f in (part_table, nest_table, stock_table, node_table, bar_table)):
             if not table.rows:
                 continue
             sheet = book.add_worksheet(table.name)

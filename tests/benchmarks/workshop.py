@@ -64,9 +64,9 @@ class Clock:
         return run
 
 
-def measure(name: str) -> None:
-    """Tell of one preset."""
-    design = Design.of(load_preset(name)).until("slicing")
+def measured(name: str) -> tuple[dict[str, float], str]:
+    """Seconds by parts, "PDF" among them, of a preset as strips, and what was made in a line."""
+    design = Design.of(load_preset(name, {"workshop.route": "strips"})).until("slicing")
     up = up_axis(design.surface.V, design.surface, design.load)
     clock = Clock()
     with ExitStack() as stack, tempfile.TemporaryDirectory() as folder:
@@ -78,11 +78,22 @@ def measure(name: str) -> None:
         clock.timed("files", write_workshop)(plan, Path(folder), name)
         page = clock.timed("page", assembly_page)(plan, design)
         clock.timed("PDF", assembly_pdf)(plan, design)
-    own = sum(seconds for part, seconds in clock.spent.items() if part != "PDF")
-    print(f"{name}: {len(plan.parts)} parts on {len(plan.sheets)} sheets, {plan.used:.1%} used, page {len(page)} bytes")
-    for part, seconds in clock.spent.items():
+    made = f"{len(plan.parts)} parts on {len(plan.sheets)} sheets, {plan.used:.1%} used, page {len(page)} bytes"
+    return clock.spent, made
+
+
+def measure(name: str) -> None:
+    """Tell of one preset."""
+    spent, made = measured(name)
+    print(f"{name}: {made}")
+    for part, seconds in spent.items():
         print(f"  {part:18} {seconds:6.2f} s")
-    print(f"  {'all but the PDF':18} {own:6.2f} s", flush=True)
+    print(f"  {'all but the PDF':18} {without_pdf(spent):6.2f} s", flush=True)
+
+
+def without_pdf(spent: dict[str, float]) -> float:
+    """Seconds of all parts but that one."""
+    return sum(seconds for part, seconds in spent.items() if part != "PDF")
 
 
 def _found(owner: str, attribute: str) -> Callable[..., Any]:

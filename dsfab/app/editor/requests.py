@@ -89,6 +89,7 @@ ASKS: dict[str, Callable[[Session, Given], Given]] = {
     "export": _export,
     "formats": lambda session, given: {"formats": offered_formats()},
     "picture": _picture,
+    "members": lambda session, given: {"job": session.ask_members(bool(given.get("judged", False)))},
     "preset": lambda session, given: session.preset_file(_changes(given)),
     "command": lambda session, given: session.command(_changes(given)),
     "open": _open,

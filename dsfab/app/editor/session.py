@@ -194,6 +194,17 @@ class Session:
         request = BuildRequest(preset, mesh=now.page_mesh, only=only)
         return {"job": self.jobs.ask("export" if only else "build", lambda progress: self._build(request, progress))}
 
+    def ask_members(self, judged: bool) -> int:
+        """A job that names and measures the members of what was last solved; judged: with what they can bear.
+
+        Raises DsfabError before the first.
+        """
+        with self._lock:
+            shown = self._shown
+        if shown is None:
+            raise DsfabError("nothing is solved yet")
+        return self.jobs.ask("members", lambda progress: self._members(shown, judged))
+
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
         """A job that draws the structure here, for browsers that cannot."""
         preset = self.opened.changed(changes)
@@ -246,6 +257,11 @@ class Session:
         from dsfab.app.editor.figures import figures
 
         return {"draft": shown.number, **figures(shown.draft, progress)}
+
+    def _members(self, shown: SessionView, judged: bool) -> dict[str, Any]:
+        from dsfab.render import member_places
+
+        return {"draft": shown.number, **member_places(shown.draft, judged)}
 
     def _build(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
         from dsfab.render.opengl import why_no_pictures

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.pipeline import Design
-from dsfab.report.assembly.flat_parts import Page
+from dsfab.report.assembly.flat_parts import Page, sheet_figures
 from dsfab.report.assembly.paper import INK, PAGE, QUIET, Paper
 from dsfab.report.assembly.sequence import AssemblyStep
 from dsfab.units import MM_PER_M
@@ -50,7 +50,7 @@ def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
         ("Shortest and longest", f"{MM_PER_M * min(long):,.0f} and {MM_PER_M * max(long):,.0f} mm"),
         ("Plates", f"{len(plates)} of {length(stock.plate)}, {sum(part.id in different for part in plates)} different"),
         ("Bolts", f"{sum(len(part.holes) for part in bars)} of {length(stock.bolt)}"),
-        ("Sheets", f"{len(plan.sheets)}, {plan.used:.0%} used"),
+        *sheet_figures(plan),
         ("Mass of all bars", f"{sum(part.area for part in bars) * plan.thickness * statics.density:,.0f} kg"),
         ("Material of bars", statics.material or f"{statics.density:g} kg/m³, {statics.young / 1e9:g} GPa"),
     ]

@@ -22,7 +22,7 @@ from dsfab.report.assembly.axonometry import (
 from dsfab.report.assembly.bars import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.families import family_pages
-from dsfab.report.assembly.flat_parts import cut_list_pages, nest_pages, node_pages
+from dsfab.report.assembly.flat_parts import cut_list_pages, nest_pages, node_pages, sheet_figures
 from dsfab.report.assembly.joint import joint_pages
 from dsfab.report.assembly.overview import cover, named_view
 from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, MM, PAGE, QUIET, WIDE, Paper
@@ -154,7 +154,6 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
     size = np.ptp(graph.sheet.surface.V, axis=0)
     area = sum(part.area for part in plan.parts if not part.thickness)
     bolts = {hole.bolt for part in plan.parts for hole in part.holes}
-    stock = ", ".join(sorted({f"{a:g} x {b:g} m" for a, b in (sheet.size for sheet in plan.sheets)}))
     longest = max(plan.parts, key=lambda part: part.size[0])
     if plan.model:
         return model_figures(plan)
@@ -175,7 +174,7 @@ def _figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
         ),
         ("Parts", f"{len(plan.parts)}, {len(plan.same)} different"),
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
-        ("Sheets", f"{len(plan.sheets)} of {stock}, {plan.used:.0%} used"),
+        *sheet_figures(plan),
         *layers,
         joints,
         ("Mass of all parts", f"{area * plan.thickness * preset.statics.density:,.0f} kg"),

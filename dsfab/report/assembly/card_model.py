@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from dsfab.report.assembly.flat_parts import Page
+from dsfab.report.assembly.flat_parts import Page, sheet_figures
 from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, Fitted, Paper, PaperBox, usual_scale
 from dsfab.units import MM_PER_M
 from dsfab.wording import length
@@ -50,7 +50,6 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
     assert plan.graph is not None
     size = MM_PER_M * np.ptp(plan.graph.sheet.surface.V, axis=0)
     pins = {hole.bolt for part in plan.parts for hole in part.holes}
-    stock = ", ".join(sorted({_millimetres(sheet.size) for sheet in plan.sheets}))
     longest = max(plan.parts, key=lambda part: part.size[0])
     return [
         ("Model", f"1:{plan.model:g}"),
@@ -58,7 +57,7 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
         ("Members", f"{len({part.member for part in plan.parts} - {''})}"),
         ("Parts", f"{len(plan.parts)}, {len(plan.same)} different"),
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
-        ("Sheets of card", f"{len(plan.sheets)} of {stock}, {plan.used:.0%} used"),
+        *sheet_figures(plan, "Sheets of card"),
         ("Thickness of the card", length(plan.thickness)),
         *(
             [("Nodes and splices with pins", f"{len(pins)}, holes of {length(plan.layering.bolt)}")]

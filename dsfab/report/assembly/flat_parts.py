@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, Fitted, Paper, PaperBox, usual_scale
 from dsfab.units import MM_PER_M
-from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, node_table
+from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_table, stock_cost, stock_words
 
 ACROSS, DOWN = 4, 13
 """Parts on a page."""
@@ -15,6 +15,13 @@ ROWS, COLUMNS = 62, 3
 LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
 """Millimetres for a metre of a sheet, and of one of a model, if one can be had: names of parts are readable there."""
 Page = tuple[str, Callable[[Paper], None]]
+
+
+def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
+    """How many sheets of which size, how much of them becomes parts, and what they cost, if that is known."""
+    cost = stock_cost(plan.sheets)
+    priced = [("Price of the sheets", money(cost))] if cost else []
+    return [(name, f"{stock_words(plan.sheets)}, {plan.used:.0%} used"), *priced]
 
 
 def cut_list_pages(plan: WorkshopPlan) -> list[Page]:

@@ -14,7 +14,7 @@ class PlankParts:
     crossings : with slots, and nodes without.    crowded : nodes whose slots would run into others, "N007 in A02".
     steep     : the angle, radians, of pieces, by name, between the way on which they come and their slots, at most.
     stuck     : pieces that do not slide on, by name, with that angle.
-    stopped   : members that stop before others of their family.    left : nodes that they do not reach.
+    stopped   : members that stop before others of their family, or where they curl up.    left : nodes that they miss.
     level     : ends cut along the ground.    near, splices : splices near to a node, and all.
     longer    : metres that twisted edges are longer than drawn, by member.    bends : strain of bending, by member.
     """

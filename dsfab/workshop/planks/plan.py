@@ -175,8 +175,8 @@ def _left_out(plan: PlankPlan) -> Iterator[str]:
         yield f"{found.level} ends at supports are cut along the ground"
     if found.stopped:
         yield (
-            f"{some_names(found.stopped)} stop before their ends, where they would run into others of their family"
-            + (f"; {some_names(found.left)} are without them" if found.left else "")
+            f"{some_names(found.stopped)} stop before their ends, where they would run into others of their family or "
+            "curl up" + (f"; {some_names(found.left)} are without them" if found.left else "")
         )
     plates = [part for part in plan.parts if part.member and not len(part.axis)]
     if plates:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.members import MemberGraph
 from dsfab.workshop.course import StripCourse, member_course
-from dsfab.workshop.crowns import stopped_courses
+from dsfab.workshop.crowns import curled_courses, stopped_courses
 from dsfab.workshop.ground import Ground
 from dsfab.workshop.planks.found import PlankParts
 from dsfab.workshop.planks.outline import PlankStock
@@ -28,12 +28,13 @@ def upright(course: StripCourse, depth: float) -> StripCourse:
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Courses along the surface of all members that are planks, and those of them that stop before others."""
+    """Courses along the surface of all members that are planks, and those of them that stop before others, or where
+    they curl up."""
     members = [member for member in graph.members if is_strip(member)]
     more = 2 * (stock.reach + stock.depth + stock.past)
     courses = {one.id: member_course(graph, one, stock.past, more) for one in members}
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
-    stopped = dict[str, StripCourse]()
+    stopped = curled_courses(courses, members)
     for family in dict.fromkeys(member.family for member in members):
         mine = {one.id: _thin(courses[one.id], stock.thickness) for one in members if one.family == family}
         nodes = {

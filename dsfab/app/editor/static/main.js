@@ -11,6 +11,7 @@ import { recall } from './looks.js';
 import { Making } from './making.js';
 import { Materials } from './materials.js';
 import { drawn, Sampler } from './pattern.js';
+import { isMeasure, Members } from './members.js';
 import { decisions, notes, notice, outdated } from './notices.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
@@ -46,6 +47,7 @@ class Editor {
     this.guides = new Guides(by('guide-list'), this.state, this.viewer, this.picking);
     decisions(start.decided);
     this.views = new Views(this);
+    this.members = new Members(this);
     this.files = new Files(start, {
       changes: () => this.state.changes,
       opened: (next) => this.opened(next),
@@ -66,6 +68,7 @@ class Editor {
     this.work = new Work({
       solve: (job) => this.solved(job),
       figures: (job) => this.figured(job),
+      members: (job) => this.members.hear(job),
       build: (job) => this.making.built(job),
       export: (job) => this.making.built(job),
       picture: (job) => this.pictures?.show(job),
@@ -206,6 +209,7 @@ class Editor {
   figures() {
     if (this.stale || this.told?.draft !== this.model?.facts.draft) return;
     if (!this.told.failed) measured(this.told);
+    if (isMeasure(this.state.view.colour)) this.views.colours(); // they are others now
     for (const done of this.asking.splice(0)) done();
   }
 

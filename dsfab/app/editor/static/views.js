@@ -2,6 +2,7 @@
 
 import { histogram } from './figures.js';
 import { colouring, look, onTheme, turn } from './looks.js';
+import { isMeasure } from './members.js';
 
 const by = (id) => document.getElementById(id);
 const MODES = ['major', 'minor'];
@@ -72,7 +73,9 @@ export class Views {
     by('colour').value = colour;
     for (const button of by('layers').children) button.setAttribute('aria-pressed', String(layers.includes(button.dataset.layer)));
     if (!this.editor.model || !this.editor.viewer) return;
-    const [how, legend] = colouring(colour, this.editor.model, this.editor.start.colours, this.editor.mode);
+    const { model, start, mode } = this.editor;
+    const measured = isMeasure(colour) ? this.editor.members.colouring(colour, look().families, start.colours.rising) : null;
+    const [how, legend] = measured ?? colouring(colour, model, start.colours, mode);
     this.editor.viewer.colours(how);
     this.editor.viewer.whole(layers.includes('sheet'));
     this.editor.viewer.section(...(section ?? ['', 0]));
