@@ -48,10 +48,11 @@ def join_ends(joints: AxisJoints) -> None:
 
 
 def _join_met(joints: AxisJoints, trees: Trees) -> None:
-    """Join ends to the members whose material theirs goes on into: free ones to all of them, others to those that end
-    there, too. So the arms of a star, which no node joins, hang together.
+    """Join ends without a node to the members whose material theirs goes on into: free ones to all of them, others to
+    those that end there, too. So the arms of a star, which no node joins, hang together.
 
-    What is joined may be as far from an end as the member is wide there.
+    What is joined may be as far from an end as the member is wide there. Ends that have a node are left as they are:
+    bracing them as well makes the preset `cantilever` 6 % stiffer than its sheet.
     """
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
@@ -59,7 +60,7 @@ def _join_met(joints: AxisJoints, trees: Trees) -> None:
     rows, columns = np.concatenate(borders), np.repeat(np.arange(len(borders)), [len(one) for one in borders])
     beside = csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(middle), len(borders)))
     for member, own in zip(joints.lined, borders, strict=True):
-        for s, what, width in _open_ends(member):
+        for s, what, width in _loose_ends(joints, member):
             point = _point(member, s)
             near = own[np.linalg.norm(middle[own] - point, axis=1) < width]
             met = (joints.lined[k] for k in np.unique(beside[near].indices))
@@ -77,7 +78,7 @@ def _join_to(
         there = {number for _, number in joints.on[other.id]}
         tree, at = trees[other.id]
         t = float(at[tree.query(point)[1]])
-        ends = [one for one, _, _ in _open_ends(other) if abs(one - t) < width]
+        ends = [one for one, _, _ in _loose_ends(joints, other) if abs(one - t) < width]
         linked_there = any({one, two} & here and {one, two} & there for one, two, _ in joints.links)
         if not (here & there or linked_there) and (ends or what == "free"):
             linked(joints, [member, other], (s, ends[0] if ends else t), f"{member.id} end")
@@ -107,12 +108,14 @@ def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> Non
     linked(joints, [member, other], (s, at_other), f"{member.id} end")
 
 
-def _open_ends(member: Member) -> Iterable[tuple[float, str, float]]:
-    """Of a member that is not closed: the arc length, what is there, and how wide it is, metres, of both ends."""
+def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
+    """Of the ends of a member that no node is at: the arc length, the member that it runs into or "free", and how wide
+    it is there, metres."""
     assert member.axis is not None
     if not member.axis.closed:
         for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
-            yield s, what, max(width, member.mean_width)
+            if what == "free" or what in joints.graph.by_id:
+                yield s, what, max(width, member.mean_width)
 
 
 def _point(member: Member, s: float) -> Floats:
