@@ -159,12 +159,10 @@ def test_the_command_writes_a_design_and_tells_how_far_beams_are_right(tmp_path,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "changed", "within"), [("tower", {}, 0.1), ("barrel_vault", {}, 0.1), ("slab", WIDER, None)]
-)
-def test_presets_are_solved_again_from_the_file(tmp_path, name, changed, within):
-    """Reactions hold what lies on the sheet to .1 %; displacements are the sheet's within 10 % where ribs are slender,
-    and it is told otherwise."""
+@pytest.mark.parametrize(("name", "changed"), [("tower", {}), ("barrel_vault", {}), ("slab", WIDER)])
+def test_presets_are_solved_again_from_the_file(tmp_path, name, changed):
+    """Reactions hold what lies on the sheet to .1 %; displacements are within 10 % of the sheet's, whose ribs twist as
+    bars: as a thin sheet ribs of .1 x .3 m have eleven times their torsion."""
     design = dsfab.Design.of(dsfab.load_preset(name, changed))
     said = []
     path = design.write(tmp_path / f"{name}.saf.xlsx", note=said.append)
@@ -177,9 +175,6 @@ def test_presets_are_solved_again_from_the_file(tmp_path, name, changed, within)
     ours = np.linalg.norm(solve_frame(design.frame, shear=False)["load"].u[:, :3], axis=1).max()
     assert largest == pytest.approx(ours, rel=0.01)  # sections are rounded to millimetres
     sheet = np.linalg.norm(solve_frame(design.frame)["load"].u[:, :3], axis=1).max() / agreed.displacement
-    if within:
-        assert agreed.slender
-        assert largest == pytest.approx(sheet, rel=within)
-    else:
-        assert not agreed.slender
-        assert "take displacements from the sheet" in said[0]
+    assert largest == pytest.approx(sheet, rel=0.1)
+    assert agreed.slender == (name != "slab")
+    assert ("ribs twist as bars" in said[0]) == (name != "barrel_vault")

@@ -228,6 +228,10 @@ def test_what_is_no_structure_of_beams_is_told():
     assert found.told.startswith("beams against the sheet, wind: 1.30 of its compliance")
     assert "30% of the energy" in found.told
     assert "though its bays are slender" in FrameAgreement("wind", 1.3, 1.0, 0.1).told
+    assert "thin sheet" not in FrameAgreement("wind", 1.0, 1.0, 0.1, 1.01).told
+    assert FrameAgreement("wind", 1.0, 0.97, 0.1, 1.226).told.endswith(
+        "0.97 of its largest displacement, which is 1.23 times that of a thin sheet, since ribs twist as bars"
+    )
 
 
 SLENDER = {"barrel_vault", "gridshell", "snow_vault", "tower"}
@@ -277,7 +281,7 @@ def test_energy_in_a_disc_of_the_sheet_is_told_though_its_beams_bear_little():
         name: SimpleNamespace(compliance=one.compliance, largest_displacement=1.0) for name, one in answers.items()
     }
     beside = dict.fromkeys(answers, 0.05) | {"in": 0.63}
-    found = {one.case: one for one in agreement(made, answers, sheet, beside)}
+    found = {one.case: one for one in agreement(made, answers, sheet, beside, dict.fromkeys(answers, 1.0))}
     assert (found["in"].stout, found["in"].slender) == (0.63, False)
     assert (found["across"].stout, found["across"].slender) == (0.05, True)
     assert "63% of the energy is in discs" in found["in"].told

@@ -1,6 +1,7 @@
 """The beam model of a structure: its members as beams between nodes, solved and judged against the sheet.
 
-joints     where members are joined     hubs    the middles of discs     beams   straight pieces between nodes
+joints     where members are joined     ends    what their ends run into
+hubs       the middles of discs         beams   straight pieces between nodes
 carried    loads and supports, on nodes     build   all of it together: `Design.frame`
 model      `Frame`                      solve   displacements, reactions, forces        agreement   with the sheet
 forces     what members bear, from the section forces of the sheet    sections   how planes across them cut its faces

@@ -15,21 +15,26 @@ FEW = 0.15
 """Up to this share of the elastic energy may be in such bays and in links; more, and the model is no model of beams."""
 WITHIN = 0.1
 """What beams of slender members are off by at most."""
+TWIST = 1.02
+"""A sheet whose ribs twist as bars, that is so much softer than a thin one, is told."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """The answers of a frame and of its sheet to one case, both over the sheet's.
+    """The answers of a frame and of its sheet to one case, both over the sheet's, whose ribs twist as the bars that
+    they are: a thin sheet gives ribs that are deeper than wide many times the torsion of a bar.
 
     compliance, displacement : 1 where both are alike; of displacements the largest.
     stout : share of the elastic energy of the beams in links and in bays whose members are wider than .35 of their
             length or graze others; or of the sheet's in what is no member along an axis, if that is more.
+    twist : what the sheet moves at most over what it would if its ribs twisted as a thin sheet.
     """
 
     case: str
     compliance: float
     displacement: float
     stout: float
+    twist: float = 1.0
 
     @property
     def slender(self) -> bool:
@@ -43,6 +48,8 @@ class FrameAgreement:
             f"beams against the sheet, {self.case}: {self.compliance:.2f} of its compliance, {self.displacement:.2f} "
             "of its largest displacement"
         )
+        if self.twist > TWIST:
+            said += f", which is {self.twist:.2f} times that of a thin sheet, since ribs twist as bars"
         if abs(self.compliance - 1) <= WITHIN and abs(self.displacement - 1) <= WITHIN:
             return said
         where = (
@@ -54,11 +61,16 @@ class FrameAgreement:
 
 
 def agreement(
-    frame: Frame, answers: Mapping[str, FrameAnswer], sheet: Mapping[str, Equilibrium], beside: Mapping[str, float]
+    frame: Frame,
+    answers: Mapping[str, FrameAnswer],
+    sheet: Mapping[str, Equilibrium],
+    beside: Mapping[str, float],
+    twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
     """Of each case and combination that both were solved for; answers of the frame, and of the sheet.
 
     beside : by case, the share of the sheet's elastic energy in what is no member along an axis.
+    twist  : by case, see `FrameAgreement`.
     """
     stout = (frame.member < 0) | (frame.stout > STOUT)
     found = []
@@ -72,6 +84,7 @@ def agreement(
                 ours.compliance / theirs.compliance,
                 moved / theirs.largest_displacement,
                 max(float(energy), beside[name]),
+                twist[name],
             )
         )
     return found

@@ -17,6 +17,8 @@ from dsfab.members import Member
 
 TURN = 5.0
 """Degrees that a beam may leave out of its member's turning: bays that turn more become several beams."""
+TAPER = 1.25
+"""Nor over what its width changes by more than this factor: bays that taper become several beams."""
 FINEST = 0.5
 """But none is shorter than this share of the width, joints left out."""
 SHORT = 1e-3
@@ -25,6 +27,8 @@ SPREAD = 0.5
 """Within a joint a beam is wider than its member by this share of the other's width: that is material too, and forces
 spread into it by 45 degrees. Against the sheet, tower, vaults and gridshell: 0 gives compliances of 1.10, 1.02 and 1.06
 times the sheet's, 1 gives .96, 1.00 and .98."""
+FINE = 17
+"""Places along a bay at which its curvature and width are asked."""
 LEAST = 0.05
 """AxisJoints that reach less far than this share of the width are none."""
 
@@ -148,11 +152,15 @@ def _divided(
     """(k + 1,) arc lengths that divide a bay into joints and beams that turn little, and (k,) what joints are wider."""
     (s, t), axis = span, member.axis
     assert axis is not None
-    fine = np.linspace(s, t, 17)
-    bent = np.interp(fine % member.length if axis.closed else fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
-    count = max(least, min(int(np.ceil(np.degrees(bent) / TURN)), int((t - s) / (FINEST * member.mean_width))))
     half = fitting(np.array(other) / 2, t - s)
     half[half < LEAST * member.mean_width] = 0.0
+    fine, clear = np.linspace(s, t, FINE), np.linspace(s + half[0], t - half[1], FINE)
+    if axis.closed:
+        fine, clear = fine % member.length, clear % member.length
+    bent = np.interp(fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
+    width = np.interp(clear, axis.s, member.width)
+    parts = max(np.degrees(bent) / TURN, np.log(width.max() / width.min()) / np.log(TAPER))
+    count = max(least, min(int(np.ceil(parts)), int((t - s) / (FINEST * member.mean_width))))
     at = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
     if half[0]:

@@ -11,6 +11,7 @@ from dsfab.arrays import Bools, Floats
 from dsfab.errors import StaticsError
 from dsfab.frame.beams import Beams, beams_along
 from dsfab.frame.carried import Held, held_places, in_plane, nearest_beams, nodal_loads
+from dsfab.frame.ends import join_ends
 from dsfab.frame.hubs import add_hubs
 from dsfab.frame.joints import found_joints
 from dsfab.frame.model import BeamMaterial, Combinations, Frame
@@ -37,15 +38,16 @@ def frame_of(
 
     Raises StaticsError where there is no member with an axis, or a part of the structure that nothing holds.
     """
-    joints = found_joints(graph)
-    if not joints.lined:
+    if not any(member.axis for member in graph.members):
         raise StaticsError("the structure has no members with an axis, so there is no beam model of it: it is a sheet")
+    joints = found_joints(graph)
+    join_ends(joints)
     add_hubs(joints)
     beams = beams_along(joints)
     points, beams, names = _merged(np.array(joints.points), beams, joints.names)
     beams = _whole(points, beams)
     first = next(iter(loads.values()))
-    held = held_places(first, surface.V, points, beams, _clamped(surface, first))
+    held = held_places(first, surface, points, beams)
     at = nearest_beams(surface.V, points, beams)
     forces = {name: nodal_loads(load, surface.V, at, points, beams) for name, load in loads.items()}
     points, beams, names, fixed, spring = _with_supports(points, beams, names, held)
@@ -79,14 +81,6 @@ def distinct(names: list[str]) -> tuple[str, ...]:
         seen[name] = seen.get(name, 0) + 1
         found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
     return tuple(found)
-
-
-def _clamped(surface: Surface, load: LoadCase) -> Bools:
-    """(v,) vertices at edges that cannot turn."""
-    found = np.zeros(surface.n, dtype=bool)
-    if len(load.clamped):
-        found[surface.edges.ends[load.clamped].ravel()] = True
-    return found
 
 
 def _merged(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:

@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints, group_sums
 from dsfab.frame.beams import Beams
-from dsfab.surface import LoadCase
+from dsfab.surface import LoadCase, Surface
 
 SAMPLES = 9
 """Points along each beam by which the nearest ones are found; they are then told apart exactly."""
@@ -73,11 +75,12 @@ class Held:
     width: Floats
 
 
-def held_places(load: LoadCase, V: Floats, points: Floats, beams: Beams, clamped: Bools) -> Held:
+def held_places(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> Held:
     """The held vertices of a sheet, each with the node that is nearest along the beam that is nearest.
 
-    clamped : (v,) vertices at edges that cannot turn.
+    Where whole faces are held, the heads of columns for instance, the sheet cannot turn: no node there can, either.
     """
+    V, clamped = surface.V, _clamped(surface, load)
     held = np.flatnonzero(load.held | clamped)
     at = nearest_beams(V[held], points, beams)
     node = np.where(at.along < 0.5, beams.ends[at.beam, 0], beams.ends[at.beam, 1])
@@ -89,7 +92,9 @@ def held_places(load: LoadCase, V: Floats, points: Floats, beams: Beams, clamped
     spring = np.zeros((len(which), 6))
     np.add.at(spring[:, :3], group, load.spring[held])
     around = np.array([beams.width[(beams.ends == k).any(axis=1)].max() for k in which])
-    reach, least = _reach(V[held], group, place)
+    reach = _reach(V[held], group)[:, 0]
+    least = np.zeros(len(which))
+    np.maximum.at(least, group, _blocks(load, surface)[held])
     turned = np.zeros(len(which), dtype=bool)
     np.logical_or.at(turned, group, clamped[held])
     still = turned | ((least > BLOCK * around) & fixed[:, :3].all(axis=1))
@@ -98,13 +103,34 @@ def held_places(load: LoadCase, V: Floats, points: Floats, beams: Beams, clamped
     return Held(which, place, apart & ~(least > BLOCK * around), fixed, spring, np.maximum(reach, 0.25 * around))
 
 
-def _reach(V: Floats, group: Ints, place: Floats) -> tuple[Floats, Floats]:
-    """(h,) how long each group of points is, and how wide, metres: root twelve of their spread along two axes."""
-    off = V - place[group]
-    spread = np.zeros((len(place), 3, 3))
+def _clamped(surface: Surface, load: LoadCase) -> Bools:
+    """(v,) vertices at edges that cannot turn."""
+    found = np.zeros(surface.n, dtype=bool)
+    if len(load.clamped):
+        found[surface.edges.ends[load.clamped].ravel()] = True
+    return found
+
+
+def _blocks(load: LoadCase, surface: Surface) -> Floats:
+    """(v,) how wide the patch of faces is, metres, that are held at all corners in all directions; 0 in none."""
+    faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
+    rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
+    joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))
+    vertices = np.unique(faces)
+    group = np.unique(connected_components(joined, directed=False)[1][vertices], return_inverse=True)[1]
+    found = np.zeros(surface.n)
+    if len(vertices):
+        found[vertices] = _reach(surface.V[vertices], group)[group, 1]
+    return found
+
+
+def _reach(V: Floats, group: Ints) -> Floats:
+    """(h, 2) how long each group of points is, and how wide, metres: root twelve of their spread along two axes."""
+    count = np.bincount(group)
+    off = V - (group_sums(group, V, len(count)) / count[:, None])[group]
+    spread = np.zeros((len(count), 3, 3))
     np.add.at(spread, group, off[:, :, None] * off[:, None, :])
-    sizes = np.sqrt(12 * np.maximum(np.linalg.eigvalsh(spread / np.bincount(group)[:, None, None]), 0))
-    return sizes[:, 2], sizes[:, 1]
+    return np.asarray(np.sqrt(12 * np.maximum(np.linalg.eigvalsh(spread / count[:, None, None]), 0))[:, :0:-1])
 
 
 def in_plane(fixed: Bools, axis: int) -> Bools:

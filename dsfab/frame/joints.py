@@ -1,22 +1,15 @@
-"""Where the axes of members are joined: at their nodes, at ends within each other, and where members graze."""
+"""Where the axes of members are joined: at their nodes, and where members graze. What their ends run into: `ends`."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats
 from dsfab.members import Member, MemberGraph
 
-BEYOND = 1.0
-"""What goes on beyond a member's last node is part of the joint if it is shorter than this share of the other's
-width."""
 SAME = 0.25
 """Axes that are nearer to each other than this share of the narrower width are joined in one node, others by a link."""
-REACH = 2.0
-"""An end is joined to an axis that is at most so many widths away."""
 CLEAR = 0.2
 """At least this share of a bay is no joint."""
 
@@ -93,7 +86,7 @@ class AxisJoints:
 
 
 def found_joints(graph: MemberGraph) -> AxisJoints:
-    """The joints of a graph; members without an axis join nothing by themselves."""
+    """The joints of a graph, but for those of ends; members without an axis join nothing by themselves."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.lined}
     for node in graph.nodes:
@@ -101,73 +94,21 @@ def found_joints(graph: MemberGraph) -> AxisJoints:
         if any(member.axis is None for member in members):
             continue
         if node.kind == "grazing":
-            joints.grazed.update(_linked(joints, members, node.at, node.id))
+            joints.grazed.update(linked(joints, members, node.at, node.id))
             continue
         number = joints.node(node.point, node.id)
         for member, s in zip(members, node.at, strict=True):
             joints.on[member.id].append((s, number))
-    _join_ends(joints)
     return joints
 
 
-def _linked(joints: AxisJoints, members: list[Member], at: tuple[float, float], name: str) -> tuple[int, int]:
-    """Join two members at arc lengths of their axes: in one node, if they are near enough, else by a link. Returns the
-    nodes of both."""
+def linked(joints: AxisJoints, members: list[Member], at: tuple[float, float], name: str) -> tuple[int, int]:
+    """Join two members at arc lengths of their axes: in one node, if they are near enough, else by a link as wide as
+    the narrower one. Returns the nodes of both."""
     one, other = (joints.place(member, s, name) for member, s in zip(members, at, strict=True))
     if one != other:
         joints.links.append((one, other, min(member.mean_width for member in members)))
     return one, other
-
-
-def _join_ends(joints: AxisJoints) -> None:
-    """Cut off what goes on beyond the last nodes, and join the ends that have none to the axis that is nearest."""
-    samples = [(member, *_samples(member)) for member in joints.lined]
-    trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
-    open_ended = [member for member in joints.lined if member.axis and not member.axis.closed]
-    for member in open_ended:
-        for s, what in zip((0.0, member.length), member.ends, strict=True):
-            if what in joints.graph.by_id:
-                _join_end(joints, member, s, trees)
-    for member in open_ended:
-        span = [0.0, member.length]
-        for side, what in enumerate(member.ends):
-            near = _nearest(joints, member, span[side])
-            beyond = near and abs(near[0] - span[side]) < BEYOND * joints.other_width(member, near[1])
-            if near and beyond and what not in ("edge", "free"):
-                span[side] = near[0]
-        joints.ends[member.id] = span[0], span[1]
-
-
-def _nearest(joints: AxisJoints, member: Member, s: float) -> tuple[float, int] | None:
-    """The arc length and the number of the node of a member that is nearest to an arc length."""
-    return min(joints.on[member.id], key=lambda one: abs(one[0] - s), default=None)
-
-
-def _join_end(joints: AxisJoints, member: Member, s: float, trees: Mapping[str, tuple[cKDTree, Floats]]) -> None:
-    """Join the end of a member that has no node to the nearest axis of another."""
-    assert member.axis is not None
-    near = _nearest(joints, member, s)
-    if near and abs(near[0] - s) < SAME * member.mean_width:
-        return
-    point = member.axis.at(np.array([s]))[0][0]
-    found = []
-    for name, (tree, at) in trees.items():
-        if name != member.id:
-            distance, k = tree.query(point)
-            found.append((float(distance), name, float(at[k])))
-    distance, name, at_other = min(found, default=(np.inf, "", 0.0))
-    other = joints.graph.by_id.get(name)
-    if other is None or distance > REACH * max(member.mean_width, other.mean_width):
-        return
-    _linked(joints, [member, other], (s, at_other), f"{member.id} end")
-
-
-def _samples(member: Member) -> tuple[Floats, Floats]:
-    """(k,) arc lengths and (k, 3) points along a member, a quarter of its width apart."""
-    assert member.axis is not None
-    count = int(np.clip(4 * member.length / max(member.mean_width, 1e-9), 8, 400))
-    s = np.linspace(0, member.length, count + 1)
-    return s, member.axis.at(s)[0]
 
 
 def _apart(member: Member, one: float, other: float) -> float:

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dsfab.arrays import Bools
+from dsfab.errors import StaticsError
 from dsfab.preset import Preset
 from dsfab.results import StaticsResult
-from dsfab.statics import sheet_stress, solve_for
+from dsfab.statics import Equilibrium, SheetModel, sheet_stress, solve_cases, solve_for
 from dsfab.surface import LoadCase, Surface
 
 if TYPE_CHECKING:
@@ -35,17 +36,35 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """The beams against the sheet that they stand for, case by case; raises StaticsError where one is not held."""
+    """The beams against the sheet that they stand for, its ribs twisting as bars, case by case.
+
+    Raises StaticsError where one is not held.
+    """
     from dsfab.frame import agreement, solve_frame
 
-    answers, model = solve_frame(frame), preset.statics.sheet().on(sheet)
-    solved, beside = solve_for(model, loads, "displacement"), _spread(graph, sheet.m)
-    shares = {}
-    for name, answer in solved.items():
+    answers, model, beside = solve_frame(frame), preset.statics.sheet().on(sheet), _spread(graph, sheet.m)
+    thin, barred = _thin_and_barred(model, loads)
+    shares, twist = {}, {}
+    for name, answer in thin.items():
         stress = sheet_stress(model, answer.elements, answer)
         energy = sheet.areas * (stress.membrane_energy + stress.bending_energy)
         shares[name] = float(energy[beside].sum() / energy.sum())
-    return agreement(frame, answers, solved, shares)
+        twist[name] = barred[name].largest_displacement / answer.largest_displacement
+    return agreement(frame, answers, barred, shares, twist)
+
+
+def _thin_and_barred(
+    model: SheetModel, loads: Mapping[str, LoadCase]
+) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
+    """The answers of a sheet whose ribs twist as a thin sheet and as bars, by the same elements: alike in its plane,
+    and where bars can not be solved, since they are next to nothing wide."""
+    try:
+        barred = solve_for(model, loads, "displacement", bars=True)
+    except StaticsError:
+        thin = solve_for(model, loads, "displacement")
+        return thin, thin
+    elements = next(iter(barred.values())).elements
+    return (solve_cases(model, loads, elements) if elements.bending else barred), barred
 
 
 def _spread(graph: "MemberGraph", count: int) -> Bools:

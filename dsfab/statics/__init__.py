@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+from scipy.sparse import csr_array
+
 from dsfab.errors import StaticsError
 from dsfab.statics.answers import Answers, Ask, SolvedCase, sheet_answers
 from dsfab.statics.balance import Resultant, resultant, support_reactions
@@ -123,8 +125,10 @@ def solve_statics(
     return solve_cases(sheet, {"load": load}, elements, spreads)["load"]
 
 
-def solve_for(sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """`solve_cases` by the elements of a use.
+def solve_for(
+    sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
+) -> dict[str, Equilibrium]:
+    """`solve_cases` by the elements of a use, with ribs that twist as `bars` or as a thin sheet.
 
     On a sheet with needles of faces, which its cut may have left, elements that are one order more accurate may not be
     solved: then it is by those that bear needles (see `Equilibrium.elements`).
@@ -133,11 +137,11 @@ def solve_for(sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | 
     """
     elements = elements_of(use)
     try:
-        return solve_cases(sheet, loads, elements)
+        return solve_cases(sheet, loads, elements, bars=bars)
     except StaticsError:
         if elements.bending != "hhj" or not needles_told(sheet.surface):
             raise
-        return solve_cases(sheet, loads, elements_of("needles"))
+        return solve_cases(sheet, loads, elements_of("needles"), bars=bars)
 
 
 def solve_cases(
@@ -146,11 +150,13 @@ def solve_cases(
     elements: Elements = PAPER,
     spreads: Mapping[str, SpreadLoad] | None = None,
     combinations: Mapping[str, Mapping[str, float]] | None = None,
+    bars: bool = False,
 ) -> dict[str, Equilibrium]:
     """`solve_statics` for several load cases on the same supports, by name, from one factorisation.
 
     spreads      : by case, see `equilibrium`; all of the cases, or None.
     combinations : by name, the factor of each case in it; they follow the cases in the answer.
+    bars         : whether ribs that bend twist as the rectangular bars that they are, see `torsion_loss`.
 
     Raises StaticsError as `solve_statics` does, for cases on different supports, and for combinations of unknown cases.
     """
@@ -161,6 +167,8 @@ def solve_cases(
     if flat_axis(sheet.surface, *loads.values()) is not None:
         elements = elements.in_plane
     K = sheet_stiffness(sheet, elements)
+    if bars and elements.bending:
+        K = csr_array(K + torsion_loss(sheet, elements, rib_shape(sheet.surface)))
     given = None if spreads is None else [spreads[name] for name in loads]
     table = [[factors.get(case, 0.0) for case in loads] for factors in sums.values()]
     held = [sheet.held(load) for load in loads.values()]

@@ -43,8 +43,8 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
 
-    D : (3, 3) moments from curvatures, N m. Converges to Kirchhoff's plate on every mesh, from the soft side: a plate
-    of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much.
+    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. Converges to Kirchhoff's plate on every mesh,
+    from the soft side: a plate of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much.
     """
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]

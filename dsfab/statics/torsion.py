@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Floats, Ints
 from dsfab.statics.elements import Elements, voigt
 from dsfab.statics.hhj import hhj_stiffness
+from dsfab.statics.midedge import midedge_stiffness
 from dsfab.statics.model import SheetModel
 from dsfab.surface import Surface, half_edges
 from dsfab.surface.hats import tangents
@@ -92,15 +93,16 @@ def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_a
     """What twist about the directions of ribs adds to K where they are bars: negative, over the unknowns of `elements`.
 
     Of each face D is lessened by (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
-    Raises ValueError for bending that is not `hhj`.
+    Raises ValueError for bending that is neither `hhj` nor `midedge`.
     """
-    if elements.bending != "hhj":
-        raise ValueError(f"{elements}: torsion of ribs is lessened for hhj alone")
+    if elements.bending not in ("hhj", "midedge"):
+        raise ValueError(f"{elements}: torsion of ribs is lessened for hhj and midedge alone")
     share = torsion_share(ribs.widths / sheet.thickness)
     a = np.einsum("mx,max->ma", ribs.along, tangents(sheet.surface))
     t = voigt(a, np.stack([-a[:, 1], a[:, 0]], axis=1)) * np.array([2.0, 2.0, 1.0])
     stiff = sheet.material.bending(sheet.thickness)[2, 2]
-    return -hhj_stiffness(sheet.surface, (stiff * (1 - share))[:, None, None] * t[:, :, None] * t[:, None], elements)
+    lost = (stiff * (1 - share))[:, None, None] * t[:, :, None] * t[:, None]
+    return -(hhj_stiffness if elements.bending == "hhj" else midedge_stiffness)(sheet.surface, lost, elements)
 
 
 def _points_on(surface: Surface, border: Ints) -> tuple[Floats, Ints]:

@@ -16,11 +16,8 @@ from dsfab.statics import (
     SheetModel,
     SheetStress,
     SpreadLoad,
-    equilibria,
-    rib_shape,
     section_forces,
-    sheet_stiffness,
-    torsion_loss,
+    solve_cases,
 )
 from dsfab.study.verdict.stresses import rib_width
 from dsfab.surface import LoadCase, Surface
@@ -33,7 +30,7 @@ class RibSoftening(NamedTuple):
     """Shares of a thin sheet's compliance.
 
     torsion : by how much it grows where ribs that are twisted are bars of their own width and thickness, solved again
-              (`torsion_loss`); inf where that cannot be solved.
+              (`solve_cases`); inf where that cannot be solved.
     shear   : energy of shear through the thickness, q^2 6 / (5 G h) on each square metre, q that of the thin sheet, its
               mean over half a thickness all around: a solid spreads what passes through a neck.
     bending : of moments, times the root of thickness over the mean width of ribs.
@@ -54,10 +51,8 @@ def rib_softening(
 ) -> dict[str, RibSoftening]:
     """Of a solved sheet that bends, for each of its cases. One more solve on its mesh."""
     surface, h, made = sheet.surface, sheet.thickness, sheet.material
-    K = sheet_stiffness(sheet, elements) + torsion_loss(sheet, elements, rib_shape(surface))
     try:
-        bars = equilibria(surface, K, list(loads.values()), elements, list(spreads.values()))
-        barred = [one.compliance for one in bars]
+        barred = [one.compliance for one in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
     except (StaticsError, NotPositiveDefinite):
         barred = [np.inf] * len(loads)
     recovery, means = ShearRecovery.of(surface, linear=elements.bending == "hhj"), _means_within(surface, h / 2)

@@ -1,0 +1,132 @@
+"""Where the ends of members are joined: to the axis that they run into, and to what else their material goes on into.
+
+  |        one arm ends in another, and that one is joined to it by name; the others end free
+--+ +--    beside them, where no two middle lines cross: all of them are one material, and are linked
+  +
+  |
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Floats
+from dsfab.frame.joints import SAME, AxisJoints, linked
+from dsfab.members import Member
+
+BEYOND = 1.0
+"""What goes on beyond a member's last node is part of the joint if it is shorter than this share of the other's
+width."""
+REACH = 2.0
+"""An end is joined to an axis that is at most so many widths away."""
+
+Trees = Mapping[str, tuple[cKDTree, Floats]]
+"""By the names of members, points along their axes, and the arc lengths of these."""
+
+
+def join_ends(joints: AxisJoints) -> None:
+    """Cut off what goes on beyond the last nodes, and join the ends that have none to the axis that is nearest, and to
+    what else they meet."""
+    samples = [(member, *_samples(member)) for member in joints.lined]
+    trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
+    open_ended = [member for member in joints.lined if member.axis and not member.axis.closed]
+    for member in open_ended:
+        for s, what in zip((0.0, member.length), member.ends, strict=True):
+            if what in joints.graph.by_id:
+                _join_end(joints, member, s, trees)
+    _join_met(joints, trees)
+    for member in open_ended:
+        span = [0.0, member.length]
+        for side, what in enumerate(member.ends):
+            near = _nearest(joints, member, span[side])
+            beyond = near and abs(near[0] - span[side]) < BEYOND * joints.other_width(member, near[1])
+            if near and beyond and what not in ("edge", "free"):
+                span[side] = near[0]
+        joints.ends[member.id] = span[0], span[1]
+
+
+def _join_met(joints: AxisJoints, trees: Trees) -> None:
+    """Join ends without a node to the members whose material theirs goes on into: free ones to all of them, others to
+    those that end there, too. So the arms of a star, which no node joins, hang together.
+
+    What is joined may be as far from an end as the member is wide there. Ends that have a node are left as they are:
+    bracing them as well makes the preset `cantilever` 6 % stiffer than its sheet.
+    """
+    surface = joints.graph.sheet.surface
+    middle = surface.V[surface.edges.ends].mean(axis=1)
+    borders = [np.unique(surface.edges.of[member.cells]) for member in joints.lined]
+    rows, columns = np.concatenate(borders), np.repeat(np.arange(len(borders)), [len(one) for one in borders])
+    beside = csr_array((np.ones(len(rows)), (rows, columns)), shape=(len(middle), len(borders)))
+    for member, own in zip(joints.lined, borders, strict=True):
+        for s, what, width in _loose_ends(joints, member):
+            point = _point(member, s)
+            near = own[np.linalg.norm(middle[own] - point, axis=1) < width]
+            met = (joints.lined[k] for k in np.unique(beside[near].indices))
+            _join_to(joints, (member, s, width), point, [one for one in met if one is not member], what, trees)
+
+
+def _join_to(
+    joints: AxisJoints, end: tuple[Member, float, float], point: Floats, met: list[Member], what: str, trees: Trees
+) -> None:
+    """Join an end, of a member at an arc length and a width, to those that it meets, unless a node or a link
+    does."""
+    member, s, width = end
+    for other in met:
+        here = {number for at, number in joints.on[member.id] if abs(at - s) < width}
+        there = {number for _, number in joints.on[other.id]}
+        tree, at = trees[other.id]
+        t = float(at[tree.query(point)[1]])
+        ends = [one for one, _, _ in _loose_ends(joints, other) if abs(one - t) < width]
+        linked_there = any({one, two} & here and {one, two} & there for one, two, _ in joints.links)
+        if not (here & there or linked_there) and (ends or what == "free"):
+            linked(joints, [member, other], (s, ends[0] if ends else t), f"{member.id} end")
+
+
+def _nearest(joints: AxisJoints, member: Member, s: float) -> tuple[float, int] | None:
+    """The arc length and the number of the node of a member that is nearest to an arc length."""
+    return min(joints.on[member.id], key=lambda one: abs(one[0] - s), default=None)
+
+
+def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> None:
+    """Join the end of a member that has no node to the nearest axis of another."""
+    assert member.axis is not None
+    near = _nearest(joints, member, s)
+    if near and abs(near[0] - s) < SAME * member.mean_width:
+        return
+    point = _point(member, s)
+    found = []
+    for name, (tree, at) in trees.items():
+        if name != member.id:
+            distance, k = tree.query(point)
+            found.append((float(distance), name, float(at[k])))
+    distance, name, at_other = min(found, default=(np.inf, "", 0.0))
+    other = joints.graph.by_id.get(name)
+    if other is None or distance > REACH * max(member.mean_width, other.mean_width):
+        return
+    linked(joints, [member, other], (s, at_other), f"{member.id} end")
+
+
+def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
+    """Of the ends of a member that no node is at: the arc length, the member that it runs into or "free", and how wide
+    it is there, metres."""
+    assert member.axis is not None
+    if not member.axis.closed:
+        for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
+            if what == "free" or what in joints.graph.by_id:
+                yield s, what, max(width, member.mean_width)
+
+
+def _point(member: Member, s: float) -> Floats:
+    """(3,) on the axis of a member at an arc length."""
+    assert member.axis is not None
+    return np.asarray(member.axis.at(np.array([s]))[0][0])
+
+
+def _samples(member: Member) -> tuple[Floats, Floats]:
+    """(k,) arc lengths and (k, 3) points along a member, a quarter of its width apart."""
+    assert member.axis is not None
+    count = int(np.clip(4 * member.length / max(member.mean_width, 1e-9), 8, 400))
+    s = np.linspace(0, member.length, count + 1)
+    return s, member.axis.at(s)[0]
