@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from dsfab.pipeline import draft
 from dsfab.report.comparison_chart import NAMES, STYLES
 from dsfab.report.compliance.findings import LABELS
 from dsfab.study import compare_at
-from dsfab.study.baselines import BASELINES, SAME_MASS, ComparisonTask, Structure
+from dsfab.study.baselines import BASELINES, SAME_MASS, ComparisonTask, Structure, matching
 from dsfab.study.baselines.matching import area_share, matched_structure, sliced_structure
 from dsfab.study.baselines.striped import principal_axes, scaled_field, turned_tensors
 from dsfab.surface.hats import voronoi_mass
@@ -118,6 +119,17 @@ def test_more_is_drawn_where_loose_pieces_are_dropped(task):
     assert sliced_structure(task, drawing(task, task.share, 1e-4)).sheet.surface.area < (1 - SAME_MASS) * task.area
     with pytest.raises(PatternError, match="falls apart: without its loose pieces its mass is"):
         matched_structure(task, lambda task, share, tolerance: drawing(task, 0.3, 1e-4))
+
+
+def test_competitors_are_tidied_as_they_are_drawn_and_not_as_the_design_is(made, task, monkeypatch):
+    """Stripes that do not follow the stress of an evenly striped design would be taken off as astray of it."""
+    tidied = replace(task, preset=task.preset.with_pattern(method="stripes"))
+    assert tidied.preset.pattern.tidied
+    monkeypatch.setattr(matching, "matched_structure", lambda task, drawing: task)
+    other = replace(made.diffusion)
+    given = matching.striped_structure(tidied, tidied.preset.with_pattern(method="modes"), other)
+    assert not given.preset.pattern.tidied
+    assert given.diffusion is other
 
 
 def test_a_brief_of_chosen_modes_has_no_more_to_choose():

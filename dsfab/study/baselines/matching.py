@@ -84,13 +84,17 @@ def striped_structure(
     """Both families of stripes of a preset, as wide as the area of the task asks: on the modes of `diffusion`, or
     evenly spaced."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
-    given = replace(task.stressed, diffusion=diffusion)
-    return widened_structure(task, preset, striped_families(preset, given, radius, even=even))
+    task = replace(task, diffusion=diffusion)
+    return widened_structure(task, preset, striped_families(preset, task.stressed, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[Drawable]) -> Structure:
-    """Families of stripes by the width rule of a preset, as wide as the area of the task asks."""
-    factor = 0.0
+    """Families of stripes by the width rule of a preset, as wide as the area of the task asks.
+
+    What leads nowhere is taken off if that preset asks for it, and not since the design is tidied: stripes that do not
+    follow its stress all go astray of it.
+    """
+    task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
         nonlocal factor
