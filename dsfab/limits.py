@@ -69,6 +69,9 @@ SLIT = 0.25
 CROWDING = 1.25
 """Where members leave no wider openings anyway, they may take so many times the usual share of their spacing."""
 
+FILM = 0.05
+"""A sheet that has less than this share of its thickness somewhere is a film there."""
+
 OUTLINE = 1 / 40
 """Tolerance of lines and planar outlines unless asked otherwise, as a share of the thickness."""
 

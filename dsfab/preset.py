@@ -466,6 +466,9 @@ class Fabrication(Section):
     """Metres; the narrowest opening."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Metres; the thinnest wall of the solid."""
+    accept: bool = False
+    """Write files of a design in spite of loads that nothing carries, and of a sheet that was thinned to a film where
+    it would meet itself."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Metres along x, y, z that fit into the machine; the solid may lie on any of its sides."""
 

@@ -160,6 +160,9 @@ class FileSurface(OwnSurface):
     """The file's axis that points to the sky; what follows is told with z up. GLB files are turned already."""
     mend: bool = False
     """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes."""
+    repair: bool = False
+    """Make a raw scan a sheet: as `mend`, and edges of more than two faces split, pieces under a twentieth of the
+    largest dropped, holes with an outline under 15 % of the largest side filled, faces turned to the same side."""
     max_triangles: Annotated[int, Ge(1)] | None = None
     """Triangles that the file may have; bytes, vertices and seconds of reading it are limited by it. 4 million where
     nothing is said."""
@@ -180,7 +183,8 @@ class FileSurface(OwnSurface):
                 f"this preset needs a mesh of yours in place of {self.file.name}: write "
                 'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
             )
-        return surface_in_file(self.file, self.unit, self.up, self.mend, self.max_triangles or DEFAULT_TRIANGLES)
+        most = self.max_triangles or DEFAULT_TRIANGLES
+        return surface_in_file(self.file, self.unit, self.up, self.mend, most, self.repair)
 
 
 def _mesh_from(value: Any) -> Surface:

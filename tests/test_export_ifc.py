@@ -12,7 +12,9 @@ from tests.test_export_pieces import three
 
 ifcopenshell = pytest.importorskip("ifcopenshell", reason="ifcopenshell (extra ifc) is not installed")
 
-STEEL = Details(measures={"thickness": 0.05, "density": 7850.0, "young": 210e9, "poisson": 0.3})
+STEEL = Details(
+    measures={"thickness": 0.05, "density": 7850.0, "young": 210e9, "poisson": 0.3}, records={"material": "S235"}
+)
 
 
 def faults(path) -> list:
@@ -40,23 +42,29 @@ def test_a_file_of_three_pieces_is_valid_and_measured(tmp_path):
     path = write(solid, tmp_path / "a.ifc", name="roof “2”", details=STEEL)
     assert faults(path) == []
     model = ifcopenshell.open(str(path))
-    elements = model.by_type("IfcBuildingElementProxy")
+    elements = model.by_type("IfcPlate")
     assert model.schema == "IFC4"
+    assert not model.by_type("IfcBuildingElementProxy")
+    (roof,) = model.by_type("IfcRoof")
+    assert set(roof.IsDecomposedBy[0].RelatedObjects) == set(elements)
+    assert roof.ContainedInStructure[0].RelatingStructure.Name == "Building"
+    assert not any(one.ContainedInStructure for one in elements)  # the whole is there, its parts are in the whole
+    assert {one.ObjectPlacement.PlacementRelTo for one in elements} == {roof.ObjectPlacement}
     assert [one.Name for one in elements] == ["roof “2” 1", "roof “2” 2", "roof “2” 3"]
     assert sum(amounts(one)["NetVolume"] for one in elements) == pytest.approx(solid.volume)
     assert sum(amounts(one)["NetWeight"] for one in elements) == pytest.approx(solid.volume * 7850)
     assert {amounts(one)["Thickness"] for one in elements} == {50.0}
-    assert all(one.HasAssociations[0].RelatingMaterial.is_a("IfcMaterial") for one in elements)
+    assert {amounts(one)["Width"] for one in elements} == {50.0}
+    assert {one.HasAssociations[0].RelatingMaterial.Name for one in elements} == {"S235"}
     told = {one.Name: one.NominalValue.wrappedValue for one in model.by_type("IfcPropertySingleValue")}
     assert told == {"MassDensity": 7850.0, "YoungModulus": 210e9, "PoissonRatio": 0.3, "Thickness": 50.0}
-    assert {one.ContainedInStructure[0].RelatingStructure.Name for one in elements} == {"Building"}
     assert len({one.GlobalId for one in model.by_type("IfcRoot")}) == len(model.by_type("IfcRoot"))
 
 
 def test_the_geometry_kernel_finds_the_box_where_it_is(tmp_path):
     geom = pytest.importorskip("ifcopenshell.geom")
     model = ifcopenshell.open(str(write(box(corner=(1.0, -2.0, 0.5)), tmp_path / "a.ifc")))  # keep it: elements do not
-    shape = geom.create_shape(geom.settings(), model.by_type("IfcBuildingElementProxy")[0])
+    shape = geom.create_shape(geom.settings(), model.by_type("IfcPlate")[0])
     points = np.array(shape.geometry.verts).reshape(-1, 3)  # metres
     assert points.min(axis=0) == pytest.approx([1.0, -2.0, 0.5])
     assert points.max(axis=0) == pytest.approx([1.2, -1.7, 0.55])
@@ -65,7 +73,7 @@ def test_the_geometry_kernel_finds_the_box_where_it_is(tmp_path):
 def test_what_is_not_known_is_left_out(tmp_path):
     model = ifcopenshell.open(str(write(box(), tmp_path / "a.ifc")))
     assert not model.by_type("IfcMaterial")
-    assert set(amounts(model.by_type("IfcBuildingElementProxy")[0])) == {"NetVolume", "NetSurfaceArea"}
+    assert set(amounts(model.by_type("IfcPlate")[0])) == {"NetVolume", "NetSurfaceArea"}
 
 
 def test_the_same_solid_gives_the_same_bytes(tmp_path):

@@ -1,6 +1,7 @@
 """The fabrication report of whole designs: limits and verdicts, pieces and what they touch, `--fix`, `inspect`."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,13 +10,13 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.errors import PatternError
 from dsfab.pipeline import Design, finishing
-from dsfab.preset_file import overridden, preset_from
+from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
 from dsfab.slicing import cut
 from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.openings import filled_openings
 from dsfab.slicing.quality import quality
-from dsfab.study.fabrication import fabrication
+from dsfab.study.fabrication import fabrication, refusals, require_fit
 from dsfab.study.fix import fixed_design
 from dsfab.wording import length
 from tests.meshes import mesh_file
@@ -70,6 +71,30 @@ def test_members_finer_than_the_mesh_are_unknown_and_coarse_ones_pass():
         check = fabrication(design).checks[0]
         mesh = fabrication(design).features.member.mesh
         assert check.verdict == ("unknown" if check.value[0] < mesh else "pass") == wanted
+
+
+def test_what_nobody_should_build_is_refused(plate):
+    require_fit(plate)
+    film = replace(plate.solid.repairs, thinnest=0.01, thinnest_at=(0.0, 0.0, 0.0))
+    known = {name: getattr(plate, name) for name in ("surface", "statics", "diffusion", "pattern", "slicing")}
+    filmy = Design.known(plate.preset, None, **known, solid=replace(plate.solid, repairs=film))
+    assert refusals(filmy) == ("the sheet was thinned to a film of 0.1 mm at (0, 0, 0) m",)
+    with pytest.raises(PatternError, match=r"thinned to a film.*--accept"):
+        require_fit(filmy)
+
+
+def test_a_load_that_nothing_carries_is_not_built(capsys, tmp_path):
+    """Thin stripes that pass the disc around the load: a note and exit code 0, before."""
+    thin = {"threshold": 0.8, "frequency": 4.0}
+    pattern = {"keep": 0.05, "major": thin, "minor": thin}
+    lost = dsfab.load_preset("cantilever", {"surface.edge": 0.08, "pattern": pattern})
+    (tmp_path / "lost.toml").write_text(preset_toml(lost))
+    build = ["build", str(tmp_path / "lost.toml"), "-f", "stl", "--no-picture", "-o", str(tmp_path / "out")]
+    assert main(build) == 1
+    assert "stands on a piece that reaches no support" in capsys.readouterr().err
+    assert not (tmp_path / "out" / "design.json").exists()
+    assert main([*build, "--accept"]) == 0
+    assert load_preset(tmp_path / "out" / "preset.toml").fabrication.accept
 
 
 def test_pieces_tell_which_supports_and_loads_they_touch(plate):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Files:
-    """Where a build goes, and in which formats."""
+    """Where a build goes, in which formats, and whether it is written in spite of what is wrong with it."""
 
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")] = (
         None
@@ -32,13 +32,19 @@ class Files:
         str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
     ] = None
 
+    accept: Annotated[
+        bool,
+        Parameter(negative=(), help="Write it in spite of loads that nothing carries, or of a film."),
+    ] = False
+
     def overrides(self) -> tuple[str, ...]:
-        """The formats as KEY=VALUE of the preset, which checks them."""
+        """The formats and what is accepted as KEY=VALUE of the preset, which checks them."""
+        accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
-            return ()
+            return accepted
         formats = [word.strip().lower() for word in self.format_.split(",") if word.strip()]
         formats = [SHORT.get(word, f".{word}")[1:] for word in formats]
-        return (f"export.formats={json.dumps(formats)}",)
+        return (*accepted, f"export.formats={json.dumps(formats)}")
 
 
 @Parameter(name="*")

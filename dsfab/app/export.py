@@ -234,6 +234,7 @@ def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter:
     from dsfab.delivery.files import deliverable
     from dsfab.export import write
     from dsfab.pipeline import Design, run
+    from dsfab.study import require_fit
 
     told: list[str] = []
     how: dict[str, Any] = {}
@@ -242,6 +243,8 @@ def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter:
         thing: Solid | Surface = (built or Design.of(given)).surface
     else:
         design = built or run(given, reporter)
+        if built is None:
+            require_fit(design)
         thing, how = deliverable(design, ask.suffix)
         thing = design.sheet.surface if ask.sheet == "cut" else thing
         how["note"] = told.append

@@ -83,7 +83,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         return design.sheet.surface, {"details": told(design)}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
-        details = Details(measures=_measures(design))
+        details = Details(measures=_measures(design), records={"material": design.preset.statics.material})
         step = replace(step_options(ask), corners=corners, curved=partial(curved_design, design))
         return design.solid, {"step": step, "details": details}
     tolerance = ask.step_tolerance or OUTLINE * design.preset.statics.thickness

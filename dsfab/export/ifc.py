@@ -1,4 +1,4 @@
-"""IFC4 (ISO 16739) for building models: an element with triangles for each piece, its material, thickness and mass.
+"""IFC4 (ISO 16739) for building models: a roof of a plate for each piece, with its material, thickness and mass.
 
 Lengths are in millimetres, areas, volumes and masses in m2, m3 and kg, and the file says so. Other programs show and
 measure such elements but do not edit them. The text is written here, with identifiers that depend on names only;
@@ -8,6 +8,7 @@ ifcopenshell (extra `ifc`) reads it back.
 import importlib.util
 import uuid
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.ifc_text import beginning, building, element
+from dsfab.export.ifc_text import beginning, building, element, roof
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_mesh, differs
 from dsfab.export.shells import solids_of
@@ -41,30 +42,26 @@ def prepare(part: Part) -> Part:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Project, site and building, then an element for each piece; the same part gives the same bytes."""
+    """Project, site, building and roof, then a plate for each piece; the same part gives the same bytes."""
     shell, solids = solids_of(part)
     new, measures = Numbered(1), part.details.measures
     yield beginning(part.name, __version__).encode()
-    at = building(new, part.name, measures, lambda what: identifier(part.name, what))
+    naming = partial(identifier, part.name)
+    at = building(new, part.name, measures, naming, part.details.records.get("material") or "material")
     elements = []
     for i, shells in enumerate(solids):
         used, corner = np.unique(part.F[np.isin(shell, shells)], return_inverse=True)
         V, F = part.V[used], corner.reshape(-1, 3)
         amounts = {"NetVolume": signed_volume(V, F) / MM3, "NetSurfaceArea": total_area(V, F) / MM2}
+        if measures.get("thickness", 0) > 0:
+            amounts["Width"] = MM_PER_M * measures["thickness"]
         if "density" in measures:
             amounts["NetWeight"] = amounts["NetVolume"] * measures["density"]
         name = piece_name(part.name, i, len(solids))
-        made = element(new, at, (name, i), (V, F + 1), amounts, lambda what: identifier(part.name, what))
+        made = element(new, at, (name, i), (V, F + 1), amounts, naming)
         elements.append(made)
         yield from flushed(new)
-    listed = ",".join(f"#{k}" for k in elements)
-    contained = identifier(part.name, "contained")
-    new.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{contained}',$,$,$,({listed}),#{at.building})")
-    if at.material:
-        new.add(f"IFCRELASSOCIATESMATERIAL('{identifier(part.name, 'made of')}',$,$,$,({listed}),#{at.material})")
-    if at.properties:
-        defined = identifier(part.name, "properties of all")
-        new.add(f"IFCRELDEFINESBYPROPERTIES('{defined}',$,$,$,({listed}),#{at.properties})")
+    roof(new, at, part.name, elements, naming)
     yield from flushed(new)
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 

@@ -10,16 +10,25 @@ from dsfab.units import MM_PER_M
 
 DIGITS = 6
 """Decimals of coordinates: 1e-6 mm."""
+PLATE_SETS = {
+    "Qto_PlateBaseQuantities": {"Width": "LENGTH", "NetVolume": "VOLUME", "NetWeight": "WEIGHT"},
+    "Dsfab_PieceQuantities": {"NetSurfaceArea": "AREA"},
+}
+"""Sets of quantities of a piece, the standard's first, and their kinds; its width is the sheet's thickness."""
 Naming = Callable[[str], str]
 """From a word to an identifier."""
 
 
 class Place(NamedTuple):
-    """Numbers of what elements refer to; 0 for a material or properties that are not known."""
+    """Numbers of what elements refer to; 0 for a material or properties that are not known.
+
+    placement : of the whole.    part : of each of its parts, relative to that.
+    """
 
     body: int
     building: int
     placement: int
+    part: int
     material: int
     properties: int
     style: int
@@ -54,7 +63,21 @@ def building(
     new.add(f"IFCRELAGGREGATES('{naming('buildings')}',$,$,$,#{site},(#{house}))")
     style = surface_style(new, "structure", (0.62, 0.66, 0.7))
     made_of = _material(new, measures, material)
-    return Place(body, house, placement, made_of, _properties(new, measures, naming), style)
+    part = new.add(f"IFCLOCALPLACEMENT(#{placement},#{axes})")
+    return Place(body, house, placement, part, made_of, _properties(new, measures, naming), style)
+
+
+def roof(new: Numbered, at: Place, name: str, elements: list[int], naming: Naming) -> None:
+    """What elements are parts of, in the building: placements and containment go by the whole. They share a material
+    and properties."""
+    title, listed = quoted(one_line(name)), ",".join(f"#{k}" for k in elements)
+    whole = new.add(f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{at.placement},$,$,.FREEFORM.)")
+    new.add(f"IFCRELAGGREGATES('{naming('parts')}',$,$,$,#{whole},({listed}))")
+    new.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{naming('contained')}',$,$,$,(#{whole}),#{at.building})")
+    if at.material:
+        new.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,({listed}),#{at.material})")
+    if at.properties:
+        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{at.properties})")
 
 
 def surface_style(new: Numbered, name: str, colour: tuple[float, float, float]) -> int:
@@ -123,15 +146,15 @@ def element(
     shape = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',(#{faces}))")
     product = new.add(f"IFCPRODUCTDEFINITIONSHAPE($,$,(#{shape}))")
     made = new.add(
-        f"IFCBUILDINGELEMENTPROXY('{naming(f'element {i}')}',$,'{quoted(one_line(name))}',$,'diffusion structure',"
-        f"#{at.placement},#{product},$,.ELEMENT.)"
+        f"IFCPLATE('{naming(f'element {i}')}',$,'{quoted(one_line(name))}',$,'diffusion structure',"
+        f"#{at.part},#{product},$,.SHEET.)"
     )
-    kinds = {"NetVolume": "VOLUME", "NetSurfaceArea": "AREA", "NetWeight": "WEIGHT"}
-    values = [new.add(f"IFCQUANTITY{kinds[key]}('{key}',$,$,{real(value)},$)") for key, value in amounts.items()]
-    numbers = ",".join(f"#{k}" for k in values)
-    title = "Qto_BuildingElementProxyQuantities"
-    quantities = new.add(f"IFCELEMENTQUANTITY('{naming(f'quantities {i}')}',$,'{title}',$,$,({numbers}))")
-    new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'measured {i}')}',$,$,$,(#{made}),#{quantities})")
+    for title, keys in PLATE_SETS.items():
+        held = {key: value for key, value in amounts.items() if key in keys}
+        values = [new.add(f"IFCQUANTITY{keys[key]}('{key}',$,$,{real(value)},$)") for key, value in held.items()]
+        numbers = ",".join(f"#{k}" for k in values)
+        quantities = new.add(f"IFCELEMENTQUANTITY('{naming(f'{title} {i}')}',$,'{title}',$,$,({numbers}))")
+        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'{title} measured {i}')}',$,$,$,(#{made}),#{quantities})")
     return made
 
 

@@ -37,7 +37,7 @@ class Details:
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
     records   : notes, members and nodes, see `dsfab.delivery.member_records`, in millimetres; or section forces or
-                beams, see `dsfab.delivery.forces` and `beam_records`, in SI units.
+                beams, see `dsfab.delivery.forces` and `beam_records`, in SI units; of solids `material`, its name.
     shapes    : members as bodies, metres.
     """
 

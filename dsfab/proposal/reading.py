@@ -14,9 +14,11 @@ from dsfab.surface import (
     Surface,
     Up,
     finite_faces,
+    is_scan,
     mended,
     mended_raw,
     raw_mesh,
+    repaired_scan,
     surface_of_file,
     unit_guess,
     upright,
@@ -63,7 +65,8 @@ def mesh_in_file(path: Path, unit: str | None, up: Up | None, max_triangles: int
     keys: dict[str, Any] = {"file": str(path), "unit": unit}
     if max_triangles is not None:
         keys["max_triangles"] = max_triangles
-    better = mended_raw(raw)
+    scan = is_scan(raw.V, raw.F)
+    better = mended_raw(raw, scan)
     mends = better.record.repaired[len(raw.record.repaired) :]
     found = surface_of_file(path, better, unit)
     surface = found.surface
@@ -71,8 +74,9 @@ def mesh_in_file(path: Path, unit: str | None, up: Up | None, max_triangles: int
     for remark in raw.record.remarks:
         decisions.append(Decision("file", remark))
     if mends:
-        keys["mend"] = True
-        decisions.append(Decision("mended", "; ".join(mends), "surface.mend"))
+        key = "repair" if scan else "mend"
+        keys[key] = True
+        decisions.append(Decision("mended", ("as a raw scan: " if scan else "") + "; ".join(mends), f"surface.{key}"))
     for remark in found.record.repaired[len(better.record.repaired) :]:
         decisions.append(Decision("file", f"repaired: {remark}"))
     surface, up, turned = _turned(surface, up)
@@ -95,7 +99,7 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
     else:
         surface = Surface.of(mesh, unit)
-    better = mended(surface.V, surface.F)
+    better = (repaired_scan if is_scan(surface.V, surface.F) else mended)(surface.V, surface.F)
     decisions = [Decision("unit", f"metres: it is {_box(surface)}", "the argument unit")]
     if better.repairs:
         surface = Surface.from_mesh(better.V, better.F)

@@ -71,6 +71,7 @@ def proposal_text(
 def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> Iterator[str]:
     yield "[surface]"
     comments = {"unit": notes["unit"], "up": notes["up"], "mend": notes.get("mended", "")}
+    comments["repair"] = comments["mend"]
     for key, value in keys.items():
         if key != "mesh":
             yield _entry(key, value, comments.get(key, ""))

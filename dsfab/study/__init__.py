@@ -3,6 +3,7 @@
 from dsfab.study.alternatives import ALTERNATIVE_WORDS, Alternative, design_alternatives, is_searched, losing_line
 from dsfab.study.comparison import Comparison, compare_at
 from dsfab.study.competitors import Competitor
+from dsfab.study.fabrication import require_fit
 from dsfab.study.judges import compare, full_at_many_shares
 from dsfab.study.nonlinear import NonlinearCheck, nonlinear_check, require_ccx
 from dsfab.study.processes import fitting_processes, made_in_processes
@@ -29,5 +30,6 @@ __all__ = [
     "made_in_processes",
     "nonlinear_check",
     "require_ccx",
+    "require_fit",
     "sweep",
 ]

@@ -6,13 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.limits import Status
-from dsfab.pipeline import acting_on
+from dsfab.errors import PatternError, StaticsError
+from dsfab.limits import FILM, Status
+from dsfab.pipeline import acting_on, sheet_loads
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
 from dsfab.surface import Picker, edges_of, load_names, pieces, support_names
 from dsfab.thickening.wall import Wall, thinnest_wall
+from dsfab.wording import length
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,28 @@ def fabrication(design: Design) -> FabricationMeasures:
         checks.append(Check("bed", ask.bed, size, (), "the whole solid", "pass" if fits else "fail"))
     touches, thickness = _touches(design), design.preset.statics.thickness
     return FabricationMeasures(thickness, found, wall, box, touches, quality(design.sheet.surface), tuple(checks))
+
+
+def refusals(design: Design) -> tuple[str, ...]:
+    """Why a design is not to be shipped unless somebody accepts it, a clause each: loads that nothing carries, a sheet
+    that was thinned to a film."""
+    loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
+    try:
+        sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, loads)
+    except StaticsError as error:
+        why.append(str(error))
+    repairs = design.solid.repairs
+    if repairs.thinnest < FILM and repairs.thinnest_at is not None:
+        thin = length(repairs.thinnest * design.preset.statics.thickness)
+        place = ", ".join(f"{x + 0.0:.3g}" for x in repairs.thinnest_at)
+        why.append(f"the sheet was thinned to a film of {thin} at ({place}) m")
+    return tuple(why)
+
+
+def require_fit(design: Design) -> None:
+    """Raise PatternError for what `refusals` finds, unless the preset accepts it (`fabrication.accept`)."""
+    if not design.preset.fabrication.accept and (why := refusals(design)):
+        raise PatternError(f"{'; '.join(why)}. To have it as it is: --accept, or fabrication.accept = true")
 
 
 def _checked(name: str, limit: float, found: Feature | None) -> Check:

@@ -48,6 +48,7 @@ from dsfab.surface.reader import (
 from dsfab.surface.refine import halved, refined
 from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, with_regions
 from dsfab.surface.remesh import SizeField, change_sizes, remeshed
+from dsfab.surface.repair import is_scan, repaired_scan
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
 from dsfab.surface.topology import EdgeTable, connected, edge_table, half_edges, next_half_edge, pieces
@@ -121,6 +122,7 @@ __all__ = [
     "half_edges",
     "halved",
     "hat_gradients",
+    "is_scan",
     "load_cases",
     "load_names",
     "load_parts",
@@ -138,6 +140,7 @@ __all__ = [
     "refined",
     "region_key",
     "remeshed",
+    "repaired_scan",
     "self_contained",
     "signed_volume",
     "signed_volumes",

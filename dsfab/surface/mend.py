@@ -1,5 +1,6 @@
 """Small faults of meshes as programs leave them, mended: crumbs, pinholes, needles without area, faces twice."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,7 +35,11 @@ class MendedMesh:
         lost = len(self.F) - len(keep)
         if not lost:
             return self
-        return replace(self, F=self.F[keep], repairs=(*self.repairs, f"{_count(lost, 'face')} {which} dropped"))
+        return replace(self, F=self.F[keep], repairs=(*self.repairs, f"{counted(lost, 'face')} {which} dropped"))
+
+
+Fault = tuple[Callable[[Floats, Ints], Ints], str]
+"""What chooses the faces that stay, and how the others are told."""
 
 
 def mended(V: Floats, F: Ints) -> MendedMesh:
@@ -44,16 +49,26 @@ def mended(V: Floats, F: Ints) -> MendedMesh:
     and so do the later ones of three and more on an edge, pieces under `CRUMB` of the area, and pinholes with outlines
     under `PINHOLE` of the side. What is left is as it was; vertices without a face are dropped.
     """
-    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
-    mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
-    mesh = _welded(_compact(mesh))
-    for faces, which in _FAULTS:
-        if len(mesh.F):
-            mesh = mesh.with_faces(faces(mesh.V, mesh.F), which)
+    mesh = _without(sound_faces(V, F), _TOO_MANY)
     return _compact(_without_pinholes(mesh) if len(mesh.F) else mesh)
 
 
-def _count(number: int, thing: str) -> str:
+def sound_faces(V: Floats, F: Ints) -> MendedMesh:
+    """The mesh V (n, 3), any unit, F (m, 3) with vertices that all but touch made one, without faces of no area, of
+    corners that are no numbers, and those that repeat others."""
+    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
+    mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
+    return _compact(_without(_welded(_compact(mesh)), _UNSOUND))
+
+
+def _without(mesh: MendedMesh, faults: tuple[Fault, ...]) -> MendedMesh:
+    for faces, which in faults:
+        if len(mesh.F):
+            mesh = mesh.with_faces(faces(mesh.V, mesh.F), which)
+    return mesh
+
+
+def counted(number: int, thing: str) -> str:
     plural = {"vertex": "vertices"}.get(thing, thing + "s")
     return f"{number:,} {thing if number == 1 else plural}"
 
@@ -68,7 +83,7 @@ def _welded(mesh: MendedMesh) -> MendedMesh:
     fewer = len(mesh.V) - len(V)
     if not fewer:
         return mesh
-    words = f"{_count(fewer, 'vertex')} welded to others within {WELD:g} of the largest side"
+    words = f"{counted(fewer, 'vertex')} welded to others within {WELD:g} of the largest side"
     return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
 
 
@@ -100,13 +115,8 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
 
 
-_FAULTS = (
-    (_with_area, "without area"),
-    (_unrepeated, "that repeat others"),
-    (_on_edges_of_two, "on edges that have two others"),
-    (_in_large_pieces, "in crumbs"),
-)
-"""What chooses the faces that stay, and how the others are told, in this order."""
+_UNSOUND: tuple[Fault, ...] = ((_with_area, "without area"), (_unrepeated, "that repeat others"))
+_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that have two others"), (_in_large_pieces, "in crumbs"))
 
 
 def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
@@ -124,4 +134,4 @@ def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
     ]
     if not fans:
         return mesh
-    return MendedMesh(V, np.concatenate([F, *fans]), (*mesh.repairs, f"{_count(len(fans), 'pinhole')} closed"))
+    return MendedMesh(V, np.concatenate([F, *fans]), (*mesh.repairs, f"{counted(len(fans), 'pinhole')} closed"))

@@ -14,6 +14,7 @@ from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord, counted
 from dsfab.surface.mend import mended
 from dsfab.surface.mesh import ZERO_AREA, Surface
 from dsfab.surface.orientation import Up, upright
+from dsfab.surface.repair import repaired_scan
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
@@ -47,6 +48,7 @@ def read_surface(
     up: Up = "z",
     mend: bool = False,
     max_triangles: int = DEFAULT_TRIANGLES,
+    repair: bool = False,
 ) -> Surface:
     """The surface in a mesh file, or a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
@@ -55,6 +57,7 @@ def read_surface(
     up   : the file's axis that points to the sky.
     mend : whether small faults are mended first: see `dsfab.surface.mend`.
     max_triangles : how many the file may have; what reading may cost follows from it.
+    repair : whether it is a raw scan, made a sheet first: see `dsfab.surface.repair`.
 
     Neighbouring faces that face opposite sides are turned, fewest first, and a closed piece that is inside out is
     turned outward. A piece with one side only (a Moebius strip) keeps a seam of edges where neighbours disagree. A GLB
@@ -64,7 +67,7 @@ def read_surface(
     Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
     and edges with more than two faces.
     """
-    return surface_in_file(path, unit, up, mend, max_triangles).surface
+    return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 
 def surface_in_file(
@@ -73,15 +76,16 @@ def surface_in_file(
     up: Up = "z",
     mend: bool = False,
     max_triangles: int = DEFAULT_TRIANGLES,
+    repair: bool = False,
 ) -> SurfaceInFile:
     """The surface in a file together with what was read, repaired and dropped; see `read_surface`."""
     raw = raw_mesh(path, max_triangles)
-    return surface_of_file(path, mended_raw(raw) if mend else raw, unit, up)
+    return surface_of_file(path, mended_raw(raw, repair) if mend or repair else raw, unit, up)
 
 
-def mended_raw(raw: RawMesh) -> RawMesh:
-    """What was read from a file with its small faults mended, which its record tells."""
-    better = mended(raw.V, raw.F)
+def mended_raw(raw: RawMesh, scan: bool = False) -> RawMesh:
+    """What was read from a file with its small faults mended, or repaired as a scan, which its record tells."""
+    better = repaired_scan(raw.V, raw.F) if scan else mended(raw.V, raw.F)
     if not better.repairs:
         return raw
     return replace(raw, V=better.V, F=better.F, record=raw.record.also(better.repairs))

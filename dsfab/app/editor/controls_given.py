@@ -70,10 +70,14 @@ def _workshop(surface: Surface) -> list[Control]:
             for key, (label, hint) in limits.items()
         ),
         Control(group, "fabrication.bed", "fits into", "size", "m", live=False, hint=_BED),
+        Control(group, "fabrication.accept", "build in spite of faults", "switch", live=False, hint=_ACCEPT),
     ]
 
 
 _BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
+
+
+_ACCEPT = "Also with loads that nothing carries, or with a sheet that was thinned to a film."
 
 
 def _limit(control: Control) -> Control:

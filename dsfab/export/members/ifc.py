@@ -1,4 +1,4 @@
-"""IFC4: an IfcMember, or IfcPlate, for each member: name, triangles, material, quantities, and its drawings.
+"""IFC4: a roof of an IfcMember, or IfcPlate, for each member: name, triangles, material, quantities, and its drawings.
 
 Lengths are in millimetres, areas, volumes and masses in m2, m3 and kg. Families are presentation layers.
 `Dsfab_MemberQuantities` has length, width and thickness by these names, for plates too, where the standard's set has
@@ -15,7 +15,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.export.ifc import MM2, MM3, flushed, identifier, joined_face_sets, millimetre_model
-from dsfab.export.ifc_text import Naming, Place, beginning, building, face_set, real, surface_style
+from dsfab.export.ifc_text import Naming, Place, beginning, building, face_set, real, roof, surface_style
 from dsfab.export.member_shape import MemberShape
 from dsfab.export.members.shapes import check_shapes, layer_colour, member_entries, member_facts
 from dsfab.export.part import Part
@@ -51,7 +51,7 @@ def encode(part: Part) -> Iterator[bytes]:
         _documented(new, made, (name, drawings.get(name, ())), naming)
         elements.append(made)
         yield from flushed(new)
-    _together(new, at, elements, naming)
+    roof(new, at, part.name, elements, naming)
     for name, bodies in shown.items():
         new.add(f"IFCPRESENTATIONLAYERASSIGNMENT('{quoted(name)}',$,({_listed(bodies)}),$)")
     yield from flushed(new)
@@ -93,7 +93,7 @@ def _element(new: Numbered, at: Place, shape: MemberShape, body: int, naming: Na
     kind, defined = ("IFCPLATE", "SHEET") if shape.plate else ("IFCMEMBER", "MEMBER")
     name = quoted(shape.id)
     return new.add(
-        f"{kind}('{naming(f'member {shape.id}')}',$,'{name}',$,'{quoted(shape.layer)}',#{at.placement},#{product},"
+        f"{kind}('{naming(f'member {shape.id}')}',$,'{name}',$,'{quoted(shape.layer)}',#{at.part},#{product},"
         f"'{name}',.{defined}.)"
     )
 
@@ -144,13 +144,3 @@ def _documented(new: Numbered, made: int, drawings: tuple[str, Any], naming: Nam
         held = quoted(file)
         one = new.add(f"IFCDOCUMENTREFERENCE('{held}','{quoted(Path(file).stem)}','{held}','flat part',$)")
         new.add(f"IFCRELASSOCIATESDOCUMENT('{naming(f'drawing {file} of {name}')}',$,$,$,(#{made}),#{one})")
-
-
-def _together(new: Numbered, at: Place, elements: list[int], naming: Naming) -> None:
-    """What all members share: the building, the material, the thickness."""
-    listed = _listed(elements)
-    new.add(f"IFCRELCONTAINEDINSPATIALSTRUCTURE('{naming('contained')}',$,$,$,({listed}),#{at.building})")
-    if at.material:
-        new.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,({listed}),#{at.material})")
-    if at.properties:
-        new.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{at.properties})")

@@ -21,7 +21,7 @@ from dsfab.report.design.choice import alternative_facts
 from dsfab.report.design.fabrication import fabrication_facts
 from dsfab.report.design.facts import facts
 from dsfab.report.design.pattern import quality_facts
-from dsfab.study import design_alternatives, is_searched
+from dsfab.study import design_alternatives, is_searched, require_fit
 from dsfab.study.fabrication import FabricationMeasures, fabrication
 from dsfab.thickening import SplitBodies, parts
 
@@ -56,12 +56,14 @@ def save(
 
     picture : also preview.png.
     marked  : also fabrication.png: where the smallest member, gap and wall are.
-    Raises ExportError for a folder that cannot be written; a STEP file that is too large is told instead.
+    Raises ExportError for a folder that cannot be written; a STEP file that is too large is told instead. Raises
+    PatternError for a design that nobody should build, unless its preset accepts it: see `require_fit`.
     """
     with whole_or_nothing(Path(folder)) as here:
         with _picture(design, here / "preview.png", progress) if picture else nullcontext():
             progress("fabrication", "measuring members, gaps and walls")
             made = fabrication(design)
+            require_fit(design)
             measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
             if is_searched(design.preset):
                 progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
