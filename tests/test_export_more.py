@@ -271,7 +271,7 @@ def test_what_goes_into_which_format(design):
         details = how.get("details", Details())
         assert bool(details.lines) == (form.takes in ("lines", "both"))
         assert bool(details.values) == (form.takes == "fields")
-        assert bool(details.records) == (form.takes in ("members", "bodies", "forces", "frame", "bars"))
+        assert bool(details.records) == (form.takes in ("mesh", "members", "bodies", "forces", "frame", "bars"))
         assert bool(details.shapes) == (form.takes == "bodies")
         if details.lines:
             assert isinstance(details.lines[0], StructureLine)

@@ -27,7 +27,7 @@ LAST_ROUNDS = 60
 THINNER = 0.8
 """What offsets are multiplied by in each of them."""
 
-FILM = 0.002
+THINNEST = 0.002
 """Share of the offset below which none is shortened: at 1e-3 of it rounding to single precision would show."""
 
 
@@ -71,7 +71,7 @@ def flattened(surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: 
     both are moved half of the way to the mean of the neighbours instead. The best state met.
     """
     V, faces, near = surface.V, skin.faces(backslash), _averages(surface)
-    least = FILM * np.linalg.norm(D, axis=1)
+    least = THINNEST * np.linalg.norm(D, axis=1)
     best = V, D, pairs
     for _ in range(LAST_ROUNDS):
         if not len(pairs):
