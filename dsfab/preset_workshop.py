@@ -41,6 +41,9 @@ class Workshop(Section):
     """Metres between parts on the stock, and from its edge: room for the cutter."""
     grain: bool = False
     """Grain runs along the sheets, and members lie along it: none is cut across."""
+    nesting: Literal["stacked", "spyrrow"] = "stacked"
+    """stacked: parts are piled up on sheets; spyrrow: that solver then tries to empty the least used of these into
+    others. It takes minutes, and is to be installed: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """50: a model in card at 1:50, and all lengths of this section are the model's. 0: full size."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"

@@ -134,6 +134,7 @@ HOME = {
         "surface",
     },
     "gmsh": {"study"},
+    "spyrrow": {"workshop"},
     "skfem": {"study"},
     "compas": {"surface", "members"},
     "cyclopts": {"app"},
@@ -162,6 +163,7 @@ LAZY = {
     "matplotlib",
     "gmsh",
     "skfem",
+    "spyrrow",
     "compas",
     "xlsxwriter",
 }

@@ -8,7 +8,7 @@ from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.member_shape import MemberShape
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
-from dsfab.export.program import Ahead, ProgramError, meanwhile
+from dsfab.export.program import Ahead, ProgramError, last_line, meanwhile
 from dsfab.export.rhino import ready as require_rhino
 from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json
 from dsfab.export.smooth.limits import Limits, smooth_limits
@@ -31,6 +31,7 @@ __all__ = [
     "complete",
     "flat_dxf",
     "flat_svg",
+    "last_line",
     "meanwhile",
     "mesh_arrays",
     "mesh_json",

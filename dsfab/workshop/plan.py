@@ -19,7 +19,7 @@ from dsfab.workshop.layering import OWN, Layering
 from dsfab.workshop.legs import leg_lines, leg_plates
 from dsfab.workshop.limits import strip_limits
 from dsfab.workshop.model import CARD, LETTERS, model_notes, packing_parts, scaled_graph, scaled_surface
-from dsfab.workshop.nesting import NestedSheet, nested
+from dsfab.workshop.nesting import NestedSheet, emptied, nested, require_spyrrow
 from dsfab.workshop.panels import panel_parts
 from dsfab.workshop.parts import FlatPart, congruent, shape_key
 from dsfab.workshop.planks import PlankPlan
@@ -92,8 +92,10 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
 
     Where the stock has prices, it is the cheapest of those for all of its sizes and for the shorter ones alone.
 
-    Raises PatternError where the route is not possible, or a part fits on no sheet.
+    Raises PatternError where the route is not possible, a part fits on no sheet, or a library is missing.
     """
+    if design.preset.workshop.nesting == "spyrrow":
+        require_spyrrow()
     first, *others = stock_choices(design.preset.workshop)
     plan = _plan(design, up)
     plans = [(first, plan)]
@@ -133,7 +135,8 @@ def _plan(design: Design, up: Floats) -> WorkshopPlan:
         thickness = layering.thickness
     else:
         parts, notes = _flat(design, room)
-    sheets = nested_by_thickness(parts, ask)
+    sheets, saved = nested_by_thickness(parts, ask)
+    notes = [*notes, *saved]
     if layering:
         notes = [*notes, *sheet_hints(parts, sheets, ask.stock, ask.gap, ask.grain)]
     if route.reason:
@@ -144,13 +147,17 @@ def _plan(design: Design, up: Floats) -> WorkshopPlan:
     )
 
 
-def nested_by_thickness(parts: list[FlatPart], ask: Workshop) -> list[NestedSheet]:
-    """Parts on sheets, those of each thickness on sheets of their own (see `nested`)."""
+def nested_by_thickness(parts: list[FlatPart], ask: Workshop) -> tuple[list[NestedSheet], list[str]]:
+    """Parts on sheets, those of each thickness on sheets of their own (see `nested`, `emptied`), and what is said of
+    it."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
-    found = (nested(some, ask.stock, ask.gap, ask.grain, ask.prices) for some in groups.values())
-    return [sheet for sheets in found for sheet in sheets]
+    piled = [nested(some, ask.stock, ask.gap, ask.grain, ask.prices) for some in groups.values()]
+    found = [emptied(some, ask.gap, ask.grain) for some in piled] if ask.nesting == "spyrrow" else piled
+    before, after = (sum(map(len, some)) for some in (piled, found))
+    said = [f"spyrrow saved {_count(before - after, 'sheet')} of {before}"] if ask.nesting == "spyrrow" else []
+    return [sheet for sheets in found for sheet in sheets], said
 
 
 def _scale(design: Design) -> float:

@@ -7,9 +7,11 @@ never take less room than there is. The same parts by their boxes are tried too,
 fewest square metres win, so boxes never need fewer.
 
 columns   a part in columns      filling   a sheet with its skyline and its gaps      sheets   all parts: `nested`
+emptying, spyrrow_program   fewer sheets by a solver, if one likes      clearance   what it says is measured by this
 """
 
+from dsfab.workshop.nesting.emptying import emptied, require_spyrrow
 from dsfab.workshop.nesting.filling import NestedPart
 from dsfab.workshop.nesting.sheets import NestedSheet, nested, stacked
 
-__all__ = ["NestedPart", "NestedSheet", "nested", "stacked"]
+__all__ = ["NestedPart", "NestedSheet", "emptied", "nested", "require_spyrrow", "stacked"]

@@ -1,0 +1,60 @@
+"""Whether parts fit on a sheet, by spyrrow: a program of its own, because bad input can end it without a word.
+
+    python -P spyrrow_program.py JOB.json
+
+JOB.json has `items`: [[outline [[x, y], ..], turns in degrees], ..], `height` and `length` of the sheet, `gap`, all in
+metres, and `seed`. It prints one line: [[number of the item, degrees, x, y], ..], or null where it found no way.
+"""
+
+import json
+import os
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+SECONDS = 3600
+"""By the clock; what started this program ends it sooner, by the processor's seconds."""
+WAIT = 0.1
+"""Seconds between two looks at what was found."""
+
+
+def main(path: str) -> None:
+    """Say the first way in which all items lie within the length of the sheet: it hangs on the seed alone."""
+    import spyrrow
+
+    job = json.loads(Path(path).read_text(encoding="utf-8"))
+    items = [
+        spyrrow.Item(str(k), [(x, y) for x, y in shape], 1, turns) for k, (shape, turns) in enumerate(job["items"])
+    ]
+    instance = spyrrow.StripPackingInstance("sheet", job["height"], items)
+    config = spyrrow.StripPackingConfig(
+        early_termination=True,
+        total_computation_time=SECONDS,
+        num_workers=1,
+        seed=job["seed"],
+        min_items_separation=job["gap"] or None,
+    )
+    queue, ended = spyrrow.ProgressQueue(), list[Any]()
+    search = threading.Thread(target=lambda: ended.append(instance.solve(config, queue)), daemon=True)
+    search.start()
+    bad = spyrrow.ReportType.ExplInfeas, spyrrow.ReportType.ExplImproving
+    while search.is_alive():
+        search.join(WAIT)
+        ways = (way for kind, way in queue.drain() if kind not in bad)
+        if way := next((way for way in ways if way.width <= job["length"]), None):
+            _say(way)
+    if ended and ended[0].width <= job["length"]:
+        _say(ended[0])
+    print("null")  # noqa: T201  what whoever started it reads
+
+
+def _say(way: Any) -> None:
+    """The way, and then nothing more: the search would go on."""
+    placed = [[int(one.id), one.rotation, *one.translation] for one in way.placed_items]
+    print(json.dumps(placed), flush=True)  # noqa: T201
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
