@@ -102,6 +102,13 @@ def test_ifc_has_an_element_for_each_member_with_its_quantities(design, written)
     assert sum(layers.values()) == len(members)
 
 
+def test_ifc_reads_back_with_a_plate_between_two_members(design, details, tmp_path):
+    """Its reader gives elements kind after kind, not in the order in which they were written."""
+    shapes = tuple(replace(shape, plate=k == 1) for k, shape in enumerate(details.shapes))
+    path = write(design.sheet, tmp_path / "vault.members.ifc", details=replace(details, shapes=shapes))
+    assert faults(path) == []
+
+
 def test_glb_has_a_node_by_each_name_below_its_layer(design, written):
     scene = trimesh.load_scene(written[".members.glb"])
     above = scene.graph.transforms.parents

@@ -73,6 +73,29 @@ def test_a_plank_that_curls_up_at_its_end_stops_there_and_is_told(member, stoppe
     assert any("A1 stop before their ends" in line and "curl up" in line for line in plan.lines) == bool(stopped)
 
 
+def straight(name: str, begin: tuple[float, float], long: float) -> Member:
+    """In a plane, along x, .2 m wide."""
+    s = np.linspace(0, long, 60)
+    P = np.column_stack([begin[0] + s, begin[1] + 0 * s, 0 * s])
+    axis = MemberAxis(s, P, *(np.tile(way, (60, 1)) for way in np.eye(3)[[0, 2]]), *(0 * s,) * 3, False, s, 0.0)
+    return Member(name, "strip", "major", 0, 1, np.arange(1), 1.2, axis, np.full((60, 2), 0.1), ("free", "free"))
+
+
+@pytest.mark.parametrize(("long", "built"), [(0.3, False), (2.0, True)])
+def test_a_strip_between_two_others_of_which_nothing_is_left_is_not_built_and_told(long, built):
+    """It stops .17 m from both ends, where it would touch them. What was left once was longer than nothing by less than
+    nothing, and no stock was large enough for it."""
+    members = (straight("A1", (0, 0), 6), straight("A2", (6 + long, 0), 6), straight("A3", (6, 0.1), long))
+    graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), members, ())
+    found = strip_parts(graph, LAYERING, STOCK, splice="cover")
+    assert (found.stopped, found.gone) == ((["A3"], []) if built else ([], ["A3"]))
+    assert {part.member for part in found.pieces} == {"A1", "A2"} | ({"A3"} if built else set())
+    stock = PlankStock(0.195, 0.2, 0.012, "cover", (0.02, 0.008))
+    plan = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, STOCK, 0.0)
+    assert {part.member for part in plan.parts} == {"A1", "A2"} | ({"A3"} if built else set())
+    assert any("NOT BUILT" in line and "A3" in line for line in plan.lines) != built
+
+
 # --- parts as files, bent back
 
 

@@ -78,6 +78,12 @@ def curled_courses(courses: Mapping[str, StripCourse], members: Sequence[Member]
     return {name: one for name, one in courses.items() if not one.closed and (one.begin > 0 or one.end < lengths[name])}
 
 
+def courses_without_rest(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
+    """Names of those stopped courses of which less is left than they are wide, metres: others lie where they would be,
+    and they are not built."""
+    return {name for name, one in stopped.items() if one.end - one.begin < widths[name]}
+
+
 def _near_pairs(ends: Sequence[_End]) -> list[set[_End]]:
     """Of each end those others that are as near to it as they are wide."""
     found = [set[_End]() for _ in ends]

@@ -51,8 +51,14 @@ def fits_stock(outline: Floats, room: Sequence[tuple[float, float]]) -> bool:
     return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
 
 
-def splice_cuts(course: tuple[float, float], nodes: Floats, clear: float, fits: Callable[[float, float], bool]) -> Cuts:
-    """Cuts of a strip from one arc length to another.
+def splice_cuts(
+    course: tuple[float, float],
+    nodes: Floats,
+    clear: float,
+    fits: Callable[[float, float], bool],
+    name: str = "the strip",
+) -> Cuts:
+    """Cuts of a strip, by its name, from one arc length to another.
 
     nodes : (q,) arc lengths that cuts stay away from, by `clear` metres where that is possible.
     fits  : whether a piece from one arc length to another fits on the stock.
@@ -66,7 +72,7 @@ def splice_cuts(course: tuple[float, float], nodes: Floats, clear: float, fits: 
         far = _farthest(last, end, fits)
         if far - last < clear:
             raise PatternError(
-                "no piece of a strip that is as long as its splice needs fits on the stock: give larger sheets in "
+                f"no piece of {name} that is as long as its splice needs fits on the stock: give larger sheets in "
                 "workshop.stock, or narrower members"
             )
         far = min(far, max(end - 2 * clear, (last + end) / 2))

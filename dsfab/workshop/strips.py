@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.members import Member, MemberGraph, Node
 from dsfab.workshop.course import StripCourse, member_course, turns_within_its_width, uncurled
-from dsfab.workshop.crowns import curled_courses, stopped_courses
+from dsfab.workshop.crowns import courses_without_rest, curled_courses, stopped_courses
 from dsfab.workshop.development import Development
 from dsfab.workshop.ground import Ground, StripFoot, footed_outline
 from dsfab.workshop.layering import END, Layering
@@ -45,6 +45,7 @@ class StripParts:
     missing : names of nodes without a hole in a member, as its middle runs beside them.
     near    : splices that are nearer to a node than they should be.    splices : all of them.
     stopped : names of members that stop before they run into others of their layer.
+    gone    : those of which nothing is left then.
     left    : nodes that these do not reach, by their names, with the member's.
     feet    : with the names of their parts, where the strips of a model stand on its plate.
     """
@@ -55,6 +56,7 @@ class StripParts:
     near: int = 0
     splices: int = 0
     stopped: list[str] = field(default_factory=list)
+    gone: list[str] = field(default_factory=list)
     left: set[tuple[str, str]] = field(default_factory=set)
     feet: list[tuple[str, StripFoot]] = field(default_factory=list)
 
@@ -86,6 +88,8 @@ def strip_parts(
     courses = {one.id: member_course(graph, one, END * layering.bolt, 2 * layering.half_cover) for one in members}
     courses |= _stopped(graph, members, courses, layering, found)
     for member in members:
+        if member.id in found.gone:
+            continue
         course = courses[member.id]
         bolts = node_bolts(graph, member, course)
         for number in layering.numbers(member.family):
@@ -104,10 +108,12 @@ def _stopped(
         mine = {one.id: courses[one.id] for one in members if one.family == family}
         nodes = {name: [bolt.s for bolt in node_bolts(graph, graph.by_id[name], mine[name])] for name in mine}
         new |= stopped_courses(mine, nodes, joined, END * layering.bolt)
+    gone = courses_without_rest(new, {member.id: member.mean_width for member in members})
     for name, course in new.items():
         bolts = node_bolts(graph, graph.by_id[name], course)
-        found.left |= {(bolt.name, name) for bolt in bolts if not course.begin <= bolt.s <= course.end}
-    found.stopped += sorted(new)
+        found.left |= {(bolt.name, name) for bolt in bolts if name in gone or not course.begin <= bolt.s <= course.end}
+    found.stopped += sorted(set(new) - gone)
+    found.gone += sorted(gone)
     return new
 
 
@@ -158,7 +164,7 @@ class _Strip:
         layer = Development(course, layering.height(self.number))
         clear = (self.lap / 2 if self.lap else layering.half_cover) + self.member.mean_width / 2
         stations = course.rounds(np.array([bolt.s for bolt in bolts]))
-        cuts = splice_cuts((course.begin, course.end), stations, clear, self._fits(layer, room))
+        cuts = splice_cuts((course.begin, course.end), stations, clear, self._fits(layer, room), self.name)
         joints = list(cuts.at[:-1] if course.closed else cuts.at[1:-1])
         found.near, found.splices = found.near + cuts.near, found.splices + len(joints)
         spliced = [list(self._splice_bolts(joint, k)) for k, joint in enumerate(joints, 1)]

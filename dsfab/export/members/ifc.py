@@ -62,7 +62,7 @@ def check(part: Part, path: Path) -> ReadBack:
     """Read back with ifcopenshell: each member by its name, its triangles closed, its volume."""
     model = millimetre_model(part, path)
     found = {}
-    for element in model.by_type("IfcBuildingElement"):
+    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda one: one.id()):  # it gives kind after kind
         if element.is_a() in ("IfcMember", "IfcPlate"):
             found[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
     return check_shapes(part, found)

@@ -89,7 +89,9 @@ def placed(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> bool:
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.left < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
-    if any(_in_gap(sheet, k, turns, ask) for k in range(len(sheet.gaps))):
+    short, thin = min(len(shape.lower) for shape in turns), min(shape.thick for shape in turns)
+    wide = [k for k, gap in enumerate(sheet.gaps) if gap.high >= thin and len(gap.floor) >= short]
+    if any(_in_gap(sheet, k, turns, ask) for k in wide):
         return True
     best = _on_skyline(sheet, turns, ask)
     if best is None:

@@ -15,6 +15,7 @@ class PlankParts:
     steep     : the angle, radians, of pieces, by name, between the way on which they come and their slots, at most.
     stuck     : pieces that do not slide on, by name, with that angle.
     stopped   : members that stop before others of their family, or where they curl up.    left : nodes that they miss.
+    gone      : those of which nothing is left then.
     level     : ends cut along the ground.    near, splices : splices near to a node, and all.
     longer    : metres that twisted edges are longer than drawn, by member.    bends : strain of bending, by member.
     """
@@ -27,6 +28,7 @@ class PlankParts:
     steep: dict[str, float] = field(default_factory=dict)
     stuck: dict[str, float] = field(default_factory=dict)
     stopped: list[str] = field(default_factory=list)
+    gone: list[str] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
     level: int = 0
     near: int = 0

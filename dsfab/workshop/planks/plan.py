@@ -178,6 +178,8 @@ def _left_out(plan: PlankPlan) -> Iterator[str]:
             f"{some_names(found.stopped)} stop before their ends, where they would run into others of their family or "
             "curl up" + (f"; {some_names(found.left)} are without them" if found.left else "")
         )
+    if found.gone:
+        yield f"NOT BUILT, as others of their family stand where they would be: {some_names(found.gone)}"
     plates = [part for part in plan.parts if part.member and not len(part.axis)]
     if plates:
         yield f"plates lie on the planks, without holes, and are to be screwed on: {some_names([x.id for x in plates])}"

@@ -56,9 +56,9 @@ class Plank:
 
         clear = stock.reach + 2 * stock.thickness
         try:
-            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, slides)
+            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, slides, self.member.id)
         except PatternError:
-            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, on_stock)
+            cuts = splice_cuts((course.begin, course.end), course.rounds(stations), clear, on_stock, self.member.id)
         self.cuts = cuts.at
         found.near, found.splices = found.near + cuts.near, found.splices + len(cuts.at) - (1 if course.closed else 2)
         for name, (begin, end) in zip(self.names, self.spans, strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.members import MemberGraph
 from dsfab.workshop.course import StripCourse, member_course
-from dsfab.workshop.crowns import curled_courses, stopped_courses
+from dsfab.workshop.crowns import courses_without_rest, curled_courses, stopped_courses
 from dsfab.workshop.ground import Ground
 from dsfab.workshop.planks.found import PlankParts
 from dsfab.workshop.planks.outline import PlankStock
@@ -66,8 +66,16 @@ def plank_parts(
     Raises PatternError where no piece fits on the stock.
     """
     courses, stopped = plank_courses(graph, stock)
-    found = PlankParts(tuple(order), crossings=plank_crossings(graph, courses, order), stopped=sorted(stopped))
-    found.crossings.found, found.left = _reached(found.crossings.found, courses)
+    gone = courses_without_rest(stopped, dict.fromkeys(stopped, stock.depth))
+    courses = {name: course for name, course in courses.items() if name not in gone}
+    found = PlankParts(
+        tuple(order),
+        crossings=plank_crossings(graph, courses, order),
+        stopped=sorted(set(stopped) - gone),
+        gone=sorted(gone),
+    )
+    found.crossings.found, missed = _reached(found.crossings.found, courses)
+    found.left = sorted({*missed, *(node.id for name in gone for node in graph.along[name])})
     planks = [Plank(graph.by_id[name], upright(course, stock.depth), stock) for name, course in courses.items()]
     by_name = {plank.member.id: plank for plank in planks}
     for plank in planks:
