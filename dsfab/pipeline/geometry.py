@@ -113,6 +113,10 @@ def _places(count: int) -> str:
     return f"{count} places" if count > 1 else "one place"
 
 
+def _contacts(count: int) -> str:
+    return f"{count} point contacts were" if count > 1 else "a point contact was"
+
+
 def _bridges(count: int) -> str:
     return f"{count} bridges were built" if count > 1 else "a bridge was built"
 
@@ -169,7 +173,7 @@ def _note_slicing(
         told = f"{len(loose)} of {len(listed)} pieces reach no support and were {done} ({area:.3g} m2)"
         log.note("slicing", f"{told}{_alone(preset)}")
     if pinches:
-        log.note("slicing", f"{pinches} point contacts were {'joined' if preset.slicing.pinch == 'join' else 'split'}")
+        log.note("slicing", f"{_contacts(pinches)} {'joined' if preset.slicing.pinch == 'join' else 'split'}")
     bare = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
     if lost:
         log.note("slicing", f"{lost}: nothing carries it; {ATTACH}")

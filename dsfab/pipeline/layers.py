@@ -50,7 +50,7 @@ def followed_layers(
     if ask == "membrane" and share >= BENDS:
         told = (
             f"bending stores {share:.0%} of the sheet's energy, and the pattern follows its middle surface, which that "
-            'does not stress; set statics.stress = "layers", or "auto"'
+            'does not stress; judge it beside statics.stress = "layers": either may be the stiffer'
         )
         return FollowedStress(sigma, None, told)
     return FollowedStress(sigma)
