@@ -4,10 +4,22 @@ import signal
 
 import pytest
 
+from tests import designs
+
 LONGEST = (
     *("test_docs.py", "test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py"),
     *("test_study_sweep_folder.py", "test_targets.py", "test_app_cli.py", "test_paper_presets.py"),
 )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        designs.begin()
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        designs.end()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -7,18 +7,18 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from dsfab.app.cli import main
-from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
 from dsfab.render.members import _plates, members_picture
 from dsfab.render.naming_plate import Nameplate, placed_names, with_names
 from dsfab.render.palette import PAPER
+from tests.designs import sliced
 
 SIZE = (480, 360)
 
 
 @pytest.fixture(scope="module")
 def vault():
-    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.4})).until("slicing")
+    return sliced(load_preset("barrel_vault", {"surface.edge": 0.4}))
 
 
 def boxes(placed, letter):

@@ -14,6 +14,7 @@ from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, write
 from dsfab.frame import solve_frame
 from dsfab.surface.shapes import plate
+from tests.designs import sliced
 from tests.opensees import solved_script
 from tests.pynite import solved_from
 from tests.saf import faults, read
@@ -163,7 +164,7 @@ def test_the_command_writes_a_design_and_tells_how_far_beams_are_right(tmp_path,
 def test_presets_are_solved_again_from_the_file(tmp_path, name, changed):
     """Reactions hold what lies on the sheet to .1 %; displacements are within 10 % of the sheet's, whose ribs twist as
     bars: as a thin sheet ribs of .1 x .3 m have eleven times their torsion."""
-    design = dsfab.Design.of(dsfab.load_preset(name, changed))
+    design = sliced(dsfab.load_preset(name, changed))
     said = []
     path = design.write(tmp_path / f"{name}.saf.xlsx", note=said.append)
     found = solved_from(read(path))["load"]

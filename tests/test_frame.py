@@ -11,6 +11,7 @@ from dsfab.errors import StaticsError
 from dsfab.frame import BeamMaterial, Frame, FrameAgreement, agreement, frame_of, solve_frame
 from dsfab.members import MemberGraph
 from dsfab.preset_list import shipped_presets
+from tests.designs import coarse_design
 from tests.pynite import solved
 
 E, NU = 200e9, 0.3
@@ -235,20 +236,6 @@ def test_what_is_no_structure_of_beams_is_told():
 
 
 SLENDER = {"barrel_vault", "gridshell", "snow_vault", "tower"}
-COARSER = {
-    "bob": 0.06,
-    "boys_surface": 0.08,
-    "bridge": 0.25,
-    "mouse": 0.0045,
-    "pirate": 0.02,
-    "sphere": 0.05,
-    "sphere_graded": 0.09,
-    "turkey": 0.009,
-    "twisty_tower": 0.4,
-    "slab": 0.2,
-    **dict.fromkeys(("camel_ears", "camel_head", "camel_none", "camel_nose"), 0.025),
-}
-"""Metres, of the triangles' edges, so that a preset takes seconds."""
 LOOSE = {"rollers"}
 """Balanced by its loads, held by nothing: no beams are solved."""
 SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"})
@@ -258,7 +245,7 @@ SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"})
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_otherwise(name):
-    design = dsfab.Design.of(dsfab.load_preset(name, {"surface.edge": COARSER[name]} if name in COARSER else {}))
+    design = coarse_design(name)
     if name in LOOSE:
         with pytest.raises(StaticsError, match="the supports do not stop it"):
             design.frame_agreement()

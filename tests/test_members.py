@@ -19,6 +19,7 @@ from dsfab.results import PatternResult
 from dsfab.slicing import cut
 from dsfab.surface import CornerField, Surface
 from tests.analytic import SURFACES, WIDTH, grid
+from tests.designs import coarse_design, sliced
 from tests.meshes import FOLDER, mesh_file
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 from tests.zoo import grid as plain_grid
@@ -35,7 +36,7 @@ def drawn(name, edge):
 
 @cache
 def design(name):
-    return Design.of(load_preset(name)).until("slicing")
+    return sliced(load_preset(name))
 
 
 # --- closed forms
@@ -350,27 +351,27 @@ def test_a_dome_has_rings_and_meridians_of_which_every_other_one_ends_on_a_ring(
     + ["cantilever_light", "climbing_hold", "rollers", "boys_surface"],
 )
 def test_members_of_shipped_presets_are_their_sheets(name):
-    made = design(name)
+    made = coarse_design(name)
     assert_whole(made.members, made.sheet)
     assert_on_both(made.members, made.surface.mean_edge)
 
 
-COARSER = {"bob": 0.06, "camel_ears": 0.03, "camel_head": 0.03, "camel_none": 0.03, "camel_nose": 0.03, "mouse": 0.005}
-COARSER |= {"gridshell": 0.2, "pirate": 0.025, "turkey": 0.014, "slab": 0.3, "sphere_graded": 0.08}
-"""Presets that no test above has, and edges of their meshes, metres: longer than shipped where that takes long."""
+OTHERS = ("bob", "camel_ears", "camel_head", "camel_none", "camel_nose", "mouse")
+OTHERS += ("gridshell", "pirate", "turkey", "slab", "sphere_graded")
+"""Presets that no test above has."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COARSER)
+@pytest.mark.parametrize("name", OTHERS)
 def test_members_of_all_other_presets_are_their_sheets(name):
-    made = Design.of(load_preset(name, {"surface.edge": COARSER[name]})).until("slicing")
+    made = coarse_design(name)
     assert_whole(made.members, made.sheet)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "file"), [("figurine", "spot.obj"), ("roof", "hypar.obj")])
 def test_members_of_presets_for_files_are_their_sheets(name, file):
-    made = Design.of(load_preset(name, mesh=mesh_file(file))).until("slicing")
+    made = sliced(load_preset(name, mesh=mesh_file(file)))
     assert_whole(made.members, made.sheet)
 
 
@@ -379,14 +380,14 @@ def test_members_of_every_preset_are_looked_at():
     marks = [mark for test in (test_members_are_the_finished_sheet, test_members_of_shipped_presets_are_their_sheets)
              for mark in test.pytestmark if mark.name == "parametrize"]  # fmt: skip
     names = [one if isinstance(one, str) else one.values[0] for mark in marks for one in mark.args[1]]
-    names = [str(one) for one in names if not str(one).endswith(".toml")] + [*COARSER, "figurine", "roof", "dome"]
+    names = [str(one) for one in names if not str(one).endswith(".toml")] + [*OTHERS, "figurine", "roof", "dome"]
     assert sorted(names) == sorted(shipped_presets())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", sorted(path.name for path in FOLDER.glob("*.obj")))
 def test_members_of_other_surfaces_are_their_sheets(file):
-    made = Design.of(preset_for(FOLDER / file)).until("slicing")
+    made = sliced(preset_for(FOLDER / file))
     assert_whole(made.members, made.sheet)
 
 

@@ -12,10 +12,10 @@ from dsfab.app.cli import main
 from dsfab.delivery import body_details, write
 from dsfab.errors import ExportError
 from dsfab.export import FORMATS
-from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
 from dsfab.surface import signed_volume, total_area
 from dsfab.workshop import drawing_files, workshop_plan
+from tests.designs import sliced
 from tests.test_export_ifc import amounts, faults
 
 BODIES = [suffix for suffix, form in FORMATS.items() if form.takes == "bodies"]
@@ -23,7 +23,7 @@ BODIES = [suffix for suffix, form in FORMATS.items() if form.takes == "bodies"]
 
 @pytest.fixture(scope="module")
 def design():
-    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.8})).until("slicing")
+    return sliced(load_preset("barrel_vault", {"surface.edge": 0.8}))
 
 
 @pytest.fixture(scope="module")

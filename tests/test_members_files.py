@@ -10,15 +10,15 @@ from dsfab.app.cli import main
 from dsfab.delivery import write
 from dsfab.errors import ExportError
 from dsfab.export.formats import FORMATS, suffix_of
-from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
+from tests.designs import sliced
 
 SMALL = {"surface.edge": 0.4}
 
 
 @pytest.fixture(scope="module")
 def design():
-    return Design.of(load_preset("barrel_vault", SMALL)).until("slicing")
+    return sliced(load_preset("barrel_vault", SMALL))
 
 
 def rows(path):

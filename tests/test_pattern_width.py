@@ -29,6 +29,7 @@ from dsfab.pipeline.share_correction import corrected
 from dsfab.preset import Width
 from dsfab.preset_file import overridden
 from dsfab.slicing import cut
+from tests.designs import sliced
 from tests.presets import DOME_MODES, GLOBE_MODES, on_modes
 from tests.zoo import ZOO, grid, jittered, zoo
 
@@ -577,6 +578,6 @@ def test_a_share_holds_where_many_bridges_are_built(monkeypatch):
     """72 of them, between meridians that all meet at a skylight, were .6 % of the surface."""
     monkeypatch.setattr("dsfab.slicing.halving.GAIN", np.inf)
     arena = Path(__file__).parents[1] / "outputs" / "gallery" / "arena.toml"
-    design = dsfab.Design.of(dsfab.load_preset(arena)).until("slicing")
+    design = sliced(dsfab.load_preset(arena))
     assert any("bridges were built" in note.text for note in design.notes)
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.3, abs=1e-3)

@@ -10,6 +10,7 @@ import dsfab
 from dsfab.errors import DsfabError
 from dsfab.pipeline import PARTS, ROWS, TIMED
 from dsfab.preset import STAGES
+from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.presets import (
     BARREL_VAULT_MODES,
@@ -86,7 +87,7 @@ def _stem(value) -> str | None:
     ids=_stem,
 )
 def test_presets_keep_their_recorded_numbers(name, vertices, kept, genus):
-    design = dsfab.run(dsfab.load_preset(name))
+    design = sliced(dsfab.load_preset(name))
     judged(design)
     assert design.surface.n == vertices
     assert len(design.slicing.pieces) == 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import Design, Log, method
+from dsfab.pipeline import Log, method
 from dsfab.pipeline.method import CLOSE
 from dsfab.pipeline.stressing import Stressed
 from dsfab.report.design.choice import attempt_facts, attempt_lines
@@ -12,6 +12,7 @@ from dsfab.results import Attempt
 from dsfab.study.baselines import ComparisonTask
 from dsfab.study.judging import quick
 from tests.benchmarks import against_simp
+from tests.designs import sliced
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.8, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.6, "pattern.width.steps": 2}
@@ -82,7 +83,7 @@ def test_counted_are_those_of_the_sheet_that_would_be_built():
     """The best is built: what was counted on the trial is what the build tells, but for slits at the limit: the share
     of material is met to 2e-3 in a trial, to 4e-4 in the build, and round corners come in the build only. Tidied ones
     have none."""
-    plate = Design.of(dsfab.load_preset("cantilever", {**PLATE, "pattern.tidy": False})).until("slicing")
+    plate = sliced(dsfab.load_preset("cantilever", {**PLATE, "pattern.tidy": False}))
     found, best = plate.quality(symmetry=False), plate.pattern.attempts[0]
     assert best.dead_ends == found.dead_ends
     assert best.slits == pytest.approx(found.slits, rel=0.2)

@@ -26,13 +26,14 @@ from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refo
 from dsfab.workshop.bars import bar_body
 from dsfab.workshop.built import strip_body
 from tests.browser import browser, opened
+from tests.designs import sliced
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
 def vault():
-    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3})).until("slicing")
+    return sliced(load_preset("barrel_vault", {"surface.edge": 0.3}))
 
 
 @pytest.fixture(scope="module")

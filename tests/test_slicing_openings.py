@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from dsfab import load_preset
-from dsfab.pipeline.design import Design
 from dsfab.pipeline.measures import largest_filling
 from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_slits, openings
 from dsfab.slicing.openings import CRUMB, NARROWER
 from dsfab.surface import Surface
+from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.presets import DOME_MODES, GLOBE_MODES
 from tests.test_pattern_quality import plate
@@ -158,7 +158,7 @@ def test_the_crown_of_one_family_has_no_holes():
 
 def built(name, **given):
     """Metric and sheet of a preset."""
-    return Design.of(load_preset(name, given)).until("slicing")
+    return sliced(load_preset(name, given))
 
 
 @pytest.mark.slow

@@ -42,6 +42,7 @@ from dsfab.surface import (
 )
 from dsfab.units import GRAVITY
 from dsfab.wording import force
+from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, lifted, moebius, sphere, two_pieces
@@ -235,7 +236,7 @@ def test_a_thinner_sheet_weighs_less_and_its_covering_does_not():
 
 @pytest.mark.slow
 def test_every_mesh_of_a_verdict_carries_the_weight_that_is_there():
-    design = Design.of(dsfab.load_preset("snow_vault", {"surface.edge": 0.9})).until("slicing")
+    design = sliced(dsfab.load_preset("snow_vault", {"surface.edge": 0.9}))
     surface, sheet = design.surface, design.slicing.cells.kept()
     setting = LoadedSurface.of(design)
     loads = loads_on(surface, sheet, setting.loads)
@@ -307,6 +308,6 @@ def test_what_is_told_says_which_sheet_it_is_of():
 
 
 def test_a_preset_without_weight_hears_nothing_of_it():
-    design = Design.of(dsfab.load_preset("cantilever", {"surface.edge": 0.2})).until("slicing")
+    design = sliced(dsfab.load_preset("cantilever", {"surface.edge": 0.2}))
     assert not any("weigh" in note.text for note in design.notes)
     assert (design.load.parts.point == design.load.force).all()

@@ -25,6 +25,7 @@ from dsfab.study.nonlinear.limit import last_of, softest, without_fillets
 from dsfab.study.nonlinear.running import CcxFiles, run_ccx
 from dsfab.surface import LoadCase, Surface
 from tests.calculix import needs_ccx
+from tests.designs import sliced
 from tests.test_statics_modes import hold
 from tests.zoo import grid
 
@@ -211,7 +212,7 @@ COARSE = {"surface.edge": 0.8, "pattern.major.spacing": 2.0, "pattern.minor.spac
 
 def test_the_check_has_a_mesh_of_its_own():
     """Without fillets, out of longer triangles where asked; a length that is none is refused."""
-    design = dsfab.Design.of(dsfab.load_preset("dome", COARSE)).until("slicing")
+    design = sliced(dsfab.load_preset("dome", COARSE))
     assert without_fillets(design, 0.0, lambda *words: None) is design
     sharp = without_fillets(design, None, lambda *words: None)
     assert sharp.surface is design.surface

@@ -37,13 +37,14 @@ from dsfab.workshop.nesting.filling import empty_sheet, placed
 from dsfab.workshop.plan import same_parts
 from dsfab.workshop.plates import FlattenedMesh
 from tests.analytic import SURFACES
+from tests.designs import sliced
 
 STOCK, GAP = ((2.5, 1.25),), 0.008
 
 
 @pytest.fixture(scope="module")
 def vault():
-    return Design.of(load_preset("barrel_vault", {"surface.edge": 0.3})).until("slicing")
+    return sliced(load_preset("barrel_vault", {"surface.edge": 0.3}))
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +159,7 @@ def test_the_parts_of_a_vault_are_all_on_sheets_that_are_well_used(plan):
 def test_sheets_of_a_dome_and_of_a_gridshell_are_well_used(name, edge, most):
     """Laths that are bowed by a third of a metre over six metres leave more of them."""
     changes = {"workshop.route": "strips"} | ({"surface.edge": edge} if edge else {})
-    plan = workshop_plan(Design.of(load_preset(name, changes)).until("slicing"))
+    plan = workshop_plan(sliced(load_preset(name, changes)))
     assert len(plan.sheets) <= most
     assert plan.used > (0.72 if name == "dome" else 0.62)
     assert least_gap(plan.sheets) >= GAP - 1e-9
@@ -268,7 +269,7 @@ def test_limits_of_a_sphere_are_those_of_its_radius():
 
 @pytest.fixture(scope="module")
 def gridshell():
-    return Design.of(load_preset("gridshell", {"surface.edge": 0.3})).until("slicing")
+    return sliced(load_preset("gridshell", {"surface.edge": 0.3}))
 
 
 @pytest.mark.slow
@@ -286,7 +287,7 @@ def test_laths_of_the_gridshell_are_bent_to_half_their_thickness_over_the_radius
 
 @pytest.mark.slow
 def test_the_gridshell_as_it_is_shipped_can_be_bent_and_drilled_and_all_its_bolts_have_holes():
-    plan = workshop_plan(Design.of(load_preset("gridshell")).until("slicing"))
+    plan = workshop_plan(sliced(load_preset("gridshell")))
     assert not any(note.startswith("NOT") or "not drilled" in note for note in plan.notes)
     assert any("are bent to a strain of 0.16%" in note for note in plan.notes)
     assert plan.used > 0.62
@@ -384,7 +385,7 @@ def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp
     layers, parts = drawn(out / "S1-1.dxf")
     assert layers == {"CUT", "SLOTS", "ENGRAVE"}
     assert parts == 1
-    design = Design.of(load_preset("cantilever", {"surface.edge": 0.05})).until("slicing")
+    design = sliced(load_preset("cantilever", {"surface.edge": 0.05}))
     (part,) = sheet_parts(design.sheet.surface, [(9.0, 9.0)]).pieces
     assert part.area == pytest.approx(design.sheet.surface.area)
     assert main(["workshop", "dome", "--set", "workshop.route=sheet", "--set", "surface.edge=0.6", "-o", str(out)]) == 1
@@ -394,7 +395,7 @@ def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp
 def test_a_stock_that_no_piece_of_a_strip_fits_on_is_refused(vault):
     """It cut shorter and shorter pieces without end."""
     small = Design.of(overridden(vault.preset, {"workshop.stock": [0.1, 0.1]})).until("slicing")
-    with pytest.raises(PatternError, match=r"no piece of a strip .* workshop\.stock"):
+    with pytest.raises(PatternError, match=r"no piece of A01 .* workshop\.stock"):
         workshop_plan(small)
 
 

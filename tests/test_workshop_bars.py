@@ -38,6 +38,7 @@ from dsfab.workshop.planks.slots import PlankCrossings
 from dsfab.workshop.routes import chosen_route, planned_bars
 from dsfab.workshop.tables import bar_rows, table_csv
 from tests.analytic import SURFACES
+from tests.designs import sliced
 
 STOCK = BarStock(bar=0.04, plate=0.005, bolt=0.01, letters=0.02)
 RADIUS = {"sphere": 6.5, "cylinder": 4.45}
@@ -302,7 +303,7 @@ def test_members_too_near_to_each_other_for_bars_are_refused_in_a_sentence():
 def vault():
     """Too shallow for planks."""
     changes = {"surface.edge": 0.3, "statics.material": "GL24h", "workshop.stock": [[5.0, 1.25]], "workshop.depth": 0.1}
-    return Design.of(load_preset("barrel_vault", changes)).until("slicing")
+    return sliced(load_preset("barrel_vault", changes))
 
 
 def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault):

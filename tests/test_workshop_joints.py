@@ -14,6 +14,7 @@ from dsfab.surface import Surface
 from dsfab.workshop import Layering, SheetJoint, sheet_parts, strip_parts, workshop_plan
 from dsfab.workshop.planks import PlankStock, plank_plan
 from tests.analytic import SURFACES
+from tests.designs import sliced
 
 
 def ribbed(ribs):
@@ -163,7 +164,7 @@ def test_strips_and_planks_are_scarfed_by_eight_thicknesses():
 
 
 def test_fingers_are_for_flat_sheets():
-    vault = Design.of(load_preset("barrel_vault", {"surface.edge": 0.5})).until("slicing")
+    vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     asked = Design.of(overridden(vault.preset, {"workshop.splice": "fingers"}), vault).until("slicing")
     with pytest.raises(PatternError, match="'fingers' is for flat sheets, and this design has members"):
         workshop_plan(asked)

@@ -13,7 +13,6 @@ from shapely.geometry import box as rectangle
 from shapely.ops import unary_union
 
 from dsfab.app.cli import main
-from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import HIGH, WIDE
@@ -22,6 +21,7 @@ from dsfab.workshop.base import base_parts, clipped_polygon
 from dsfab.workshop.ground import Ground, StripFoot
 from dsfab.workshop.layering import END
 from dsfab.workshop.model import LETTERS, model_notes, scaled_graph, scaled_surface
+from tests.designs import sliced
 from tests.test_report_assembly import Recorder
 from tests.test_workshop import drawn, least_gap
 from tests.test_workshop_strips import SURFACES, Bent, ReadPart, graph_of
@@ -36,7 +36,7 @@ UP = np.array([0.0, 0.0, 1.0])
 def vault():
     """A model of the barrel vault at 1:50, its design and its plan."""
     changes = {"surface.edge": 0.3, **{f"workshop.{key}": value for key, value in MODEL.items()}}
-    design = Design.of(load_preset("barrel_vault", changes)).until("slicing")
+    design = sliced(load_preset("barrel_vault", changes))
     return design, workshop_plan(design)
 
 

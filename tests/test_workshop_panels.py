@@ -15,6 +15,7 @@ from dsfab.workshop import workshop_plan
 from dsfab.workshop.model import scaled_graph
 from dsfab.workshop.panels import NEAR, ROOT, TIP, panel_parts
 from tests.analytic import SURFACES, WIDTH
+from tests.designs import sliced
 
 A3 = [(0.41, 0.287)]
 
@@ -67,7 +68,7 @@ def test_all_panels_are_simple_and_those_that_go_through_are_whole(name):
 
 
 def test_a_vault_of_panels_has_its_pages_and_panels_are_for_models():
-    vault = Design.of(load_preset("barrel_vault", {"surface.edge": 0.5})).until("slicing")
+    vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     with pytest.raises(PatternError, match="panels with tabs are for models in card: give --model 1:50"):
         workshop_plan(Design.of(overridden(vault.preset, {"workshop.route": "panels"}), vault).until("slicing"))
     card = {"stock": [0.42, 0.297], "thickness": 0.001, "bolt": 0.0006, "gap": 0.001, "model": 50, "route": "panels"}

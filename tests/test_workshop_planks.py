@@ -22,6 +22,7 @@ from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, slot_width, standing_order
 from dsfab.workshop.planks.ways import SLIDE, spread
 from tests.analytic import SURFACES
+from tests.designs import sliced
 
 STOCK = PlankStock(thickness=0.018, depth=0.12, bolt=0.012, splice="cover", letters=(0.02, 0.008))
 ROOM = [(2.484, 1.234)]
@@ -207,7 +208,7 @@ def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
 
 
 def test_arches_stand_first_and_purlins_are_put_on_them():
-    vault = Design.of(load_preset("barrel_vault", {"surface.edge": 0.5})).until("slicing")
+    vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     assert [one for one in standing_order(vault.members, UP) if one in ("major", "minor")] == ["minor", "major"]
     thick = overridden(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})
     with pytest.raises(PatternError, match=r"100 mm deep of boards 80 mm thick do not stand upright: set workshop\.t"):

@@ -14,6 +14,7 @@ from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset, overridden
 from dsfab.report.assembly.flat_parts import sheet_figures
 from dsfab.workshop import FlatPart, cut_list, cut_list_workbook, nested, stock_cost, stock_words, workshop_plan
+from tests.designs import sliced
 from tests.test_workshop import least_gap
 
 GAP = 0.008
@@ -64,7 +65,7 @@ def test_two_sizes_never_cost_more_than_one_of_them_and_keep_the_gap(sizes, pric
 @pytest.mark.slow
 def test_parts_are_cut_for_shorter_sheets_where_long_ones_are_dear():
     """Strips that are spliced for sheets of 6 m have room on no others."""
-    vault = Design.of(load_preset("barrel_vault", {"surface.edge": 0.5, "workshop.route": "strips"})).until("slicing")
+    vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5, "workshop.route": "strips"}))
     stock, plans = [[6, 1.25], [2.5, 1.25]], {}
     for prices in ([60, 45], [500, 45]):
         asked = overridden(vault.preset, {"workshop.stock": stock, "workshop.prices": prices})

@@ -6,9 +6,9 @@ import igl
 import numpy as np
 import pytest
 
-from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
 from dsfab.workshop import Development, is_strip, member_course
+from tests.designs import sliced
 
 BEYOND = 2.0
 """Widths of a strip by which a window reaches beyond its bays."""
@@ -85,7 +85,7 @@ def _differences(graph, member, layer, nodes):
 )
 def test_bays_are_those_of_strips_of_triangles_laid_flat(name, edge, least):
     """Within a millimetre and a half, on meshes that are fine enough to drill by."""
-    graph = Design.of(load_preset(name, {"surface.edge": edge})).until("slicing").members
+    graph = sliced(load_preset(name, {"surface.edge": edge})).members
     found = bay_differences(graph)
     assert len(found) > least
     worst = max(found, key=lambda one: abs(one[0]))

@@ -1,0 +1,76 @@
+"""Designs that tests of several files look at: each is made once in a run, by whichever process comes first."""
+
+import copyreg
+import os
+import pickle
+import shutil
+import tempfile
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from dsfab.pipeline import Design
+from dsfab.preset import Preset
+from dsfab.preset_file import load_preset
+
+FOLDER = "DSFAB_TEST_DESIGNS"
+"""Environment variable: the folder of a run, which its processes inherit."""
+
+
+def read_only(held: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    """A mapping as results of stages hold it; `pickle` knows none."""
+    return MappingProxyType(held)
+
+
+copyreg.pickle(MappingProxyType, lambda held: (read_only, (dict(held),)))
+
+
+def begin() -> None:
+    """Make the folder of a run."""
+    os.environ[FOLDER] = tempfile.mkdtemp(prefix="dsfab-designs-")
+
+
+def end() -> None:
+    """Remove it."""
+    shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
+
+
+COARSER = {
+    "bob": 0.06,
+    "boys_surface": 0.08,
+    "bridge": 0.25,
+    "mouse": 0.005,
+    "pirate": 0.025,
+    "slab": 0.2,
+    "sphere": 0.05,
+    "sphere_graded": 0.09,
+    "turkey": 0.014,
+    "twisty_tower": 0.4,
+    **dict.fromkeys(("camel_ears", "camel_head", "camel_none", "camel_nose"), 0.03),
+}
+"""Metres, of the triangles' edges of presets that would take long."""
+
+
+def coarse_design(name: str) -> Design:
+    """The design of a shipped preset, cut, on a mesh that takes seconds."""
+    return preset_design(name, **({"surface.edge": COARSER[name]} if name in COARSER else {}))
+
+
+@lru_cache(maxsize=4)
+def preset_design(name: str, **changes: Any) -> Design:
+    """The design of a shipped preset with some of its values changed, cut."""
+    return sliced(load_preset(name, changes))
+
+
+def sliced(preset: Preset) -> Design:
+    """The design of a preset, cut."""
+    path = Path(os.environ[FOLDER], sha256(preset.model_dump_json().encode()).hexdigest())
+    if not path.exists():
+        made = Design.of(preset).until("slicing")
+        state = {name: value for name, value in made.__getstate__().items() if name != "preset"}
+        partial = path.with_suffix(f".{os.getpid()}")
+        partial.write_bytes(pickle.dumps(state))
+        partial.replace(path)
+    return Design.known(preset, **pickle.loads(path.read_bytes()))
