@@ -24,6 +24,8 @@ LONG = 1.5
 """A tooth's outline is shorter than so many mean widths of members: where a member goes on, its sides are longer."""
 HIGH = 0.04
 """What sticks out by less than this share of that width is no tooth: a hair that is rounded with the corner beside."""
+POINTED = 0.25
+"""A tooth is at least so high for the length of its chord: lower ones are a member that bends, or swells."""
 SNAP = 2e-3
 """Vertices nearer to a chord than this share of it are on it: no slivers."""
 ROUNDS = 4
@@ -107,18 +109,19 @@ def _between_corners(walls: Walls, turn: Floats, tip: int, longest: float) -> tu
 
 
 def _spike(cells: Sheet, walls: Walls, stretch: Ints, least: float) -> Spike | None:
-    """The tooth along walls (k,); None where it is lower than `least` metres, or its chord leaves the material."""
+    """The tooth along walls (k,); None where it is lower than `least` metres or blunt, or its chord leaves the
+    material."""
     surface = cells.surface
     outline = np.append(walls.start[stretch], walls.end[stretch[-1]])
     X, first = surface.V[outline], walls.outside[stretch] // 3
     up, chord = surface.normals[first].sum(axis=0), X[-1] - X[0]
     outward = np.cross(up, chord)
-    size = float(np.linalg.norm(outward))
+    size, length = float(np.linalg.norm(outward)), float(np.linalg.norm(chord))
     if not size:
         return None
-    spike = Spike(outline, first, X[0], outward / size, SNAP * float(np.linalg.norm(chord)))
+    spike = Spike(outline, first, X[0], outward / size, SNAP * length)
     height = spike.heights(X)
-    if height.min() < 0 or height.max() < least:
+    if height.min() < 0 or height.max() < max(least, POINTED * length):
         return None
     reached = _reached(cells, spike)
     return None if reached is None else spike._replace(cells=reached)
