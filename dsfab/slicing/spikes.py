@@ -20,8 +20,9 @@ from dsfab.slicing.walls import SHARPEST, Walls
 
 SHARP = float(np.radians(60))
 """The outline turns back at a tip by so much at least: where a member bends, or two of them cross, it does not."""
-LONG = 1.5
-"""A tooth's outline is shorter than so many mean widths of members: where a member goes on, its sides are longer."""
+LONG, THIN, FAR = 1.5, 0.5, 4.0
+"""A tooth's outline is shorter than so many mean widths of members: where a member goes on, its sides are longer. One
+whose chord is under `THIN` of that width may be `FAR` of it long: a spur, which ends in nothing."""
 HIGH = 0.04
 """What sticks out by less than this share of that width is no tooth: a hair that is rounded with the corner beside."""
 POINTED = 0.25
@@ -71,9 +72,14 @@ def _spikes(cells: Sheet) -> list[Spike]:
     """All teeth of a sheet."""
     walls = Walls.of(cells)
     turn, width = walls.turns(cells), _member_width(cells, walls)
-    tips = np.flatnonzero(np.isfinite(turn) & (turn < -SHARP)).tolist()
-    stretches = {_between_corners(walls, turn, tip, LONG * width) for tip in tips} - {()}
-    found = [_spike(cells, walls, np.array(stretch), HIGH * width) for stretch in sorted(stretches)]
+    found = []
+    for tip in np.flatnonzero(np.isfinite(turn) & (turn < -SHARP)).tolist():
+        before, behind = (_corners_beside(walls, turn, tip, step, FAR * width) for step in (-1, 1))
+        pairs = sorted(((one + two, i, j) for i, one in before for j, two in behind), reverse=True)
+        longest = min(FAR * width, float(walls.total[walls.chain[tip]]))
+        stretches = (_stretch(walls, tip, i, j) for way, i, j in pairs if way < longest)
+        teeth = (_tooth(cells, walls, stretch, width) for stretch in stretches)
+        found.append(next((tooth for tooth in teeth if tooth is not None), None))
     return [spike for spike in found if spike is not None]
 
 
@@ -86,42 +92,36 @@ def _member_width(cells: Sheet, walls: Walls) -> float:
     return float(2 * surface.areas[material].sum() / around)
 
 
-def _between_corners(walls: Walls, turn: Floats, tip: int, longest: float) -> tuple[int, ...]:
-    """The walls around a tip, from one re-entrant corner of the outline to the next; none where they are too long."""
-    chain = walls.chain[tip]
-    begin, size, closed = int(walls.begin[chain]), int(walls.begin[chain + 1] - walls.begin[chain]), walls.closed[chain]
-    way, found = 0.0, [tip]
-    for step in (-1, 1):
-        while len(found) < size:
-            at = (found[0] - begin - 1) if step < 0 else (found[-1] - begin + 1)
-            if not closed and not 0 <= at < size:  # a member's end on the edge of the surface
-                return ()
-            wall = begin + at % size
-            way += float(walls.length[wall if step < 0 else found[-1]])
-            if way > longest:
-                return ()
-            if step > 0 and turn[wall] > SHARPEST:
-                return tuple(found)
-            found = [wall, *found] if step < 0 else [*found, wall]
-            if turn[wall] > SHARPEST:
-                break
-    return ()
+def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
+    """Re-entrant corners before a tip (step -1) or behind it (1): how many walls away, and how many metres."""
+    found, way, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
+    for k in range(1, size):
+        (last, wall), there = walls.ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
+        way += float(walls.length[wall if step < 0 else last])
+        if not there[1] or way > longest:  # a chain that is not closed ends on the edge of the surface
+            break
+        if turn[wall] > SHARPEST:
+            found.append((k, way))
+    return found
 
 
-def _spike(cells: Sheet, walls: Walls, stretch: Ints, least: float) -> Spike | None:
-    """The tooth along walls (k,); None where it is lower than `least` metres or blunt, or its chord leaves the
-    material."""
-    surface = cells.surface
-    outline = np.append(walls.start[stretch], walls.end[stretch[-1]])
-    X, first = surface.V[outline], walls.outside[stretch] // 3
-    up, chord = surface.normals[first].sum(axis=0), X[-1] - X[0]
-    outward = np.cross(up, chord)
-    size, length = float(np.linalg.norm(outward)), float(np.linalg.norm(chord))
-    if not size:
+def _stretch(walls: Walls, tip: int, before: int, behind: int) -> Ints:
+    """(k,) the walls from one corner to the other, which are so many walls before a tip and behind it."""
+    return walls.ahead(np.full(before + behind, tip), np.arange(-before, behind))[0]
+
+
+def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | None:
+    """The tooth along walls (k,); None where it is no tooth for members of a mean width, metres, or its chord leaves
+    the material."""
+    V, outline = cells.surface.V, np.append(walls.start[stretch], walls.end[stretch[-1]])
+    X, step, first = V[outline], walls.length[stretch], walls.outside[stretch] // 3
+    chord, up = X[-1] - X[0], step @ cells.surface.normals[first]  # over an edge of the surface, half of both sides
+    length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
+    if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
-    spike = Spike(outline, first, X[0], outward / size, SNAP * length)
+    spike = Spike(outline, first, X[0], outward / np.linalg.norm(outward), SNAP * length)
     height = spike.heights(X)
-    if height.min() < 0 or height.max() < max(least, POINTED * length):
+    if height.min() < 0 or height.max() < max(HIGH * width, POINTED * length):
         return None
     reached = _reached(cells, spike)
     return None if reached is None else spike._replace(cells=reached)
