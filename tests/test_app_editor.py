@@ -206,6 +206,7 @@ def test_figures_are_those_of_the_built_sheet(dome):
     assert sum(told["widths"]) == pytest.approx(1)
     assert told["limits"][0] == 0
     assert 0 < told["narrowest"] < told["limits"][-1]
+    assert told["notes"] == [f"{note.stage}: {note.text}" for note in design.notes if note.stage == "slicing"]
 
 
 def test_colour_scales_have_64_steps():

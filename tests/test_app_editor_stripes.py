@@ -8,6 +8,7 @@ import pytest
 from scipy.ndimage import binary_opening
 
 from dsfab.app.editor.controls import controls
+from dsfab.app.editor.figures import TIDIED
 from dsfab.app.editor.payload import model, packed, widths
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import Opened
@@ -308,6 +309,7 @@ def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
 def test_the_measured_share_is_the_wanted_one(page):
     assert share_measured(page) == pytest.approx(40, abs=0.3)
     assert overridden(load_preset(DOME_MODES), DOME).pattern.width.solid_fraction == 0.4
+    assert page.run(f"document.getElementById('notes').textContent.includes({json.dumps(TIDIED)})")
 
 
 @seen_in_a_page

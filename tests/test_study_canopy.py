@@ -10,6 +10,7 @@ from dsfab.pipeline import draft
 from dsfab.pipeline.even import even_stripes
 from dsfab.pipeline.patterns import striped_families
 from dsfab.preset_file import load_preset, overridden
+from dsfab.slicing.walls import Walls
 from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.matching import striped_structure
 from dsfab.study.judging import quick
@@ -49,8 +50,11 @@ def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
 
 
 @pytest.mark.slow
-def test_no_member_ends_in_the_air():
+def test_no_member_ends_in_the_air_and_none_has_a_tooth():
     design = dsfab.run(load_preset(PRESET))
+    cells = design.slicing.cells
+    turn = Walls.of(cells).turns(cells)
+    assert np.degrees(-turn[np.isfinite(turn)].min()) < 60  # 98 with a tooth of 6 cm at the rim of an opening
     quality = design.quality()
     assert len(design.slicing.pieces) == 1
     assert quality.dead_ends == 0

@@ -1,4 +1,4 @@
-"""Cells as they were cut made fit to be built: no point contacts, specks, slits and necks, with round corners."""
+"""Cells as they were cut made fit to be built: no point contacts, specks, slits, necks, spikes; with round corners."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -24,6 +24,7 @@ from dsfab.slicing import (
     resolve_pinches,
     sheet_of,
     widened_members,
+    without_spikes,
 )
 from dsfab.slicing.fillet import rounded_corners
 from dsfab.surface import Surface
@@ -42,8 +43,8 @@ LEFT, AGAIN = 0.95, 5
 
 
 class Finished(NamedTuple):
-    """All cells without point contacts, specks, slits and necks, with round corners; how many of each there were, the
-    radii, and at how many places members were widened.
+    """All cells without point contacts, specks, slits, necks and spikes, with round corners; how many of each there
+    were, the radii, and at how many places members were widened.
     """
 
     cells: Sheet
@@ -51,18 +52,20 @@ class Finished(NamedTuple):
     filled: int
     merged: int
     bridged: int
+    spikes: int
     rounded: Floats
     widened: int = 0
 
 
 class Unrounded(NamedTuple):
-    """Cells without point contacts, specks, slits and necks, and how many of each there were."""
+    """Cells without point contacts, specks, slits, necks and spikes, and how many of each there were."""
 
     cells: Sheet
     pinches: int
     filled: int
     merged: int
     bridged: int
+    spikes: int
 
 
 class FirstRounding(NamedTuple):
@@ -161,13 +164,13 @@ def finished_cells(
     if done is None or again != AGAIN or least != _least(smallest, Slicing(), merge):
         done = _rounded_cells(plain.cells, preset.pattern.fillet, merge, least, again, first)
     merged, bridged = plain.merged + done.merged, plain.bridged + done.bridged
-    return Finished(done.cells, plain.pinches, plain.filled, merged, bridged, done.radii, done.widened)
+    return Finished(done.cells, plain.pinches, plain.filled, merged, bridged, plain.spikes, done.radii, done.widened)
 
 
 def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: Merging) -> Unrounded:
     """What is made of cells as they were cut before corners are rounded."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
-    cells, filled, merged, bridged = pinched.sheet, 0, 0, 0
+    cells, filled, merged, bridged, spikes = pinched.sheet, 0, 0, 0, 0
     late = merge != "none" and ask.min_opening is None  # most of these are slits
     if smallest.opening and not late:
         cells, filled = filled_openings(cells, smallest.opening)
@@ -183,7 +186,8 @@ def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalle
     if merge != "none":
         cells, more = filled_slits(divided_walls(faired_walls(cells)), merge)  # hairs decide of some
         merged += more
-    return Unrounded(cells, pinched.count, filled, merged, bridged)
+        cells, spikes = without_spikes(cells)
+    return Unrounded(cells, pinched.count, filled, merged, bridged, spikes)
 
 
 class Least(NamedTuple):

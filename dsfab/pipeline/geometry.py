@@ -85,6 +85,8 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
         )
     if done.bridged:
         log.note("slicing", f"{_bridges(done.bridged)} where openings are narrower than {smallest.neck:.3g} m")
+    if done.spikes:
+        log.note("slicing", f"{_spikes(done.spikes)} cut off that stuck out into openings")
     if done.widened:
         log.note("slicing", f"members were widened to {preset.slicing.min_member:.3g} m at {_places(done.widened)}")
     if radius := preset.pattern.fillet:
@@ -119,6 +121,10 @@ def _contacts(count: int) -> str:
 
 def _bridges(count: int) -> str:
     return f"{count} bridges were built" if count > 1 else "a bridge was built"
+
+
+def _spikes(count: int) -> str:
+    return f"{count} teeth of members were" if count > 1 else "a tooth of a member was"
 
 
 def _rounded(radius: float, found: Floats) -> str:

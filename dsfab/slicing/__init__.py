@@ -11,6 +11,7 @@ from dsfab.slicing.overlay import DrawnBand, Overlay, overlaid
 from dsfab.slicing.pinch import Pinched, resolve_pinches
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import Sheet, three_each
+from dsfab.slicing.spikes import without_spikes
 from dsfab.slicing.tidy import Tidy
 from dsfab.slicing.wall_division import divided_walls
 from dsfab.slicing.widening import widened_members
@@ -44,4 +45,5 @@ __all__ = [
     "sheet_of",
     "three_each",
     "widened_members",
+    "without_spikes",
 ]

@@ -1,5 +1,6 @@
 """Strips of material across the openings of a sheet: bridges, and what makes members wider."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,19 +64,19 @@ class Strip:
 def with_strips(cells: Sheet, strips: list[Strip], width: float) -> tuple[Sheet, int]:
     """The cells with as many strips as can be made at once, and small openings that these part off, as material; and
     how many strips. `width`, metres, is what small refers to."""
-    if not (strips := _apart(cells, strips)):
+    if not (strips := [strips[k] for k in apart(cells, [strip.cells for strip in strips])]):
         return cells, 0
     return _without_pockets(_filled(cells, strips), cells.surface.n, width), len(strips)
 
 
-def _apart(cells: Sheet, strips: list[Strip]) -> list[Strip]:
-    """Those that have no vertex in common with one before them."""
+def apart(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
+    """The numbers of those groups (c,) of cells that have no vertex in common with one chosen before."""
     taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
-    for strip in strips:
-        vertices = cells.surface.F[strip.cells]
+    for k, group in enumerate(groups):
+        vertices = cells.surface.F[group]
         if not taken[vertices].any():
             taken[vertices] = True
-            chosen.append(strip)
+            chosen.append(k)
     return chosen
 
 

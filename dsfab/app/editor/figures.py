@@ -8,6 +8,9 @@ from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.log import Log
 from dsfab.slicing.features import features, kept_cells
 
+TIDIED = "slicing: the picture shows stripes as they are drawn; what is built of them, and measured here, is tidied"
+"""Told before what that changes."""
+
 
 def figures(made: Design, progress: Telling | None = None) -> dict[str, Any]:
     """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON.
@@ -35,8 +38,12 @@ def figures(made: Design, progress: Telling | None = None) -> dict[str, Any]:
         "min_member": preset.fabrication.min_member,
         "pattern": _pattern(made),
         "compliance": made.statics.equilibrium.compliance,
-        "notes": [note.text for note in log.notes],
+        "notes": [*_tidied(made), *(f"{note.stage}: {note.text}" for note in log.notes)],
     }
+
+
+def _tidied(made: Design) -> list[str]:
+    return [TIDIED] if made.pattern.tidy is not None or made.preset.pattern.fillet else []
 
 
 def _pattern(made: Design) -> dict[str, Any]:

@@ -174,8 +174,8 @@ class Editor {
     if (facts.whole) this.surface();
     outdated(!this.stripes());
     this.stale = false;
-    this.figures();
     notes(facts.notes);
+    this.figures(); // adds those of the cut sheet
     this.pictures?.ask(this.state.changes);
     this.done = job; // what is shown is what this job made
   }
@@ -208,7 +208,10 @@ class Editor {
   /** What was measured, once what is shown is what was measured: either may arrive first. */
   figures() {
     if (this.stale || this.told?.draft !== this.model?.facts.draft) return;
-    if (!this.told.failed) measured(this.told);
+    if (!this.told.failed) {
+      measured(this.told);
+      notes([...this.model.facts.notes, ...this.told.notes]);
+    }
     if (isMeasure(this.state.view.colour)) this.views.colours(); // they are others now
     for (const done of this.asking.splice(0)) done();
   }
