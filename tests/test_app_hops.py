@@ -15,7 +15,7 @@ from ghhops_server import base, params
 from dsfab.app.cli import main
 from dsfab.app.hops import components
 from dsfab.app.hops.components import COMPONENTS, requested_preset, written_changes
-from dsfab.app.hops.protocol import HopsError, read_request
+from dsfab.app.hops.protocol import HopsComponent, HopsError, Parameter, read_request
 from dsfab.app.hops.server import HopsServer
 from dsfab.app.hops.solver import Solver, answered
 from dsfab.export import mesh_arrays, mesh_json, polyline_json
@@ -24,6 +24,7 @@ from dsfab.surface.shapes import barrel_vault
 params._init_rhino3dm()
 
 VAULT = barrel_vault(edge=1.0)
+ECHO = (("mesh", "Mesh"), ("points", "Point"), ("number", "Number"), ("text", "Text"))
 
 
 def sent(name, kind, *data):
@@ -120,6 +121,45 @@ def test_components_are_described_as_mcneels_server_describes_its_own():
             key: other[key] for key in ("Name", "ParamType", "ResultType")
         }
     assert ours["Outputs"][0]["ResultType"] == theirs["Outputs"][0]["ResultType"]
+
+
+def test_mcneels_server_gives_the_same_answer_to_the_same_request():
+    """A component that gives back what it gets, of ours and of theirs, asked in the same bytes."""
+    given = [Parameter(name, name, name, kind, name == "points") for name, kind in ECHO]
+    ours = HopsComponent("echo", "", tuple(given), tuple(given), lambda request: returned(**request.values))
+    hops = base.HopsBase(None)
+    kinds = {"Mesh": params.HopsMesh, "Point": params.HopsPoint, "Number": params.HopsNumber, "Text": params.HopsString}
+    access = {True: params.HopsParamAccess.LIST, False: params.HopsParamAccess.ITEM}
+    sockets = [kinds[one.kind](one.name, one.nickname, one.about, access=access[one.many]) for one in given]
+
+    @hops.component("/echo", name="echo", inputs=sockets, outputs=sockets)
+    def reference(mesh, points, number, text):
+        return mesh, points, number, text
+
+    corners = [json.dumps(dict(zip("XYZ", point, strict=True))) for point in VAULT.V[:2].tolist()]
+    request = body(
+        vault(),
+        sent("points", "Rhino.Geometry.Point3d", *corners),
+        sent("number", "System.Double", "0.5"),
+        sent("text", "System.String", json.dumps("a = 'b'")),
+        pointer="/echo",
+    )
+    done, text = hops.solve("/solve", json.dumps(request))
+    assert done, text
+    theirs, mine = json.loads(text)["values"], ours.answer(read_request(ours, request))["values"]
+    for one, other in zip(mine, theirs, strict=True):
+        assert one["ParamName"] == other["ParamName"]
+        assert list(one["InnerTree"]) == list(other["InnerTree"])
+        for item, reference_item in zip(one["InnerTree"]["0"], other["InnerTree"]["0"], strict=True):
+            assert item["type"] == reference_item["type"]
+            if one["ParamName"] == "mesh":
+                assert all(map(np.array_equal, mesh_arrays(item["data"]), mesh_arrays(reference_item["data"])))
+            else:
+                assert json.loads(item["data"]) == json.loads(reference_item["data"])
+
+
+def returned(mesh, points, number, text):
+    return mesh_json(*mesh), [dict(zip("XYZ", point, strict=True)) for point in points], number, text
 
 
 def test_a_preset_is_what_is_proposed_changed_by_what_is_connected():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import pyvista
 import trimesh
+from compas.geometry import Polygon
 
 import dsfab
 from dsfab.errors import SolidError, StaticsError, SurfaceError
@@ -14,6 +15,8 @@ from dsfab.pipeline import draft
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
 from dsfab.thickening import Solid
+from dsfab.workshop import FlatPart, Hole
+from dsfab.workshop.parts import Fold
 from tests.presets import DOME_MODES
 
 V = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.5], [1, 2, 0]], dtype=float)
@@ -191,3 +194,25 @@ def test_members_are_a_graph_of_compas_whose_edges_are_bays(design: dsfab.Design
         assert np.linalg.norm(np.subtract(*ends)) <= length * 1.05  # a chord is no longer than its arc
     closest = sum(len(bays) for bays in told.values())
     assert 0.9 * closest <= graph.number_of_edges() <= closest
+
+
+def test_flat_parts_are_curves_of_compas_that_enclose_what_is_cut() -> None:
+    outline = np.array([[0, 0], [1, 0], [1.2, 0.2], [0, 0.2]])
+    part = FlatPart(
+        "A01",
+        "A01",
+        (0, 1),
+        outline,
+        holes=(Hole(np.array([0.1, 0.15]), 0.012, "N1"),),
+        slots=(outline / 4 + [0.4, 0.05],),
+        marks=(np.array([[0, 0.1], [1, 0.1]]),),
+        folds=(Fold(np.array([[0.8, 0], [0.8, 0.2]]), 0.3),),
+    )
+    found = compas.json_loads(compas.json_dumps(part.moved(np.pi / 2, np.array([3.0, 4.0])).to_compas()))
+    cut, holes = found["cut"], found["drilled"]
+    assert all(line.is_closed for line in cut)
+    around, within = (Polygon(line.points[:-1]).area for line in cut)
+    assert around - within == pytest.approx(part.area)
+    assert np.allclose(holes[0].center, [3 - 0.15, 4 + 0.1, 0])
+    assert holes[0].diameter == pytest.approx(0.012)
+    assert [line.length for line in (*found["engraved"], *found["folded"])] == pytest.approx([1.0, 0.2])

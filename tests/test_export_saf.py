@@ -20,8 +20,8 @@ from tests.pynite import solved_from
 from tests.saf import faults, read
 from tests.test_frame import CLAMPED, PINNED, frame
 
-WIDER = {"surface.edge": 0.3, "pattern.major.spacing": 1.5, "pattern.minor.spacing": 1.5}
-"""The slab with half as many ribs: PyNite takes half a minute of all of them."""
+COARSER = {"surface.edge": 0.25}
+"""The slab's ribs on triangles that take a third of the time."""
 WORDS = {"actions": {"dead": "permanent", "snow": "snow", "crowd": "variable"}, "description": "", "told": ["all good"]}
 
 
@@ -160,7 +160,7 @@ def test_the_command_writes_a_design_and_tells_how_far_beams_are_right(tmp_path,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "changed"), [("tower", {}), ("barrel_vault", {}), ("slab", WIDER)])
+@pytest.mark.parametrize(("name", "changed"), [("tower", {}), ("barrel_vault", {}), ("slab", COARSER)])
 def test_presets_are_solved_again_from_the_file(tmp_path, name, changed):
     """Reactions hold what lies on the sheet to .1 %; displacements are within 10 % of the sheet's, whose ribs twist as
     bars: as a thin sheet ribs of .1 x .3 m have eleven times their torsion."""

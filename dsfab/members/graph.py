@@ -1,6 +1,5 @@
 """`MemberGraph`: the members of a design by their names, and the nodes at which they meet."""
 
-import importlib.util
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -8,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
-from dsfab.errors import SurfaceError
 from dsfab.members.axis import MemberAxis
 from dsfab.members.bands import Kind
 from dsfab.slicing import Sheet
+from dsfab.surface import require_compas
 
 if TYPE_CHECKING:
     import compas.datastructures
@@ -169,8 +168,7 @@ def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
 
     Where two bays join the same two nodes, the edge is of the shorter: a graph has one edge between two nodes.
     """
-    if importlib.util.find_spec("compas") is None:
-        raise SurfaceError('compas is not installed; install it with: pip install "dsfab[compas]"')
+    require_compas()
     from compas.datastructures import Graph
 
     made = Graph(name="members")

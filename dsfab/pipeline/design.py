@@ -255,6 +255,9 @@ class Design:
 
     def frame_agreement(self) -> "list[FrameAgreement]":
         """By case and combination, how far the beams answer as the sheet does."""
+        return self.once("slicing", "frame agreement", self._frame_agreement)
+
+    def _frame_agreement(self) -> "list[FrameAgreement]":
         loads = self._loads_on_sheet(self.statics.cases)
         return beam_agreement(self.preset, self.sheet.surface, self.members, self.frame, loads)
 

@@ -1,5 +1,6 @@
 """Stage 1, what is given: the mesh, its supports and its loads."""
 
+from dsfab.surface.bridges import as_circle, as_polyline, require_compas
 from dsfab.surface.cases import Combination, LimitState, load_cases, together
 from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.corner_field import CornerField
@@ -108,6 +109,8 @@ __all__ = [
     "VerticesLeft",
     "Wind",
     "action_mistakes",
+    "as_circle",
+    "as_polyline",
     "box",
     "chains",
     "change_sizes",
@@ -141,6 +144,7 @@ __all__ = [
     "region_key",
     "remeshed",
     "repaired_scan",
+    "require_compas",
     "self_contained",
     "signed_volume",
     "signed_volumes",

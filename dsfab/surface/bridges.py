@@ -19,6 +19,7 @@ from dsfab.units import metres_per
 
 if TYPE_CHECKING:
     import compas.datastructures
+    import compas.geometry
     import pyvista
     import trimesh
 
@@ -120,9 +121,35 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
 
 def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
     """V (n, 3), metres, and F (m, 3) as they are; raises SurfaceError where compas is not installed."""
-    if importlib.util.find_spec("compas") is None:
-        raise SurfaceError('compas is not installed; install it with: pip install "dsfab[compas]"')
+    require_compas()
     from compas.datastructures import Mesh
 
     mesh: compas.datastructures.Mesh = Mesh.from_vertices_and_faces(V.tolist(), F.tolist())
     return mesh
+
+
+def as_polyline(points: Floats) -> "compas.geometry.Polyline":
+    """Through points (k, 2), in the plane, or (k, 3), metres; raises SurfaceError where compas is not installed."""
+    require_compas()
+    from compas.geometry import Polyline
+
+    return Polyline(_in_space(points).tolist())
+
+
+def as_circle(middle: Floats, radius: float) -> "compas.geometry.Circle":
+    """In the plane, around (2,), metres; raises SurfaceError where compas is not installed."""
+    require_compas()
+    from compas.geometry import Circle, Frame
+
+    return Circle(radius, frame=Frame(_in_space(middle[None])[0].tolist(), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+
+
+def require_compas() -> None:
+    """Raises SurfaceError where compas is not installed."""
+    if importlib.util.find_spec("compas") is None:
+        raise SurfaceError('compas is not installed; install it with: pip install "dsfab[compas]"')
+
+
+def _in_space(points: Floats) -> Floats:
+    """(k, 3) of points in the plane (k, 2) or in space."""
+    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))

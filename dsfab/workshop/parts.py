@@ -2,13 +2,17 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Floats, lock, locked
-from dsfab.surface import simplified_line
+from dsfab.surface import as_circle, as_polyline, simplified_line
 from dsfab.workshop.letters import strokes
+
+if TYPE_CHECKING:
+    import compas.geometry
 
 SAME = 2e-4
 """Metres within which the corners and holes of parts agree that are one part, cut several times."""
@@ -102,6 +106,16 @@ class FlatPart:
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
+
+    def to_compas(self) -> "dict[str, list[compas.geometry.Curve]]":
+        """`cut`, `drilled`, `engraved` and `folded`: closed polylines, circles, polylines, and lines of two points, in
+        the plane, metres. Raises SurfaceError where compas is not installed."""
+        return {
+            "cut": [as_polyline(np.vstack([loop, loop[:1]])) for loop in self.contours],
+            "drilled": [as_circle(hole.at, hole.diameter / 2) for hole in self.holes],
+            "engraved": [as_polyline(mark) for mark in self.marks],
+            "folded": [as_polyline(fold.line) for fold in self.folds],
+        }
 
     def moved(self, turn: float, shift: Floats) -> "FlatPart":
         """Turned by an angle, radians, then shifted by (2,) metres."""
