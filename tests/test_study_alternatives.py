@@ -20,6 +20,7 @@ from dsfab.study.alternatives import Alternative, alternatives, design_alternati
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
 from dsfab.study.judging import quick
 from dsfab.study.sweeps.metrics import METRICS
+from dsfab.surface import SHAPES, Surface
 
 THINNER = "a uniformly thinner sheet without openings of the same mass"
 
@@ -81,12 +82,62 @@ def _compliance(task, own):
 
 
 def test_the_best_pair_of_isotropic_stripes_is_that_of_the_comparison(pulled):
-    """By another road: cut to the same mass to a thousandth, and solved by better elements."""
+    """Which judges all of them by better elements, where only the two best by quick ones are looked at here."""
     task, own = task_of(pulled)
     (found,) = alternatives(task, own, ["isotropic"])
-    made = {variant.says: variant for variant in BASELINES["isotropic"](task)}
-    rival = _compliance(task, made[found.variant].make())
-    assert found.over == pytest.approx(_compliance(task, own) / rival, rel=0.1)
+    made = {variant.says: _compliance(task, variant.make()) for variant in BASELINES["isotropic"](task)}
+    assert found.variant == min(made, key=lambda says: made[says])
+    assert found.over == pytest.approx(_compliance(task, own) / made[found.variant], rel=1e-3)
+
+
+def held_dome(turn):
+    """12 m across with a force on its crown: modes come in pairs that may be turned."""
+    crown = {"kind": "force", "at": {"pick": "nearest", "points": [[0, 0, 4]]}, "force": [0, 0, -5e4]}
+    given = {"support": [{"at": {"pick": "boundary"}}], "load": [{"kind": "self_weight"}, crown]}
+    return SHAPES["dome"](span=12.0, rise=4.0, edge=0.6), given, 1.2
+
+
+def held_plate(turn):
+    """A square of 2 m, held on one side and pulled along the other."""
+
+    def strip(x):
+        corners = np.array([[x - 0.01, -1.1, 0], [x + 0.01, -1.1, 0], [x + 0.01, 1.1, 0], [x - 0.01, 1.1, 0]])
+        return {"pick": "plan", "polygon": (corners @ turn.T)[:, :2].tolist()}
+
+    down = {"kind": "force", "at": strip(1.0), "force": (turn @ [0, -1e3, 0]).tolist()}
+    given = {"support": [{"at": strip(-1.0)}], "load": [down]}
+    return SHAPES["plate"](length=2.0, width=2.0, edge=0.1), given, 0.4
+
+
+def blind_task(sheet, angle=0.0, seed=None):
+    """40 % of the material of a surface that is turned about z, radians, and numbered at random; and the whole of it in
+    place of a design."""
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    old, given, spacing = sheet(turn)
+    random = np.random.default_rng(seed)
+    number = np.arange(old.n) if seed is None else random.permutation(old.n)
+    V = np.empty_like(old.V)
+    V[number] = old.V @ turn.T
+    surface = Surface(V, number[old.F] if seed is None else random.permutation(number[old.F]))
+    family = {"spacing": spacing}
+    asked = dsfab.Preset(
+        surface={"mesh": surface, **given},
+        statics={"thickness": 0.06, "material": "S235"},
+        pattern={"method": "modes", "keep": 0.2, "rim": 0.1, "major": family, "minor": family},
+    )
+    made = dsfab.pipeline.draft(asked)
+    whole = Structure.uncut(made.surface, asked.statics.thickness)
+    return ComparisonTask.of(made, 0.4 * made.surface.area), whole
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sheet", [held_dome, held_plate])
+def test_the_best_isotropic_pair_is_judged_the_same_on_a_turned_and_renumbered_mesh(sheet):
+    """Within 3 %: by the elements that rank and a share of material that points are counted for, a square's was 10 %
+    off, and a dome's twice as stiff as in a comparison."""
+    (plain,) = alternatives(*blind_task(sheet), ["isotropic"])
+    (turned,) = alternatives(*blind_task(sheet, 0.7, seed=2), ["isotropic"])
+    assert turned.over == pytest.approx(plain.over, rel=0.03)
 
 
 def test_a_design_that_loses_says_so_first(pulled, tmp_path, capsys):
@@ -96,7 +147,8 @@ def test_a_design_that_loses_says_so_first(pulled, tmp_path, capsys):
     sets = ["--set", 'export.formats=["stl"]', "--no-preview", "-o", str(tmp_path / "built")]
     assert main(["build", str(path), *sets]) == 0
     first = capsys.readouterr().out.splitlines()[0]
-    assert first.startswith(f"This design loses: {THINNER} is ")
+    assert first.startswith("This design loses: ")
+    assert f"{THINNER} is " in first
     told = json.loads((tmp_path / "built" / "design.json").read_text())
     (thinner, isotropic) = told["alternatives"]
     assert first[0].lower() + first[1:-1] == told["loses_to"]
@@ -106,7 +158,9 @@ def test_a_design_that_loses_says_so_first(pulled, tmp_path, capsys):
     assert isotropic["over"] > 0
     ask = ["--level", "quick", "--against", "grid", "--no-report", "-o", str(tmp_path / "compared")]
     assert main(["compare", str(path), *ask]) == 0
-    assert capsys.readouterr().out.startswith(f"This design loses: {THINNER} is ")  # though only a grid was asked for
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith("This design loses: ")
+    assert f"{THINNER} is " in first  # though only a grid was asked for
     results = json.loads((tmp_path / "compared" / "results.json").read_text())
     assert [one["name"] for one in results["alternatives"]] == ["thinner", "isotropic"]
 
@@ -146,7 +200,8 @@ def test_a_search_says_first_what_its_best_run_loses_to(pulled, tmp_path, capsys
     capsys.readouterr()
     assert main(["sweep", str(folder), "--workers", "1"]) == 0
     first, second, *_ = capsys.readouterr().out.splitlines()
-    assert first.startswith(f"The best is run 1, and this design loses: {THINNER} is ")
+    assert first.startswith("The best is run 1, and this design loses: ")
+    assert f"{THINNER} is " in first
     assert second == "1 runs: 1 done, 0 failed"
 
 
@@ -182,14 +237,13 @@ def fresh(design, known):
 
 def test_a_design_that_carries_nothing_loses_to_what_does(pulled, monkeypatch):
     task, own = task_of(pulled)
-    real = module.solve_for
 
-    def solve(sheet, loads, use):
-        if use == "ranking":
+    def falls(task, structure):
+        if structure is own:
             raise StaticsError("it falls")
-        return real(sheet, loads, use)
+        return quick(task, structure)
 
-    monkeypatch.setattr(module, "solve_for", solve)
+    monkeypatch.setattr(module, "quick", falls)
     (found,) = alternatives(task, own, ["isotropic"])
     assert found.over == np.inf
     assert found.is_stiffer

@@ -255,8 +255,8 @@ def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Which members with a slit between them become one, of those that are tidied; see `merging`.
 
-    Stripes on other fields are what evenly spaced ones are compared with: nothing is added to the mass that they are
-    drawn with. What modes are compared with is filled as they are, and meets their mass round by round.
+    Nothing is filled of what is tidied but no stripes: a topology optimisation, which is cut by the preset of evenly
+    spaced ones and meets their mass as it is drawn.
     """
     own = pattern.even is not None or pattern.settled(preset).pattern.method == "modes"
     return merging(preset) if pattern.tidy is not None and own else "none"

@@ -56,7 +56,11 @@ def blind_stripes(task: ComparisonTask) -> BlindStripes:
 
 def isotropic(task: ComparisonTask) -> list[Variant]:
     """`blind_stripes`: all pairs."""
-    blind = blind_stripes(task)
+    return blind_variants(task, blind_stripes(task))
+
+
+def blind_variants(task: ComparisonTask, blind: BlindStripes) -> list[Variant]:
+    """Every pair of modes, in the order of `blind.pairs`."""
     return _pairs(task, blind.preset, blind.diffusion, blind.pairs)
 
 
