@@ -236,6 +236,8 @@ def test_what_is_no_structure_of_beams_is_told():
 
 
 SLENDER = {"barrel_vault", "gridshell", "snow_vault", "tower"}
+RIGHT = SLENDER | {"bridge", "cantilever", "cantilever_light", "dome", "slab"}
+"""Within a tenth, these others too: of the slab only while all arms of the star in its middle hang together."""
 LOOSE = {"rollers"}
 """Balanced by its loads, held by nothing: no beams are solved."""
 SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"})
@@ -256,6 +258,7 @@ def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_ot
         off = max(abs(found.compliance - 1), abs(found.displacement - 1))
         assert found.slender == (name in SLENDER), found
         assert off < 0.05 or not found.slender, found
+        assert off < 0.1 or name not in RIGHT, found
         assert ("take displacements from the sheet" in found.told) == (off > 0.1), found
         assert ("of the energy is in discs, links, bays wider" in found.told) == (off > 0.1), found
 
