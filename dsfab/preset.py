@@ -307,7 +307,8 @@ class Pattern(Section):
     method: Method = "modes"
     """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress;
     auto: of both, halved or not, with constant and graded widths (q, and half of it) where one of these is asked, and
-    of the best stripes and modes with stressed ones, what has no dead end, no slit, and is then the stiffest."""
+    of the best stripes and modes with stressed ones, and stripes closer and wider where no spacing is asked: what has
+    no dead end, no slit, and is then the stiffest."""
     halve: bool = True
     """stripes: leave out every second one where they crowd, ended on crossing members; false lets them crowd."""
     families: Literal["both", "major", "minor"] = "both"

@@ -1,15 +1,17 @@
 """`[pattern] method = "auto"`: what is tried is told, the best is taken, and it is made again without a search."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import Log, method
+from dsfab.pipeline import Design, Log, ways
 from dsfab.pipeline.method import CLOSE
 from dsfab.pipeline.stressing import Stressed
 from dsfab.report.design.choice import attempt_facts, attempt_lines
 from dsfab.results import Attempt
-from dsfab.study.baselines import ComparisonTask
+from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.judging import quick
 from tests.benchmarks import against_simp
 from tests.designs import sliced
@@ -52,14 +54,15 @@ def test_all_are_told_and_the_best_is_taken(chosen):
 def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen, plate):
     """From the stiffest of each without flaws, and never softer than the graded widths that evening begins with."""
     for design in (chosen, plate):
-        stressed = [one for one in design.pattern.attempts if one.name.endswith("stressed")]
+        listed = [one for one in design.pattern.attempts if " apart" not in one.name]
+        stressed = [one for one in listed if one.name.endswith("stressed")]
         evened = {one.name.split(",")[0]: one for one in stressed if "optimal forces" not in one.name}
         assert len(evened) == 2
         assert "modes" in evened
         for name, one in evened.items():
             (graded,) = [other for other in design.pattern.attempts if other.name == f"{name}, graded"]
             assert one.compliance * one.kept <= 1.02 * graded.compliance * graded.kept
-        others = [one for one in design.pattern.attempts if "stripes" in one.name and not one.name.endswith("stressed")]
+        others = [one for one in listed if "stripes" in one.name and not one.name.endswith("stressed")]
         assert next(iter(set(evened) - {"modes"})) == min(others, key=lambda one: one.rank).name.split(",")[0]
 
 
@@ -88,6 +91,38 @@ def test_counted_are_those_of_the_sheet_that_would_be_built():
     assert best.dead_ends == found.dead_ends
     assert best.slits == pytest.approx(found.slits, rel=0.2)
     assert any(one.slits for one in plate.pattern.attempts)  # or nothing was compared
+
+
+def spaced(found, asked, monkeypatch, crowded=True):
+    """Presets of the ways at other distances, by name, none of which is drawn."""
+    even = SimpleNamespace(wanted=((np.ones(1),), ()) if crowded else ((), ()))
+    monkeypatch.setattr(ways, "even_stripes", lambda *_: even)
+    monkeypatch.setattr(ways, "_tried", lambda way, _given, _log: way)
+    best = ways.Way(asked, Attempt(found, 1.0, 1.0, 0.5), None, even)
+    given = dsfab.pipeline.Design.of(asked).stressed
+    return {way.attempt.name: way.preset for way in ways.spaced_ways(asked, [best], given, Log(None))}
+
+
+def test_distances_that_nobody_asked_for_are_tried_closer_and_wider(monkeypatch):
+    """A twelfth of the plate's side is 118 mm; 88 mm are too close where edges are 45 mm long."""
+    words = {"surface.edge": 0.04, "pattern.method": "stripes", "pattern.width.rule": "stressed"}
+    asked = dsfab.load_preset("cantilever", words)
+    found = spaced("stripes along optimal forces, stressed", asked, monkeypatch)
+    names = {f"stripes {h} m apart along optimal forces, stressed" for h in (0.088, 0.15)}
+    assert found.keys() == names | {f"halved {name}" for name in names}
+    assert spaced("halved stripes along optimal forces, stressed", asked, monkeypatch, crowded=False).keys() == names
+    for name, made in found.items():
+        assert f"{made.pattern.major.spacing:g} m" in name
+        assert made.pattern.halve == ("halved" in name)
+        assert dsfab.Preset(**made.model_dump()).pattern.minor.spacing == made.pattern.major.spacing
+    given = asked.with_pattern(major=asked.pattern.major.model_copy(update={"spacing": 0.1, "frequency": 0.0}))
+    fixed = spaced("stripes, stressed", given, monkeypatch)
+    assert {made.pattern.major.spacing for made in fixed.values()} == {0.1}
+    assert {made.pattern.minor.spacing for made in fixed.values()} == {0.088, 0.15}
+    coarse = dsfab.load_preset("cantilever", {**words, "surface.edge": 0.046})
+    assert all("0.15 m" in name for name in spaced("stripes, stressed", coarse, monkeypatch))
+    without = asked.with_pattern(width=asked.pattern.width.model_copy(update={"solid_fraction": 0.0}))
+    assert not spaced("stripes, stressed", without, monkeypatch)
 
 
 def test_the_table_has_a_line_for_each_and_the_facts_too(chosen):
@@ -121,8 +156,8 @@ def test_a_preset_on_modes_can_be_opened_again_whatever_forces_were_asked_for(mo
     asked = dsfab.load_preset(
         "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}
     )
-    monkeypatch.setattr(method, "_tried", lambda way, _given, _log: way)
-    (way, *_) = method._ways(asked, dsfab.pipeline.Design.of(asked).stressed, Log(None), "modes", halve=True)
+    monkeypatch.setattr(ways, "_tried", lambda way, _given, _log: way)
+    (way, *_) = ways.first_ways(asked, dsfab.pipeline.Design.of(asked).stressed, Log(None), "modes", halve=True)
     assert dsfab.Preset(**way.preset.model_dump()).pattern.method == "modes"
 
 
@@ -160,19 +195,23 @@ def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation(share):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "edge", "share", "ratio"),
-    [("hole", 0.045, 0.5, 1.219), ("hole", 0.045, 0.3, 1.745), ("arch", 0.1, 0.5, 1.19), ("arch", 0.1, 0.3, 1.44)],
-)
-def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_the_least(name, edge, share, ratio):
-    """Over the stiffest sheet of varying thickness and the same mass, which none with openings can reach: on meshes as
-    coarse as these topology optimisation is no measure, it has up to three times the compliance of the designs."""
-    asked = against_simp.preset(name, share)
+@pytest.mark.parametrize(("name", "edge", "share"), [("hole", 0.035, 0.3), ("arch", 0.09, 0.5)])
+def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_topology_optimisation(name, edge, share):
+    """The plate with a hole had 1.28 times its compliance while stripes were a twelfth of its side apart; on meshes
+    coarser than these topology optimisation itself is three times as soft."""
+    quicker = {
+        "major": {"mode": 1},
+        "minor": {"mode": 1},
+        "width": {"rule": "graded", "solid_fraction": share, "steps": 4},
+    }
+    asked = against_simp.preset(name, share, **quicker)
     asked = asked.model_copy(update={"surface": asked.surface.model_copy(update={"edge": edge})})
     made = dsfab.pipeline.draft(asked)
     own = against_simp.structure(made)
     task = ComparisonTask.of(made, own.sheet.surface.area)
-    assert against_simp.over_uncut(task, own) / against_simp.least(task) == pytest.approx(ratio, rel=0.02)
+    other = quick(task, against_simp.simp(task)).compliance
+    assert quick(task, own).compliance < against_simp.ASKED[share] * other
+    assert other < 1.3 * against_simp.least(task) * quick(task, Structure.uncut(made.surface, own.thickness)).compliance
 
 
 @pytest.mark.slow

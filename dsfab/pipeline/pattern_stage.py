@@ -6,10 +6,11 @@ from typing import NamedTuple
 from dsfab.pipeline.choice import choice_step
 from dsfab.pipeline.even import same_stripes
 from dsfab.pipeline.log import Log
-from dsfab.pipeline.method import Way, method_step
+from dsfab.pipeline.method import method_step
 from dsfab.pipeline.patterns import pattern_step, sketched_step
 from dsfab.pipeline.regions import one_sided_words
 from dsfab.pipeline.stressing import stressed_step
+from dsfab.pipeline.ways import Way
 from dsfab.pipeline.weight_rounds import weighed_stripes
 from dsfab.preset import Family, Pattern, Preset
 from dsfab.results import Attempt, EvenStripes, PatternResult, StressedSurface
@@ -56,9 +57,10 @@ def chosen_way(preset: Preset, given: StressedSurface, log: Log, before: Before 
 
 
 def pattern_stage(preset: Preset, given: StressedSurface, log: Log, chosen: ChosenWay) -> PatternResult:
-    """The stripes of a preset, that way."""
+    """The stripes of a preset, that way; what a search has drawn already is in the seconds of `method`."""
     way = chosen.way
-    drawn = pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
+    log.seconds.setdefault("pattern", 0.0)
+    drawn = way.drawn or pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
     asked = None if way.preset is preset else way.preset.pattern
     give_back()  # what the solvers held: whoever draws needs memory of another shape
     return replace(drawn, asked=asked, attempts=chosen.attempts)
