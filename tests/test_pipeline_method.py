@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import Design, Log, ways
+from dsfab.pipeline import Log, ways
 from dsfab.pipeline.method import CLOSE
 from dsfab.pipeline.stressing import Stressed
 from dsfab.report.design.choice import attempt_facts, attempt_lines
