@@ -163,7 +163,8 @@ def figures() -> Iterator[Quoted]:
         ("bracket", 0.3, r"and ([\d.]+) times at 30 %; a plate"),
         ("hole", 0.5, r"with a hole ([\d.]+) and"),
         ("hole", 0.3, r"with a hole [\d.]+ and ([\d.]+) times"),
-        ("arch", 0.5, r"over an arch has ([\d.]+) times"),
+        ("arch", 0.5, r"over an arch ([\d.]+) and"),
+        ("arch", 0.3, r"over an arch [\d.]+ and ([\d.]+) times"),
     ):
         yield Quoted(PATTERNS, f"{name} at {share:.0%} over SIMP", words, over_simp(name, share), 0.02, True)
 
