@@ -58,16 +58,10 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     Necks are found in openings laid flat. What that does not see, where a surface is folded, or where walls leave no
     room for an arc, is found here as `features` measures it.
     """
-    return bridged_at(cells, narrow_gaps(rounded, least, 2 * width), width)
-
-
-def bridged_at(cells: Sheet, places: Floats, width: float) -> tuple[Sheet, int]:
-    """The cells with bridges, `width` metres broad, between points (k, 2, 3) on or near two walls each, as many as can
-    be at once; and how many."""
-    if not len(places):
+    if not len(gaps := narrow_gaps(rounded, least, 2 * width)):
         return cells, 0
     walls = Walls.of(cells)
-    wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
+    wall, ends = walls.nearest(cells.surface.V, gaps.reshape(-1, 3))
     pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
     return _with_bridges(cells, walls, [Neck(place, (one, two)) for place, (one, two) in pairs], width)
 
