@@ -64,8 +64,7 @@ class FabricationMeasures:
 def fabrication(design: Design) -> FabricationMeasures:
     """Measure a design and compare it with the limits of its preset.
 
-    A limit is met or not on the sheet and the solid as they are built. It is unknown where both it and what was
-    measured are smaller than the triangles of the uncut surface there: such details are the mesh's, not the pattern's.
+    A limit is met or not on the sheet and the solid as they are built: it passes or fails.
     """
     cells = design.slicing.cells
     found = features(cells, kept_cells(cells, design.sheet), design.pattern.names)
@@ -113,8 +112,6 @@ def _checked(name: str, limit: float, found: Feature | None) -> Check:
     if found is None:
         return Check(name, (limit,), (), (), "", "pass")
     verdict: Status = "fail" if found.size < limit else "pass"
-    if verdict == "pass" and found.size < found.mesh:
-        verdict = "unknown"
     return Check(name, (limit,), (found.size,), tuple(found.place.tolist()), found.what, verdict)
 
 

@@ -92,8 +92,6 @@ def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield from (
             f"{row}  {where}" for row, where in zip(rows, ["where", *map(_where, facts["checks"])], strict=True)
         )
-    if any(check["verdict"] == "unknown" for check in facts["checks"]):
-        yield "unknown: smaller than the triangles of the surface there; set surface.refine to tell"
 
 
 def _narrow(facts: Mapping[str, Any]) -> Iterator[str]:

@@ -163,8 +163,7 @@ def _as_built(check: Check) -> str:
     if not check.value:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
-    fine = ", smaller than the triangles of its mesh" if check.verdict == "unknown" else ""
-    return f"{length(check.value[0])} in the design{fine}, at ({place}) m; asked are {length(check.limit[0])}"
+    return f"{length(check.value[0])} in the design, at ({place}) m; asked are {length(check.limit[0])}"
 
 
 def _carrying(
