@@ -4,6 +4,7 @@ Nothing but LWPOLYLINE and CIRCLE, which every cutting program reads; letters ar
 the same bytes.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -143,13 +144,15 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
-    """Raises ExportError unless a file reads back with as many lines and circles as a drawing has, in millimetres."""
-    import ezdxf
-
-    document = ezdxf.readfile(path)
-    found = [entity.dxftype() for entity in document.modelspace()]
-    there = found.count("LWPOLYLINE"), found.count("CIRCLE")
-    if there != (len(drawing.lines), len(drawing.circles)) or document.header["$INSUNITS"] != 4:
+    """Raises ExportError unless a file reads back whole, with as many lines and circles as a drawing has, in
+    millimetres: pairs of a group code and a value, which ezdxf would take ten times as long to make entities of."""
+    words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
+    codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
+    begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")
+    unit = values[values.index("$INSUNITS") + 1] if "$INSUNITS" in values else ""
+    whole = len(codes) == len(values) and values[-1:] == ["EOF"] and all(map(str.isdecimal, codes))
+    there = begun["LWPOLYLINE"], begun["CIRCLE"]
+    if not whole or there != (len(drawing.lines), len(drawing.circles)) or unit != "4":
         raise ExportError(f"the drawing {drawing.title!r} reads back different; use the .svg files instead")
 
 

@@ -58,9 +58,10 @@ def page_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple
     """Names and values for people."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
+    mass = sheet.area * statics.thickness * statics.density  # making the solid would take longer than the page
     found = [
         ("size", " x ".join(length(float(side)) for side in box)),
-        ("mass", f"{design.mass:,.0f} kg" if design.mass >= 100 else f"{design.mass:.3g} kg"),
+        ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),
         ("made of", f"{statics.material or 'a material of the preset'}, {length(statics.thickness)} thick"),
         ("sheet", f"{sheet.area:.4g} m2, {sheet.area / design.surface.area:.0%} of the surface"),
     ]
