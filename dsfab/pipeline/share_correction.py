@@ -9,11 +9,15 @@ from dsfab.results import PatternResult
 SHARE_TOLERANCE = 4e-4
 """How closely pattern.width.solid_fraction is reached, as a share of the surface."""
 
+UNSAID = 2 * SHARE_TOLERANCE
+"""What it is missed by so little is not worth a word."""
+
 CORRECTIONS = 3
 """Rounds at most in which it is corrected by what round corners and filled openings add."""
 
-HALVINGS = 8
-"""Rounds at most in which it is looked for where that leads astray, since openings close."""
+HALVINGS, SOME = 8, 3
+"""Rounds at most in which it is looked for where that leads astray, since openings close: while it is not allowed, and
+while it is worth a word."""
 
 
 class _Try(NamedTuple):
@@ -65,14 +69,14 @@ def corrected(
         last = tries[-1] = last._replace(added=last.added + bridges, total=last.total + bridges)
         tries[:-1] = []  # nothing is known of their bridges
         last = settled(last)
-    for _ in range(HALVINGS):
-        if abs(last.total - wanted) <= allowed or not (between := _between(tries, wanted)):
+    for k in range(HALVINGS):
+        near = max(allowed, UNSAID) if k >= SOME else UNSAID
+        if abs(last.total - wanted) <= near or not (between := _between(tries, wanted)):
             break
         last = attempt(wanted - between, last.result.factor)
-    if abs(last.total - wanted) > allowed:
+    if abs(last.total - wanted) > UNSAID:
         last = min(tries, key=lambda one: abs(one.total - wanted))
-    off = abs(last.total - wanted)
-    return last.result, last.total if off > 2 * SHARE_TOLERANCE else wanted  # not worth a word
+    return last.result, last.total if abs(last.total - wanted) > UNSAID else wanted
 
 
 def _between(tries: Sequence[_Try], wanted: float) -> float:
