@@ -22,6 +22,9 @@ ROUNDS = 4
 """A bridge may leave necks on both of its sides, and two bridges that would touch are made one after the other."""
 REACH = 0.25
 """A bridge runs so many widths past its neck, along walls that it meets askew."""
+SLIMMER = (1.0, 0.5)
+"""Bridges are tried with these shares of their width, and as much nearer to one another: over a ridge a broad one may
+not end on the other wall. What is left beside a slim one is bridged in the next round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +61,17 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     Necks are found in openings laid flat. What that does not see, where a surface is folded, or where walls leave no
     room for an arc, is found here as `features` measures it.
     """
-    if not len(gaps := narrow_gaps(rounded, least, 2 * width)):
-        return cells, 0
-    walls = Walls.of(cells)
-    wall, ends = walls.nearest(cells.surface.V, gaps.reshape(-1, 3))
-    pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
-    return _with_bridges(cells, walls, [Neck(place, (one, two)) for place, (one, two) in pairs], width)
+    for slim in (share * width for share in SLIMMER):
+        if not len(gaps := narrow_gaps(rounded, least, 2 * slim)):
+            break
+        walls = Walls.of(cells)
+        wall, ends = walls.nearest(cells.surface.V, gaps.reshape(-1, 3))
+        pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
+        necks = [Neck(place, (one, two)) for place, (one, two) in pairs]
+        better, count = _with_bridges(cells, walls, necks, slim)
+        if count:
+            return better, count
+    return cells, 0
 
 
 def _with_bridges(cells: Sheet, walls: Walls, necks: list[Neck], width: float) -> tuple[Sheet, int]:
