@@ -5,7 +5,7 @@ import pytest
 
 import dsfab
 from dsfab.errors import PatternError
-from dsfab.pipeline import Design, Log, method, weight_rounds
+from dsfab.pipeline import Design, Log, ways, weight_rounds
 from dsfab.pipeline.directions import followed_stress
 from dsfab.pipeline.even import even_stripes, same_stripes
 from dsfab.pipeline.weight_rounds import drawn_share, turned, weighed_statics
@@ -131,8 +131,8 @@ def test_on_modes_it_has_no_effect_and_that_is_told(vault):
 def test_of_several_methods_each_is_tried_without_it(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
-    monkeypatch.setattr(method, "_tried", lambda way, _given, _log: way)
-    (way, *_) = method._ways(asked, vault.stressed, Log(None), "stripes", halve=True)
+    monkeypatch.setattr(ways, "_tried", lambda way, _given, _log: way)
+    (way, *_) = ways.first_ways(asked, vault.stressed, Log(None), "stripes", halve=True)
     assert way.preset.pattern.weight_rounds == 0
     assert np.array_equal(way.even.phases[1].value, vault.pattern.even.phases[1].value)
 
