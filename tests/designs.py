@@ -5,7 +5,6 @@ import os
 import pickle
 import shutil
 import tempfile
-from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
@@ -55,13 +54,7 @@ COARSER = {
 
 def coarse_design(name: str) -> Design:
     """The design of a shipped preset, cut, on a mesh that takes seconds."""
-    return preset_design(name, **({"surface.edge": COARSER[name]} if name in COARSER else {}))
-
-
-@lru_cache(maxsize=4)
-def preset_design(name: str, **changes: Any) -> Design:
-    """The design of a shipped preset with some of its values changed, cut."""
-    return sliced(load_preset(name, changes))
+    return sliced(load_preset(name, {"surface.edge": COARSER[name]} if name in COARSER else {}))
 
 
 def sliced(preset: Preset) -> Design:
