@@ -201,20 +201,22 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
 def _differing(surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools]) -> float:
     """Share of the area where material differs from its image, the largest over the group.
 
-    surface  : uncut, about whose centroid the images are.    faces : the chart or the cells. Looked at is one point in
-               each, or of some: spread over them so that no row lies along the edge of a member [Roberts 2018, R2].
+    surface  : uncut, about whose centroid the images are.    faces : the chart or the cells. Looked at are points that
+               stand for the same area each, so that no large face counts by one; spread in their faces so that no row
+               lies along the edge of a member [Roberts 2018, R2].
     material : whether the places nearest to points (p, 3) are material, (p,).
     """
     centre = surface.areas @ surface.centroids / surface.area
-    some = np.arange(0, faces.m, 1 + faces.m * symmetry.order // LOOKS)
-    weight = faces.areas[some] / faces.areas[some].sum()
-    uv = some[:, None] * R2 % 1
+    upto = np.cumsum(faces.areas)
+    number = np.arange(LOOKS // symmetry.order)
+    some = np.searchsorted(upto, (number + 0.5) / len(number) * upto[-1])
+    uv = number[:, None] * R2 % 1
     uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
     at = np.column_stack([1 - uv.sum(axis=1), uv])
     looked = np.einsum("pc,pcx->px", at, faces.V[faces.F[some]]) - centre
     points = [looked @ R.T + centre for R in symmetry.R]  # the first is the identity
     each = material(np.concatenate(points)).reshape(symmetry.order, -1)
-    return float(((each != each[0]) @ weight).max())
+    return float((each != each[0]).mean(axis=1).max())
 
 
 def _material(drawn: Drawn, points: Floats) -> Bools:
