@@ -128,16 +128,27 @@ def test_widths_turn_with_the_sheet_and_a_closed_one_has_none():
     assert np.isinf(rib_shape(sphere(1)).widths).all()
 
 
-def test_rough_outlines_do_not_make_ribs_narrow():
-    """A ring of twelve sides: the kinks of its outer border are not two sides of a rib."""
-    around = grid(12 * 8, 6, 2 * np.pi, 0.3)
-    turn = around.V[:, 0]
-    side = np.cos(np.pi / 12) / np.cos(turn % (np.pi / 6) - np.pi / 12) * (1 + around.V[:, 1])
+def ring(width, sides):
+    """A ring of 96 steps around an opening of 2 m that has so many sides."""
+    around = grid(96, 6, 2 * np.pi, width)
+    turn, half = around.V[:, 0], np.pi / sides
+    side = np.cos(half) / np.cos(turn % (2 * half) - half) * (1 + around.V[:, 1])
     V = np.stack([side * np.cos(turn), side * np.sin(turn), 0 * turn], axis=1)
     _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
-    found = rib_shape(Surface(V[first], of.reshape(-1)[around.F])).widths
+    return Surface(V[first], of.reshape(-1)[around.F])
+
+
+def test_rough_outlines_do_not_make_ribs_narrow():
+    """A ring of twelve sides: the kinks of its outer border are not two sides of a rib."""
+    found = rib_shape(ring(0.3, 12)).widths
     assert found.min() > 0.99 * 0.3 * np.cos(np.pi / 12)
     assert found.max() < 0.3
+
+
+@pytest.mark.parametrize("width", [0.02, 0.05])
+def test_a_slender_ring_is_no_disc(width):
+    """Of discs that began as large as the ring the next touching points were neighbours: half of it was 2 m wide."""
+    assert rib_shape(ring(width, 96)).widths == pytest.approx(width, rel=0.02)
 
 
 def test_ribs_of_a_design_are_told_by_the_first_mesh_and_not_in_the_plane():

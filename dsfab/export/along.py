@@ -6,6 +6,7 @@ o---o--o            a line of the mesh turns a little on every edge that it cros
 """
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from itertools import groupby, pairwise
 
 import numpy as np
@@ -28,6 +29,10 @@ PER_SPAN = 16
 """Points of a span when a curve is measured: its length is then right to 1e-4 where it turns by less than a radian."""
 
 
+REMEMBERED = 4096
+"""Lines whose curves are remembered: the next format of the same design holds the same ones."""
+
+
 def within(part: Part) -> float:
     """Millimetres that the curves of a part may be off its lines."""
     return max(part.details.tolerance, CLOSEST)
@@ -39,6 +44,13 @@ def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     A closed line without corners is one curve, which leaves as it arrives. Where no spline follows so closely, the
     polyline's own segments.
     """
+    points = np.ascontiguousarray(points, dtype=np.float64)
+    return list(_curves_along(points.tobytes(), points.shape, tolerance))
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _curves_along(line: bytes, shape: tuple[int, int], tolerance: float) -> tuple[Curve, ...]:
+    points = np.frombuffer(line).reshape(shape)
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     at = np.flatnonzero(_sharp(points, closed))
     smooth = closed and not len(at)
@@ -50,7 +62,7 @@ def curves_along(points: Floats, tolerance: float) -> list[Curve]:
         run = points[a : b + 1]
         curve = fitted(run, tolerance, smooth, max(SAMPLES_PER_POINT * len(run), FEWEST_SAMPLES))
         found += [curve] if curve is not None else _segments(run)
-    return found
+    return tuple(found)
 
 
 def _sharp(points: Floats, closed: bool) -> Bools:

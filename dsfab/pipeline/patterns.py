@@ -20,20 +20,20 @@ from dsfab.pattern import (
     Widths,
     counted_share,
     frequency_for,
-    kept_layers,
     mean_duty_factor,
     relative_stresses,
     solved_factor,
     stripe_layers,
 )
 from dsfab.pipeline.finishing import added_share, bridged_share
+from dsfab.pipeline.kept import kept_regions
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.share_correction import SHARE_TOLERANCE, corrected
 from dsfab.pipeline.tidying import tidy_of
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import PolygonMesh, cut_polygons
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import Surface
 
 EXACT = 1e-9
 """Shares that differ by less are the same share, added up in another order."""
@@ -290,21 +290,6 @@ class _LastDrawn:
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
-
-
-def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """What is material whatever the stripes do; of symmetric ones with the images of ragged patches, which are picked
-    to one edge. Drawn regions are where they were drawn.
-    """
-    ask = preset.pattern
-    layers = kept_layers(surface, load.held | load.loaded, ask.keep, ask.rim, ask.region)
-    symmetry = even.symmetry if even else None
-    if symmetry is None:
-        return layers
-    return layers[: ask.drawn_regions] + [
-        layer._replace(field=symmetry.most(layer.field)) if isinstance(layer.field, np.ndarray) else layer
-        for layer in layers[ask.drawn_regions :]
-    ]
 
 
 def striped_families(

@@ -17,10 +17,10 @@ from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Drawable, Layer, counted_share
 from dsfab.pipeline.finishing import merging
 from dsfab.pipeline.handover import held_vertices, loads_on, lost_load
+from dsfab.pipeline.kept import kept_regions
 from dsfab.pipeline.patterns import (
     SHARE_SNAP,
     WidthSearch,
-    kept_regions,
     pattern_of,
     solved_layers,
     striped_families,

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, eye_array
 from dsfab.arrays import Bools
 from dsfab.pattern import Layer, face_points, frequency_for, material_points
 from dsfab.pipeline.design import Design
-from dsfab.pipeline.patterns import kept_regions
+from dsfab.pipeline.kept import kept_regions
 from dsfab.preset import Family, Preset
 from dsfab.results import DiffusionResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet
