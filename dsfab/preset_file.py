@@ -1,6 +1,5 @@
 """Presets as TOML: finding, reading, overriding, writing, and one sentence for everything that is wrong."""
 
-import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
@@ -13,7 +12,7 @@ from dsfab.errors import PresetError, did_you_mean
 from dsfab.materials import KEYS
 from dsfab.preset import Preset
 from dsfab.preset_errors import mistakes
-from dsfab.preset_list import read_toml, shipped_presets
+from dsfab.preset_list import TomlError, read_toml, shipped_presets, toml_table
 from dsfab.preset_material import own_values, replaced
 from dsfab.preset_surface import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
 
@@ -76,8 +75,8 @@ def parse_override(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
     try:
-        return key.strip(), tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        return key.strip(), toml_table(f"value = {value}")["value"]
+    except TomlError:
         return key.strip(), value.strip()
 
 

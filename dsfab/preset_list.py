@@ -12,6 +12,9 @@ from dsfab.errors import PresetError
 PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[:2])
 """Where the presets lie that come with dsfab: in a wheel in the package, in a checkout at the top level."""
 
+DEEPEST = 50
+"""Tables and lists in each other, several times what any preset or sweep has."""
+
 
 def shipped_presets() -> dict[str, Path]:
     """The presets that come with dsfab: name -> file, in alphabetical order."""
@@ -24,11 +27,42 @@ def headline(path: Path) -> str:
     return str(read_toml(path).get("description", "")).strip().split("\n")[0]
 
 
+class TomlError(ValueError):
+    """What is wrong with a text that should be TOML."""
+
+
+def toml_table(text: str) -> dict[str, Any]:
+    """What a text in TOML says; a byte order mark, as Windows writes it, is passed over.
+
+    Raises TomlError, also for what Python's reader gives up on: brackets in thousands of others, endless numbers.
+    """
+    try:
+        values = tomllib.loads(text.removeprefix("\ufeff"))
+        if _depth_is_over(values, DEEPEST):
+            raise RecursionError
+        return values
+    except tomllib.TOMLDecodeError as error:
+        raise TomlError(str(error)) from None
+    except RecursionError:
+        raise TomlError("its values lie too deep in each other") from None
+    except ValueError:
+        raise TomlError("a number in it has too many digits") from None
+
+
+def _depth_is_over(values: dict[str, Any], most: int) -> bool:
+    """Whether tables and lists lie in more than so many others; by loops, for dotted keys go as deep as one likes."""
+    level: list[Any] = [values]
+    for _ in range(most):
+        inside = [value for one in level for value in (one.values() if isinstance(one, dict) else one)]
+        level = [value for value in inside if isinstance(value, dict | list)]
+    return bool(level)
+
+
 def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
     """The tables of a TOML file, not checked yet; raises PresetError, which calls the file a `kind`."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+        return toml_table(path.read_text(encoding="utf-8"))
+    except TomlError as error:
         raise PresetError(f"{kind} {path.name} is not valid TOML: {error}") from None
     except UnicodeDecodeError:
         raise PresetError(f"{kind} {path.name} is not a text file; give a .toml {kind}") from None

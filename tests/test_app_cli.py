@@ -20,6 +20,7 @@ from dsfab.app.terminal import Reporter
 from dsfab.export import FORMATS
 from dsfab.preset_file import load_preset
 from dsfab.preset_list import shipped_presets
+from dsfab.surface import files
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
 
 SLOW = (".step", ".stp", ".stpz", ".brep")
@@ -135,13 +136,16 @@ def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
         assert words in out
 
 
-def test_inspect_tells_why_a_mesh_is_not_a_manifold(capsys, tmp_path):
+def test_inspect_reads_a_file_once_and_tells_why_it_is_not_a_manifold(capsys, tmp_path, monkeypatch):
+    read, one = [], files._POLYGONS[".obj"]
+    monkeypatch.setitem(files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
     file = tmp_path / "fan.obj"
     file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n")
     code, out, _ = run(capsys, "inspect", str(file))
     assert code == 0
     assert "manifold  no" in " ".join(out.split("\n")).replace("   ", "  ") or "no" in out
     assert "because" in out
+    assert len(read) == 1
 
 
 def test_inspect_ends_with_1_for_what_build_refuses_and_tells_what_became_of_the_file(capsys, tmp_path):

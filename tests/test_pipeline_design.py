@@ -2,6 +2,7 @@
 
 import pickle
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -10,8 +11,10 @@ from dsfab.app.carrier import carried
 from dsfab.app.cli import main
 from dsfab.delivery.archive import read_archive, write_archive
 from dsfab.errors import PatternError, PresetError
+from dsfab.export import last_line
 from dsfab.pipeline import Design, draft
 from dsfab.preset_file import load_preset, overridden
+from dsfab.report.design import save
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 1.2, "pattern.keep": 0.6, "export.formats": ["stl", "3mf"]}
@@ -140,6 +143,31 @@ def test_step_is_smooth_whoever_writes_it(tmp_path: Path, capsys: pytest.Capture
     ours = whole.write(tmp_path / "python.step").read_bytes()
     assert ours == (tmp_path / "cli.step").read_bytes()
     assert b"B_SPLINE_SURFACE" in ours
+
+
+def test_other_files_are_written_while_a_program_judges_a_step_file(
+    whole: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They are told as what takes the time, and named in the order in which they were asked for."""
+    judge, one, told = tmp_path / "judge.py", save.write, list[str]()
+    judge.write_text("print('valid')")
+
+    def judged(thing: Any, path: Path, **how: Any) -> Path:
+        if path.suffix == ".step":
+            path.write_text(last_line(str(judge), seconds=60.0))
+            return path
+        return one(thing, path, **how)
+
+    monkeypatch.setattr(save, "write", judged)
+    design = dsfab.revise(whole, overridden(whole.preset, {"export.formats": ["stl", "step", "3mf"]}))
+    saved = save.save(design, tmp_path / "out", lambda stage, text: told.append(text) or False, picture=False)
+    name = whole.preset.name
+    assert told[-4:] == [
+        *(f"writing and reading back {name}.{suffix}" for suffix in ("step", "stl", "3mf")),
+        f"reading back {name}.step",
+    ]
+    assert saved.facts["files"] == [f"{name}.{suffix}" for suffix in ("stl", "step", "3mf")]
+    assert {*saved.facts["files"], "sheet.ply", "design.npz"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 
 def test_it_says_what_it_is_in_five_lines(whole: Design) -> None:

@@ -187,6 +187,9 @@ def test_all_mistakes_are_told_at_once():
     ("write", "says"),
     [
         (lambda p: p.write_text("name = 'x"), "is not valid TOML"),
+        (lambda p: p.write_text("a = " + "[" * 100_000), "is not valid TOML: its values lie too deep in each other"),
+        (lambda p: p.write_text("a" + ".a" * 5_000 + " = 1"), "is not valid TOML: its values lie too deep"),
+        (lambda p: p.write_text("a = " + "9" * 5000), "is not valid TOML: a number in it has too many digits"),
         (lambda p: p.write_bytes(b"\xff\xfe\x00rubbish"), "is not a text file"),
         (lambda p: p.mkdir(), "is a folder; give a preset file or one of"),
         (lambda p: None, "not found"),
@@ -197,6 +200,13 @@ def test_unreadable_preset_files_are_refused(write, says, tmp_path):
     write(path)
     with pytest.raises(PresetError, match=says):
         load_preset(path)
+
+
+def test_a_preset_may_begin_with_a_byte_order_mark(tmp_path):
+    """As Windows writes it: what is an invalid statement to Python's reader."""
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + shipped_presets()["dome"].read_bytes())
+    assert load_preset(path).surface == load_preset("dome").surface
 
 
 def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):

@@ -35,6 +35,23 @@ def test_another_process_draws_the_same_picture_byte_for_byte(vault, expected, t
     assert [file.name for file in tmp_path.iterdir()] == ["preview.png"]
 
 
+def test_a_process_that_was_started_ahead_draws_once(vault, expected, tmp_path, monkeypatch):
+    """It loads what draws while there is no design yet."""
+    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(finished, "write_picture", None)
+    started, one, path = list[str](), finished.Ahead, tmp_path / "preview.png"
+    monkeypatch.setattr(finished, "Ahead", lambda program: started.append(program) or one(program))
+    with finished.picture_ahead():
+        for count in (1, 2):
+            with finished.picture_meanwhile(vault, path, SMALL) as finish:
+                finish()
+            assert path.read_bytes() == expected
+            assert len(started) == count
+            path.unlink()
+    with finished.picture_meanwhile(vault, path, SMALL):
+        assert len(started) == 3
+
+
 @pytest.mark.parametrize("program", ["raise MemoryError", "import os; os.abort()", "import time; time.sleep(60)"])
 def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected, tmp_path, monkeypatch):
     file = tmp_path / "program.py"

@@ -27,6 +27,7 @@ from tests.bad_meshes import (
     marked,
     obj,
     odd_faces,
+    ply_text,
     polygons,
     trailing,
     written,
@@ -133,6 +134,9 @@ def test_what_is_too_large_is_refused_before_it_is_read_and_the_limit_can_be_lif
     with pytest.raises(SurfaceError, match=r"has \d+ triangles, and 5 is the limit; .*--max-triangles"):
         read_surface(path, max_triangles=5)
     assert read_surface(path, max_triangles=len(F)).m == len(F)
+    many = ply_text().replace(b"end_header", b"element foo 1000000000000\nproperty float a\nend_header")
+    foo = written(BadFile("foo.ply", many, None), tmp_path)
+    assert "has 1,000,000,000,000 records of the element 'foo', and 12,000,000 is the limit" in outcome(foo)
     sparse = tmp_path / "large.stl"
     with sparse.open("wb") as file:
         file.truncate(3 * 10**9)  # no byte of it is on the disk

@@ -5,10 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial import cKDTree
 
 from dsfab.errors import SurfaceError
 from dsfab.preset_file import load_preset
 from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, read_surface
+from dsfab.surface.mend import WELD
+from dsfab.surface.places import merged
 from dsfab.surface.shapes import dome, plate, sphere
 from dsfab.surface.topology import edge_table, manifold_faults
 from tests.own_meshes import figure, gyroid, voronoi_shell
@@ -47,6 +50,16 @@ def test_a_corner_that_marching_cubes_cut_off_is_whole_again(tmp_path):
     assert patch.edge_lengths.min() < 3e-5 * patch.size
     mesh = mended(patch.V, patch.F)
     assert Surface(mesh.V, mesh.F).edge_lengths.min() > 1.5e-4 * patch.size
+
+
+def test_a_finely_divided_outline_is_not_welded_to_a_point():
+    """Links go on from one vertex to the next: a disc of 200 000 corners became one vertex, and was refused."""
+    turn = 2 * np.pi * np.arange(200_000) / 200_000
+    ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    kept, became = merged(ring, WELD)
+    assert np.linalg.norm(kept[became] - ring, axis=1).max() <= WELD * 2
+    assert cKDTree(kept).query(kept, k=2)[0][:, 1].min() > WELD * 2 * (1 - 1e-9)
+    assert 25_000 < len(kept) < 100_000
 
 
 def test_crumbs_repeats_and_faces_without_area_go():
@@ -96,7 +109,7 @@ def test_files_as_programs_write_them_become_sheets(tmp_path):
 def test_nothing_but_faults_is_refused(tmp_path):
     path = tmp_path / "line.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
-    with pytest.raises(SurfaceError, match="no faces"):
+    with pytest.raises(SurfaceError, match=r"line\.obj: nothing is left once faults are mended: 1 face without"):
         read_surface(path, mend=True)
 
 

@@ -91,7 +91,7 @@ def build(
     """
     from dsfab.export import require_writable
     from dsfab.pipeline import run
-    from dsfab.report.design.save import save
+    from dsfab.report.design.save import ready_to_draw, save
 
     wanted = source.also(*files.overrides(), *step.overrides())
     proposal = wanted.proposal(preset)
@@ -105,10 +105,11 @@ def build(
     drawn, folder = pictures.possible(reporter), files.output or Path("outputs") / given.name
     require_writable(folder)
     try:
-        design = run(given, reporter)
-        if fix:
-            design = _fixed(design, reporter)
-        saved = save(design, folder, reporter, drawn.picture, drawn.marked)
+        with ready_to_draw(drawn.picture):
+            design = run(given, reporter)
+            if fix:
+                design = _fixed(design, reporter)
+            saved = save(design, folder, reporter, drawn.picture, drawn.marked)
         reporter.done()
         for text in saved.told:
             reporter.say(f"export      {text}")

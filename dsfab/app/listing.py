@@ -16,7 +16,7 @@ from dsfab.report.design.pattern import quality_facts, quality_lines
 from dsfab.wording import length
 
 if TYPE_CHECKING:
-    from dsfab.surface import MeshFacts
+    from dsfab.surface import MeshFacts, RawMesh
 
 DONE, REFUSED = 0, 1
 """Exit codes of `inspect`."""
@@ -135,10 +135,11 @@ def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
 
 def _show_mesh(path: Path, source: Source) -> bool:
     """Whether `dsfab build` takes the mesh."""
-    from dsfab.surface import DEFAULT_TRIANGLES, describe
+    from dsfab.surface import DEFAULT_TRIANGLES, mesh_facts, raw_mesh
 
-    facts = describe(path, source.unit, source.max_triangles or DEFAULT_TRIANGLES)
-    taken, verdict = _verdict(path, source)
+    raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES)
+    facts = mesh_facts(path, raw, source.unit)
+    taken, verdict = _verdict(path, source, raw)
     out(str(path))
     rows = [(label, value) for label, value in [*_lines(facts), ("build", verdict)] if value]
     width = max(len(label) for label, _ in rows)
@@ -146,12 +147,12 @@ def _show_mesh(path: Path, source: Source) -> bool:
     return taken
 
 
-def _verdict(path: Path, source: Source) -> tuple[bool, str]:
-    """Whether `dsfab build` takes the mesh, and why not or what it does to it."""
+def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
+    """Whether `dsfab build` takes the mesh that was read, and why not or what it does to it."""
     from dsfab.proposal import propose
 
     try:
-        proposal = propose(path, source.unit, source.up, None, source.max_triangles)
+        proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw)
     except SurfaceError as error:
         return False, "refuses it: " + str(error).removeprefix(f"{path}: ")
     mended = [one.choice for one in proposal.decisions if one.topic == "mended"]

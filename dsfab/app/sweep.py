@@ -1,6 +1,5 @@
 """`dsfab sweep`: thousands of designs of one preset in one folder, which may be stopped and continued at any time."""
 
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from cyclopts import Parameter
 from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
 from dsfab.app.terminal import out
 from dsfab.errors import DsfabError
+from dsfab.preset_list import TomlError, toml_table
 
 if TYPE_CHECKING:
     from dsfab.study.sweeps.folder import SweepFolder
@@ -174,8 +174,8 @@ def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
 def _is_sweep(path: Path) -> bool:
     """Whether a TOML file is a sweep: it names a preset, or varies something."""
     try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        values = toml_table(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, TomlError):
         return path.suffix == ".toml"  # what is wrong with it is told by whoever reads it
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 

@@ -17,7 +17,7 @@ from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.proposal.sizes import Sizes, is_figure, sizes
 from dsfab.proposal.text import SHARE, SNOW, proposal_text
-from dsfab.surface import Marks, Surface
+from dsfab.surface import Marks, RawMesh, Surface
 from dsfab.wording import length
 
 OWN = "roof"
@@ -96,15 +96,17 @@ def propose(
     up: str | None = None,
     material: str | None = None,
     max_triangles: int | None = None,
+    raw: RawMesh | None = None,
 ) -> Proposal:
     """The same with its text and its decisions; see `preset_for`.
 
     max_triangles : how many a mesh file may have, and with it what reading it may cost.
+    raw           : what is in the file, where it was read before.
     """
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
-        given = mesh_in_file(Path(mesh), unit, axis, max_triangles)
+        given = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw)
     else:
         given = mesh_in_memory(mesh, unit, axis)
     size = sizes(given.surface, name)

@@ -11,6 +11,7 @@ from dsfab.errors import SurfaceError
 from dsfab.proposal.vertical import likely_up
 from dsfab.surface import (
     DEFAULT_TRIANGLES,
+    RawMesh,
     Surface,
     Up,
     finite_faces,
@@ -52,14 +53,16 @@ class GivenMesh:
     repaired: tuple[str, ...] = ()
 
 
-def mesh_in_file(path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None) -> GivenMesh:
+def mesh_in_file(
+    path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
+) -> GivenMesh:
     """The mesh in a file; unit and vertical axis are guessed where they are not given.
 
-    max_triangles : how many the file may have, where that is said.
+    max_triangles : how many the file may have, where that is said. raw : what is in it, where it was read before.
 
     Raises SurfaceError for a file that cannot be read, or is no sheet even when it is mended.
     """
-    raw = raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
+    raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     unit = unit or unit_guess(raw)
     keys: dict[str, Any] = {"file": str(path), "unit": unit}

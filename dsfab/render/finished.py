@@ -5,6 +5,7 @@ import pickle
 import subprocess
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -71,6 +72,27 @@ def _asked(design: Design, look: Look) -> dict[str, Any]:
     return {"V": solid.V, "F": solid.F, "surface": design.surface, "load": design.load, "caption": words, "look": look}
 
 
+_AHEAD: ContextVar[Ahead | None] = ContextVar("_AHEAD", default=None)
+
+
+@contextmanager
+def picture_ahead() -> Iterator[None]:
+    """Inside, another process has begun to load what draws, before there is a design, for one `picture_meanwhile`.
+
+    Raises DsfabError where nothing can be drawn.
+    """
+    if (os.cpu_count() or 1) == 1:
+        yield
+        return
+    require_rendering()
+    with Ahead(picture_program.__file__) as program:
+        token = _AHEAD.set(program)
+        try:
+            yield
+        finally:
+            _AHEAD.reset(token)
+
+
 @contextmanager
 def picture_meanwhile(design: Design, path: Path, look: Look = PLAIN) -> Iterator[Callable[[], None]]:
     """Inside, the picture of `write_picture` is drawn by another process; what is given waits until it is.
@@ -82,7 +104,8 @@ def picture_meanwhile(design: Design, path: Path, look: Look = PLAIN) -> Iterato
         yield lambda: write_picture(design, path, look)
         return
     require_rendering()  # the kind of window is in the environment then, for the other process too
-    with temporary_folder("dsfab-picture") as folder, Ahead(picture_program.__file__) as program:
+    with temporary_folder("dsfab-picture") as folder, _AHEAD.get() or Ahead(picture_program.__file__) as program:
+        _AHEAD.set(None)  # it draws once
         given = Path(folder) / "picture.pickle"
         given.write_bytes(pickle.dumps(_asked(design, look), protocol=5))
         program.ask(str(given), str(path))

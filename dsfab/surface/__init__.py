@@ -16,7 +16,7 @@ from dsfab.surface.en1990 import (
     en1990_combinations,
 )
 from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
-from dsfab.surface.files import MESH_SUFFIXES, raw_mesh
+from dsfab.surface.files import MESH_SUFFIXES, RawMesh, raw_mesh
 from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.formats.ply import ply_chunks
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
@@ -40,6 +40,7 @@ from dsfab.surface.reader import (
     describe,
     finite_faces,
     mended_raw,
+    mesh_facts,
     normalized,
     read_surface,
     surface_in_file,
@@ -95,6 +96,7 @@ __all__ = [
     "Picker",
     "PlanPolygon",
     "Pressure",
+    "RawMesh",
     "RegionedSurface",
     "SelfWeight",
     "Side",
@@ -132,6 +134,7 @@ __all__ = [
     "marks_on_layers",
     "mended",
     "mended_raw",
+    "mesh_facts",
     "nearest",
     "next_half_edge",
     "normalized",

@@ -103,8 +103,9 @@ def _unrepeated(_: Floats, F: Ints) -> Ints:
 def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
     """(k,) faces that are not the third or a later one on an edge."""
     edges = edge_table(F)
-    late = [np.flatnonzero((edges.of == edge).any(axis=1))[2:] for edge in np.flatnonzero(edges.count > 2)]
-    return complement(np.concatenate([np.zeros(0, dtype=np.int64), *late]), len(F))
+    edge = edges.of.ravel()[edges.order]
+    place = np.arange(len(edge)) - edges.start[edge]
+    return complement(np.unique(edges.order[place >= 2] // 3), len(F))
 
 
 def _in_large_pieces(V: Floats, F: Ints) -> Ints:

@@ -5,7 +5,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, lengths
 
 SAME_PLACE = 1e-9
 """Vertices closer than this share of the mesh's largest side are at one place: `trimesh.slice_plane` works out the end
@@ -15,23 +15,41 @@ of a cut once for each face there, and some of these differ in the last digit.""
 def merged(V: Floats, within: float = SAME_PLACE) -> tuple[Floats, Ints]:
     """Vertices V (n, 3) at the same place made one, the first of them, in the order given; and which (n,) each became.
 
-    within : share of the mesh's largest side that counts as one place.
+    within : share of the mesh's largest side that counts as one place; none moves further.
 
     Mesh files are merged by equality alone (`dsfab.surface.files`): their numbers were written with the same digits.
     """
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # told where the surface is made
         return alone
-    pairs = cKDTree(V).query_pairs(within * float(np.ptp(V, axis=0).max()), output_type="ndarray")
+    reach = within * float(np.ptp(V, axis=0).max())
+    pairs = cKDTree(V).query_pairs(reach, output_type="ndarray")
     if not len(pairs):
         return alone
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(V), len(V)))
     label = connected_components(links, directed=False)[1]
     _, first, became = np.unique(label, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    return V[first[order]], rank[became.ravel()]
+    at = _without_chains(V, pairs, first[became.ravel()], reach)
+    kept, became = np.unique(at, return_inverse=True)
+    return V[kept], became.ravel()
+
+
+def _without_chains(V: Floats, pairs: Ints, at: Ints, reach: float) -> Ints:
+    """(n,) the vertex that each becomes: the first `at` of those it is linked to, unless that is further than `reach`.
+
+    Links go on from vertex to vertex, so that a finely divided outline would shrink to a point: along such a chain a
+    vertex becomes the first within reach of it that stays.
+    """
+    long = np.unique(at[lengths(V - V[at]) > reach])
+    if not len(long):
+        return at
+    near: dict[int, list[int]] = {}
+    for a, b in np.sort(pairs[np.isin(at[pairs[:, 0]], long)], axis=1).tolist():
+        near.setdefault(b, []).append(a)
+    at = at.copy()
+    for vertex in np.flatnonzero(np.isin(at, long)).tolist():
+        at[vertex] = min((k for k in near.get(vertex, ()) if at[k] == k), default=vertex)
+    return at
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:

@@ -93,6 +93,8 @@ def mended_raw(raw: RawMesh, scan: bool = False) -> RawMesh:
 
 def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> SurfaceInFile:
     """The surface of what was read from a file; see `read_surface`, which reads it first."""
+    if not len(raw.F):
+        raise SurfaceError(f"{path}: nothing is left once faults are mended: {'; '.join(raw.record.repaired)}")
     V = upright(raw.V * (metres_per(unit) if unit else raw.metres), up)
     try:
         surface = orientable(V, raw.F)
@@ -218,7 +220,11 @@ def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEF
 
     Raises SurfaceError when the file cannot be read at all or has no face with finite corners.
     """
-    raw = raw_mesh(path, max_triangles)
+    return mesh_facts(path, raw_mesh(path, max_triangles), unit)
+
+
+def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshFacts:
+    """The same of what was read from a file before."""
     V = raw.V * (metres_per(unit) if unit else raw.metres)
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = finite_faces(path, raw)

@@ -11,7 +11,7 @@ from dsfab.app.options import UNCHANGED, Source
 from dsfab.errors import DsfabError, PresetError, SurfaceError
 from dsfab.preset import Preset
 from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml
-from dsfab.preset_list import shipped_presets
+from dsfab.preset_list import TomlError, shipped_presets, toml_table
 from dsfab.proposal import Decision, preset_name, propose
 from dsfab.study.variations import spelled_value
 
@@ -74,11 +74,9 @@ class Opened:
 
         Raises PresetError as `load_preset` does, and for another mesh.
         """
-        import tomllib
-
         try:
-            values = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+            values = toml_table(text)
+        except TomlError as error:
             raise PresetError(f"the preset is not valid TOML: {error}") from None
         surface, mesh = values.get("surface"), ""
         if isinstance(surface, dict) and "file" in surface:

@@ -1,6 +1,5 @@
 """The components: each a function from a request to the values of its outputs, in the unit of the model."""
 
-import tomllib
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -14,6 +13,7 @@ from dsfab.export import mesh_json, polyline_json
 from dsfab.pipeline import Design
 from dsfab.preset import Preset
 from dsfab.preset_file import overridden
+from dsfab.preset_list import TomlError, toml_table
 from dsfab.proposal import preset_for
 from dsfab.study import METRICS
 from dsfab.workshop import workshop_plan
@@ -75,8 +75,8 @@ def _changes(request: Request, proposed: Preset) -> Iterator[tuple[str, Any]]:
 def written_changes(text: str) -> Mapping[str, Any]:
     """Dotted keys and values of lines of TOML; raises HopsError for what is none."""
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = toml_table(text)
+    except TomlError as error:
         raise HopsError(f"preset: {error}; write lines such as pattern.rotate = 45") from None
     return dict(_dotted(table, ""))
 

@@ -3,8 +3,8 @@
 import json
 import shutil
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -71,13 +71,19 @@ def save(
             if marked:
                 _mark(design, made, here / "fabrication.png")
             start, preset = time.perf_counter(), with_mesh(design.settled, here, Path(folder))
-            with meanwhile(lambda: _write_numbers(design, here, Path(folder), preset)):
-                files = _written(design, here, progress)
+            files = _written(design, here, progress, lambda: _write_numbers(design, here, Path(folder), preset))
             seconds = {**design.seconds, "export": time.perf_counter() - start}
         told = facts(design, seconds, files.names, files.refused, files.notes) | measured
         told |= {MANIFEST: manifest(here)}
         (here / DESIGN).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     return Saved(told, (*files.reports, *files.notes), "; ".join(files.refused))
+
+
+def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
+    """Inside, if there will be a picture, another process loads what draws while the design is still being made."""
+    from dsfab.render.finished import picture_ahead
+
+    return picture_ahead() if picture else nullcontext()
 
 
 @contextmanager
@@ -107,23 +113,46 @@ def _keep_mesh(preset: Preset, folder: Path, here: Path) -> None:
         shutil.copy2(folder / name, here / name)
 
 
-def _written(design: Design, folder: Path, progress: Progress) -> _Files:
-    """The files of all formats that the preset asks for."""
-    files = _Files([], [], [], [])
-    for suffix in design.preset.export.formats:
-        name = f"{design.preset.name}.{suffix}"
-        progress("export", f"writing and reading back {name}")
-        try:
-            thing, how = deliverable(design, f".{suffix}")
-            how |= {"note": files.notes.append, "report": lambda done: files.reports.append(done.told)}
-            files.names.append(write(thing, folder / name, **how).name)
-        except ExportError as error:
+def _written(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _Files:
+    """The files of all formats that the preset asks for, and what `numbers` writes.
+
+    Formats that another program judges for seconds begin; the others are written while it does.
+    """
+    asked = design.preset.export.formats
+    found, judged = dict[str, _Files](), list[str]()
+
+    def others() -> None:
+        for suffix in asked:
             if suffix not in MAY_BE_REFUSED:
-                raise
-            files.refused.append(str(error))
-            continue
-        if suffix == "stl":
-            files.names.extend(_parts(design, folder))
+                found[suffix] = _one_written(design, folder, suffix, progress)
+        numbers()
+        if judged:
+            progress("export", f"reading back {judged[-1]}")
+
+    with meanwhile(others):
+        for suffix in asked:
+            if suffix in MAY_BE_REFUSED:
+                judged.append(f"{design.preset.name}.{suffix}")
+                found[suffix] = _one_written(design, folder, suffix, progress)
+        judged.clear()
+    return _Files(*([each for suffix in asked for each in found[suffix][k]] for k in range(len(_Files._fields))))
+
+
+def _one_written(design: Design, folder: Path, suffix: str, progress: Progress) -> _Files:
+    """The file of one format; or why not, where a design may miss its limits."""
+    files, name = _Files([], [], [], []), f"{design.preset.name}.{suffix}"
+    progress("export", f"writing and reading back {name}")
+    try:
+        thing, how = deliverable(design, f".{suffix}")
+        how |= {"note": files.notes.append, "report": lambda done: files.reports.append(done.told)}
+        files.names.append(write(thing, folder / name, **how).name)
+    except ExportError as error:
+        if suffix not in MAY_BE_REFUSED:
+            raise
+        files.refused.append(str(error))
+        return files
+    if suffix == "stl":
+        files.names.extend(_parts(design, folder))
     return files
 
 

@@ -49,9 +49,9 @@ class Budget:
         """Raise SurfaceError for more triangles than are accepted."""
         self._require(count, self.triangles, "triangles")
 
-    def require_vertices(self, count: int) -> None:
-        """Raise SurfaceError for more vertices than the accepted triangles can have."""
-        self._require(count, VERTICES_EACH * self.triangles, "vertices")
+    def require_vertices(self, count: int, what: str = "vertices") -> None:
+        """Raise SurfaceError for more vertices, or other records, than the accepted triangles can have."""
+        self._require(count, VERTICES_EACH * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
         """Raise SurfaceError for more bytes than a file of the accepted triangles has; `what` says of which kind."""

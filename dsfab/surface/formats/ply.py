@@ -63,9 +63,7 @@ def _elements(
 ) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
     """The properties of each element, and what there is behind the last one."""
     for element in elements:
-        (budget.require_triangles if element.name == "face" else budget.require_vertices)(
-            element.count if element.properties else 0
-        )
+        _require_within(budget, element)
     found: dict[str, dict[str, Any]] = {}
     numbers, odd = text_numbers(body) if style == "ascii" else (np.empty(0), False)
     at = 0
@@ -85,6 +83,16 @@ def _elements(
     left = [counted(more, thing)] if more else []
     left += ["words that are no numbers"] if odd else []
     return found, (f"{' and '.join(left)} after the last element",) if left else ()
+
+
+def _require_within(budget: Budget, element: PlyElement) -> None:
+    """Raise SurfaceError for an element with more records than are accepted; those without a property cost nothing."""
+    count = element.count if element.properties else 0
+    if element.name == "face":
+        budget.require_triangles(count)
+    else:
+        what = "vertices" if element.name == "vertex" else f"records of the element {element.name!r}"
+        budget.require_vertices(count, what)
 
 
 def _polygons(found: dict[str, dict[str, Any]]) -> Polygons:
