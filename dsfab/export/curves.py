@@ -25,6 +25,11 @@ MOST_SAMPLES = 50_000
 KNOT_DIGITS = 4
 """Decimals of knots, which are millimetres along the polyline."""
 
+SPANS = 4
+"""Spans of an edge of a plane face. The plain rule for volumes, which most programs take, has a few points on each
+edge, however many spans that has: openings with edges of 6 to 40 spans made a plate's volume .1 to .5 % wrong. With at
+most 4 it is right to 6e-5."""
+
 
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
@@ -113,16 +118,29 @@ def _refined(line: Floats, length: Floats, total: float, count: int, tolerance: 
 
 def halves(curve: Curve) -> list[Curve]:
     """A spline cut near the middle of its parameters: the same points, in two curves."""
+    return _cut(curve, float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS)))
+
+
+def of_few_spans(curve: Curve) -> list[Curve]:
+    """A curve cut at its knots into curves of at most `SPANS` spans: the same points."""
+    breaks, found = np.unique(curve.knots), [curve]
+    count = -(-(len(breaks) - 1) // SPANS)
+    for at in np.round(np.arange(1, count) * (len(breaks) - 1) / count).astype(int):
+        found += _cut(found.pop(), float(breaks[at]))
+    return found
+
+
+def _cut(curve: Curve, at: float) -> list[Curve]:
+    """What is before a parameter, and what is after it."""
     from scipy.interpolate import BSpline
 
-    middle = float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS))
     spline = BSpline(curve.knots, curve.poles, curve.degree)
-    for _ in range(curve.degree - int(np.count_nonzero(curve.knots == middle))):
-        spline = spline.insert_knot(middle)
-    first = int(np.searchsorted(spline.t, middle))
+    for _ in range(curve.degree - int(np.count_nonzero(curve.knots == at))):
+        spline = spline.insert_knot(at)
+    first = int(np.searchsorted(spline.t, at))
     end = first + curve.degree
-    before = np.concatenate([spline.t[:end], [middle]])
-    after = np.concatenate([[middle], spline.t[first:]])
+    before = np.concatenate([spline.t[:end], [at]])
+    after = np.concatenate([[at], spline.t[first:]])
     poles = spline.c[: len(spline.t) - curve.degree - 1]
     return [
         Curve(before, poles[:first], curve.degree, curve.deviation),

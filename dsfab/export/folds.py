@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, group_sums
 from dsfab.errors import ExportError
 from dsfab.export.coplanar import coplanar_regions
-from dsfab.export.curves import Curve, fitted
+from dsfab.export.curves import Curve, fitted, of_few_spans
 from dsfab.export.part import Part
 from dsfab.export.plate import SHARE_OF_GAP, SLIMMEST, NotFlatError, enclosed, frame, gaps_between
 from dsfab.export.smooth.outline import WALL, OutlineRun, Region, SheetOutline, both_skins, sheet_of
@@ -213,25 +213,25 @@ def _mitred(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """A folded sheet with its walls as curves (poles (p, 4), see `Facet.flat`) by the keys of their runs."""
+    """A folded sheet with its walls as chains of curves (poles (p, 4), see `Facet.flat`) by the keys of their runs."""
 
     sheet: FoldedSheet
-    walls: dict[Key, Curve]
+    walls: dict[Key, list[Curve]]
 
     @property
     def faces(self) -> int:
         """A wall for each curve, and two skins for each region."""
-        return len(self.walls) + 2 * len(self.sheet.outline.regions)
+        return sum(map(len, self.walls.values())) + 2 * len(self.sheet.outline.regions)
 
     @property
     def deviation(self) -> float:
         """Largest distance of a curve from its polyline, millimetres."""
-        return max((curve.deviation for curve in self.walls.values()), default=0.0)
+        return max((curve.deviation for chain in self.walls.values() for curve in chain), default=0.0)
 
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
     """The walls as curves within a tolerance, millimetres; raises ExportError where a spline cannot follow."""
-    walls = dict[Key, Curve]()
+    walls = dict[Key, list[Curve]]()
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
         gaps = gaps_between([line[:, :2] for line in lines], tolerance, NARROW * tolerance)
@@ -239,7 +239,8 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
             for run in loop:
                 if run.beyond == WALL:
                     close = min(tolerance, SLIMMEST * run.width / 2, SHARE_OF_GAP * gap)
-                    walls[run_key(run)[0]] = _curve(facet.flat(sheet.points[run.vertices]), close)
+                    line = facet.flat(sheet.points[run.vertices])
+                    walls[run_key(run)[0]] = of_few_spans(_curve(line, close))
     return FoldedShape(sheet, walls)
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats
 from dsfab.export.coplanar import FLATNESS
 from dsfab.export.curves import Curve
 from dsfab.export.folds import Facet, FoldedShape, folded_shape, folded_sheet, is_fold, region_lines
@@ -70,10 +70,12 @@ class _Writer:
             kind = "FACE_BOUND" if bounds[0] else "FACE_OUTER_BOUND"
             steps = list[tuple[Edges, bool]]()
             for run in region.loops[i]:
-                known, ahead = self._run(run, facet)
-                steps.append((known, ahead))
-                if not is_fold(run):
-                    faces.append(self._wall(run, facet, known))
+                if is_fold(run):
+                    steps.append(self._fold(run))
+                else:
+                    known, walls = self._walls(run, facet)
+                    steps += [(both, True) for both in known]
+                    faces += walls
             bounds[0].append(self.new.wire([(both[0], ahead) for both, ahead in steps], kind))
             bounds[1].append(self.new.wire([(both[1], not ahead) for both, ahead in reversed(steps)], kind))
         for s, way in ((0, 1), (1, -1)):
@@ -81,47 +83,59 @@ class _Writer:
             faces.append(self.new.face(bounds[s], plane))
         return faces
 
-    def _run(self, run: OutlineRun, facet: Facet) -> tuple[Edges, bool]:
-        """Both edges of a run, and whether it goes along them."""
+    def _fold(self, run: OutlineRun) -> tuple[Edges, bool]:
+        """Both edges of a fold, which its two facets share, and whether the run goes along them."""
         key, ahead = run_key(run)
-        ahead = ahead or not is_fold(run)  # a wall has one region only
         if key not in self.edges:
-            way = run.vertices if ahead else run.vertices[::-1]
-            a, b = (self._vertex(int(v)) for v in way[[0, -1]])
-            curves = self._folds(way) if is_fold(run) else self._curves(self.shape.walls[key], facet)
-            self.edges[key] = tuple(  # type: ignore[assignment]
-                self.new.add(f"EDGE_CURVE('',#{a[s]},#{b[s]},#{curves[s]},.T.)") for s in (0, 1)
-            )
+            way = run.vertices[[0, -1]] if ahead else run.vertices[[-1, 0]]
+            p, q = self.sheet.points[way]
+            a, b = (self._vertex(int(v)) for v in way)
+            self.edges[key] = self._edges(a, b, [self.new.line(p[s], q[s] - p[s]) for s in (0, 1)])
         return self.edges[key], ahead
+
+    def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[Edges], list[int]]:
+        """Both edges of each wall of a run, and its faces: seen from outside, lower edges go to the right."""
+        chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[Edges](), list[int]()
+        for v in run.vertices[[0, -1]]:
+            vertices.append(self._vertex(int(v)))
+            posts.append(self._post(int(v)))
+        for i, curve in enumerate(chain[:-1], 1):
+            points = facet.lifted(curve.poles[-1:])[0]
+            vertices.insert(i, self._new_vertex(points))
+            posts.insert(i, self._new_post(vertices[i], points))
+        known, faces = list[Edges](), list[int]()
+        for i, curve in enumerate(chain):
+            poles = facet.lifted(curve.poles)
+            curves = [curve_entity(self.new, curve, poles[:, s]) for s in (0, 1)]
+            upper, lower = self._edges(vertices[i], vertices[i + 1], curves)
+            wire = self.new.wire([(lower, True), (posts[i + 1], True), (upper, False), (posts[i], False)])
+            faces.append(self.new.face([wire], self._ruled(curve, poles)))
+            known.append((upper, lower))
+        return known, faces
+
+    def _edges(self, a: Edges, b: Edges, curves: list[int]) -> Edges:
+        """The edges from vertices a to vertices b of both skins."""
+        upper, lower = (self.new.add(f"EDGE_CURVE('',#{a[s]},#{b[s]},#{curves[s]},.T.)") for s in (0, 1))
+        return upper, lower
 
     def _vertex(self, v: int) -> Edges:
         if v not in self.vertices:
-            upper, lower = (self.new.add(f"VERTEX_POINT('',#{self.new.point(p)})") for p in self.sheet.points[v])
-            self.vertices[v] = upper, lower
+            self.vertices[v] = self._new_vertex(self.sheet.points[v])
         return self.vertices[v]
 
     def _post(self, v: int) -> int:
         """The edge from the lower to the upper point of a vertex."""
         if v not in self.posts:
-            (upper, lower), (p, q) = self._vertex(v), self.sheet.points[v]
-            self.posts[v] = self.new.add(f"EDGE_CURVE('',#{lower},#{upper},#{self.new.line(q, p - q)},.T.)")
+            self.posts[v] = self._new_post(self._vertex(v), self.sheet.points[v])
         return self.posts[v]
 
-    def _folds(self, way: Ints) -> list[int]:
-        """Lines along a fold on both skins."""
-        ends = self.sheet.points[way[[0, -1]]]
-        return [self.new.line(ends[0, s], ends[1, s] - ends[0, s]) for s in (0, 1)]
+    def _new_vertex(self, points: Floats) -> Edges:
+        upper, lower = (self.new.add(f"VERTEX_POINT('',#{self.new.point(p)})") for p in points)
+        return upper, lower
 
-    def _curves(self, curve: Curve, facet: Facet) -> list[int]:
-        poles = facet.lifted(curve.poles)
-        return [curve_entity(self.new, curve, poles[:, s]) for s in (0, 1)]
-
-    def _wall(self, run: OutlineRun, facet: Facet, known: Edges) -> int:
-        """The face across the thickness: seen from outside, its lower edge goes to the right."""
-        one, two = (self._post(int(v)) for v in run.vertices[[0, -1]])
-        curve = self.shape.walls[run_key(run)[0]]
-        wire = self.new.wire([(known[1], True), (two, True), (known[0], False), (one, False)])
-        return self.new.face([wire], self._ruled(curve, facet.lifted(curve.poles)))
+    def _new_post(self, vertex: Edges, points: Floats) -> int:
+        (upper, lower), (p, q) = vertex, points
+        return self.new.add(f"EDGE_CURVE('',#{lower},#{upper},#{self.new.line(q, p - q)},.T.)")
 
     def _ruled(self, curve: Curve, poles: Floats) -> int:
         """The surface between the curves with poles (p, 2, 3), upper and lower; its normal points outwards."""

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import Floats, lock
 from dsfab.errors import ExportError
 from dsfab.export.coplanar import FLATNESS
-from dsfab.export.curves import Curve, curves_through
+from dsfab.export.curves import Curve, curves_through, of_few_spans
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
@@ -136,7 +136,7 @@ def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
             chain = curves_through(loop, marked, close)
             if chain is None:
                 raise ExportError(f"no spline follows an outline of {len(loop)} points within {close:.3g} mm")
-            chains.append(tuple(chain))
+            chains.append(tuple(short for curve in chain for short in of_few_spans(curve)))
         found.append(tuple(chains))
     return Plate(outlines, tuple(found))
 

@@ -9,12 +9,9 @@ and by snow. Each is designed by one preset, whose pattern says no more than `me
                     of varying thickness on the same mesh, by the elements that rank
     SIMP, design    the same of both; a sheet that is uniformly thinner has 1 / share in its plane
     ratio           of the design to SIMP, and what is asked of it: 1.15 at 50 %, 1.5 at 30 %. Where SIMP leaves a grey
-                    that cannot be cut, as on half a sphere, to the least, and nothing is asked: in the plane SIMP has
-                    1.1 times that at 50 %, and 1.2 to 1.3 times at 30 %. At 30 % half a sphere stays grey or falls
-                    apart from an even, a random and the design's start, with filters of .3 to 1 m and a penalisation of
-                    3 or 5: at the best it is 689 times as soft as the uncut sheet, where the design is 2.70 times. With
-                    grey suppressed besides [Groenwold, Etman 2009] it falls apart too, or is 22 times as soft and more
-                    by its own count, whether snow stays on the void or is carried to material
+                    that cannot be cut, or over `POOR` times the least, to the least, and nothing is asked: in the plane
+                    SIMP has 1.1 times that at 50 %, and 1.2 to 1.3 times at 30 %. That of half a sphere is begun at
+                    ribs, see `projected_simp`: there the ratio is .88 at 50 %, and 1.58 to the least at 30 %
     s               of the processor, for the design
 
 With --pictures FOLDER both are drawn.
@@ -31,13 +28,17 @@ import numpy as np
 import dsfab
 from dsfab.errors import DsfabError
 from dsfab.pipeline import Design
+from dsfab.preset_file import overridden
 from dsfab.statics import varying_thickness
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
 from dsfab.study.judging import quick
 from dsfab.wording import table
+from tests.benchmarks.projected_simp import EDGE, projected_simp
 
 ASKED = {0.5: 1.15, 0.3: 1.5}
 """Largest compliance over that of SIMP at a share of the material."""
+POOR = 1.5
+"""Times the least: SIMP that is softer is not well run, and nothing to be measured by."""
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
 HEAD = ("shape", "share", "least", "SIMP", "design", "ratio", "asked", "by", "s", "missed")
 
@@ -116,6 +117,14 @@ def simp(task: ComparisonTask) -> Structure:
     return variant.make()
 
 
+def ribbed(task: ComparisonTask) -> tuple[ComparisonTask, Structure]:
+    """The same of half a sphere, begun at ribs, and its own task, on smaller triangles."""
+    own = preset("half-sphere", task.share, method="stripes", major={}, minor={})
+    finer = dsfab.pipeline.draft(overridden(own, {"surface.edge": EDGE}))
+    task = ComparisonTask.of(finer, task.share * finer.surface.area)
+    return task, projected_simp(task)
+
+
 def structure(made: Design) -> Structure:
     """What is built of a design."""
     return Structure(made.slicing.cells, made.pattern.names, made.sheet, 1, made.preset.statics.thickness)
@@ -144,9 +153,11 @@ def row(name: str, share: float, pictures: Path | None) -> Iterator[str]:
     design, bound, reason = over_uncut(task, own), least(task), ""
     drawn = {"design": own}
     try:
-        drawn["simp"] = simp(task)
-        other = over_uncut(task, drawn["simp"])
+        asked, drawn["simp"] = ribbed(task) if name == "half-sphere" else (task, simp(task))
+        other = over_uncut(asked, drawn["simp"])
     except DsfabError:
+        other = np.inf
+    if other > POOR * bound:
         other, reason = bound, "to the least"
     yield from (name, f"{share:.0%}", f"{bound:.3f}", "-" if reason else f"{other:.3f}", f"{design:.3f}")
     yield from (
