@@ -62,16 +62,21 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     room for an arc, is found here as `features` measures it.
     """
     for slim in (share * width for share in SLIMMER):
-        if not len(gaps := narrow_gaps(rounded, least, 2 * slim)):
-            break
-        walls = Walls.of(cells)
-        wall, ends = walls.nearest(cells.surface.V, gaps.reshape(-1, 3))
-        pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
-        necks = [Neck(place, (one, two)) for place, (one, two) in pairs]
-        better, count = _with_bridges(cells, walls, necks, slim)
+        better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
             return better, count
     return cells, 0
+
+
+def bridged_at(cells: Sheet, places: Floats, width: float) -> tuple[Sheet, int]:
+    """The cells with bridges, `width` metres broad, between points (k, 2, 3) on or near two walls each, as many as can
+    be at once; and how many."""
+    if not len(places):
+        return cells, 0
+    walls = Walls.of(cells)
+    wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
+    pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
+    return _with_bridges(cells, walls, [Neck(place, (one, two)) for place, (one, two) in pairs], width)
 
 
 def _with_bridges(cells: Sheet, walls: Walls, necks: list[Neck], width: float) -> tuple[Sheet, int]:
