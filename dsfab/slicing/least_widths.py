@@ -23,8 +23,12 @@ TURNS = 6
 """Wider members leave narrower openings, which are closed in their turn: so often at most."""
 APART = 2.0
 """Bridges that are made at once are so many widths from one another."""
-WIDER, LONG = 1.04, 1.5
-"""A strip beside a member is so many times as wide as asked, for walls are not quite parallel, and twice so long."""
+WIDER, LONG = 1.1, 1.5
+"""A strip beside a member is so many times as wide as asked, for walls are not quite parallel and vertices near to its
+side are on it, and twice so long."""
+SNAP = 0.05
+"""Vertices nearer to the side of a strip than this share of half its width are on it. Edges that are shorter than a
+hundredth of that leave finite elements no digits: a cantilever became a mechanism by one of 32 micrometres."""
 ON_WALL = 1e-6
 """A place is on a wall if it is no further from it than this share of the width: else on the edge of the surface."""
 
@@ -70,7 +74,7 @@ def _closed(cells: Sheet, gap: float) -> tuple[Sheet, int]:
     total, idle = 0, 0
     for attempt in range(ROUNDS if gap else 0):
         places = narrow_gaps(cells, gap, APART * gap, tips=True, widest=attempt % 2 == 0)
-        cells, count = bridged_at(cells, places, gap)
+        cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
         if not len(places) or idle == 2:  # neither from mouths nor from the narrowest places
             break
@@ -100,4 +104,4 @@ def _widened(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
     for place, sides, on in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         both = (Strip.of(cells, walls, side, place, half) for side in sides[on].tolist())
         strips += [strip for strip in both if strip is not None]
-    return with_strips(cells, strips, member)
+    return with_strips(cells, strips, member, SNAP)
