@@ -15,7 +15,9 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces
 from dsfab.thickening import Side, offsets, thicken
 from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.seams import Overlap
 from dsfab.thickening.skin import Skin
+from dsfab.thickening.union import _part, _stuck
 from tests.test_surface_cover import turned
 from tests.test_thickening import annulus, check_second_order, check_sound, folded, made, real, wrapped
 from tests.zoo import ZOO, grid, lifted, moebius, projective_plane, sphere
@@ -343,6 +345,32 @@ def test_boys_surface_is_united_into_one_sound_solid():
     assert 0.97 * boy.area * t < solid.volume < 1.005 * boy.area * t  # parts end a little off so coarse a mesh
     assert solid.repairs.rung == "united"
     check_sound(solid)
+
+
+def test_faces_at_a_vertex_in_which_a_part_only_touches_itself_are_parted():
+    """The face between is in another part. They were thought to bend too tightly: 30 pairs of Boy's surface were."""
+    V = np.array([[0.0, 0, 0], [1, 0, 0], [0.7, 0.7, 0], [0, 1, 0], [-0.7, 0.7, 0]])
+    fan = Surface(V, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4]]))
+    D, share = np.broadcast_to([0.0, 0.0, 0.1], (3, 3, 3)), np.ones(5)
+    pinched, whole = (
+        _part(fan, D, Overlap(np.array(faces), V, share), Skin.of(fan))
+        for faces in ([True, False, True], [True, True, True])
+    )
+    assert len(whole.found) == 0
+    assert set(map(frozenset, pinched.found.tolist())) == {frozenset((0, 2))}
+    assert not _stuck(pinched.found, pinched.around, np.zeros(3, dtype=int)).any()
+
+
+@pytest.mark.slow
+def test_the_boy_that_ships_meets_itself_nowhere():
+    """Nor do two of its edges become one in single precision."""
+    solid = dsfab.run(dsfab.load_preset("boys_surface")).solid
+    assert solid.repairs.pairs == 0
+    check_sound(solid)
+    points, of = np.unique(solid.V.astype(np.float32), axis=0, return_inverse=True)
+    ends = np.sort(of.reshape(-1)[solid.F][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(ends, axis=0, return_counts=True)[1] == 2).all()
+    assert len(points) == len(np.unique(solid.F))
 
 
 def torus_of(radius: float, tube: float) -> Surface:

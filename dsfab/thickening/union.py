@@ -7,6 +7,7 @@
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -65,9 +66,10 @@ def united_prisms(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) ->
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     found = skin.sources()[pairs]
+    around = _touching(surface.F[found])
     clashes = np.empty((0, 2), dtype=np.int64)
     for round_ in range(ROUNDS):
-        stuck = _stuck(surface, found, label)
+        stuck = _stuck(found, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(found[~stuck], axis=1)]), axis=0)
         thin = np.unique(surface.F[found[stuck]]) if round_ else np.empty(0, dtype=np.int64)  # first without thinning
         thin = thin[share[thin] > THINNEST]
@@ -78,10 +80,10 @@ def united_prisms(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) ->
         label = cut
         colour, D = _coloured(label, clashes), corners * share[surface.F][:, :, None]
         parts = [_part(surface, D, overlap, skin) for overlap in overlaps(surface, colour, clashes)]
-        found = np.concatenate([inner for _, _, inner in parts])
-        if not len(found) or (round_ and not len(thin) and _stuck(surface, found, label).all()):
+        found, around = (np.concatenate([getattr(part, key) for part in parts]) for key in ("found", "around"))
+        if not len(found) or (round_ and not len(thin) and _stuck(found, around, label).all()):
             break
-    merged = _union([(V, F) for V, F, _ in parts])
+    merged = _union([(part.V, part.F) for part in parts])
     if merged is None:
         return None
     V, F, pairs = _settled(*merged, skin.single)
@@ -118,11 +120,18 @@ def _dual(surface: Surface) -> csr_array:
     return csr_array((np.concatenate([reach, reach]), both), shape=(surface.m, surface.m))
 
 
-def _stuck(surface: Surface, found: Ints, label: Ints) -> Bools:
-    """(k,) the pairs of faces of one patch that have a common vertex: no cut parts them."""
-    F = surface.F[found]
-    near = (F[:, 0, :, None] == F[:, 1, None, :]).any(axis=(1, 2))
-    return np.asarray(near & (label[found[:, 0]] == label[found[:, 1]]))
+def _stuck(found: Ints, around: Bools, label: Ints) -> Bools:
+    """(k,) the pairs of faces of one patch that lie around a common vertex: no cut parts them.
+
+    Where a part only touches itself in a vertex, for the face between is in no patch of it, faces do not lie around
+    that: they can be parted.
+    """
+    return np.asarray(around & (label[found[:, 0]] == label[found[:, 1]]))
+
+
+def _touching(F: Ints) -> Bools:
+    """(k,) pairs of faces (k, 2, 3) with a common vertex."""
+    return np.asarray((F[:, 0, :, None] == F[:, 1, None, :]).any(axis=(1, 2)))
 
 
 def _separated(label: Ints, clashes: Ints, graph: csr_array) -> Ints | None:
@@ -157,8 +166,18 @@ def _coloured(label: Ints, clashes: Ints) -> Ints:
     return np.asarray(colour[of])
 
 
-def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> tuple[Floats, Ints, Ints]:
-    """The closed mesh over the faces of a part, and the pairs (k, 2) of sheet faces whose prisms meet in it.
+class _Part(NamedTuple):
+    """A closed mesh V (n, 3), F (m, 3), the pairs of sheet faces (k, 2) whose prisms meet in it, and which of these lie
+    around a common vertex of it (k,)."""
+
+    V: Floats
+    F: Ints
+    found: Ints
+    around: Bools
+
+
+def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
+    """The closed mesh over the faces of a part.
 
     Patches that meet in a vertex get it twice, so that each is closed by itself.
     """
@@ -170,7 +189,8 @@ def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> tu
     D = corners[faces].reshape(-1, 3)[first] * overlap.share[old, None]
     skin = Skin.of(sheet, like.shift, like.single)
     V, S = skin.vertices(sheet.V, D), skin.faces(skin.shorter_diagonals(sheet.V, D))
-    return V, S, faces[skin.sources()[intersecting_pairs(V, S)]]
+    found = skin.sources()[intersecting_pairs(V, S)]
+    return _Part(V, S, faces[found], _touching(F[found]))
 
 
 def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:
