@@ -10,7 +10,8 @@ from dsfab.errors import PatternError
 from dsfab.preset_file import overridden
 from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.corners import outline_labels
-from dsfab.slicing.improve import Improved, improved
+from dsfab.slicing.improve import Improved, flipped, improved
+from dsfab.slicing.mesh_edit import Cut
 from dsfab.slicing.quality import quality
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
@@ -118,3 +119,14 @@ def test_a_preset_asks_for_it():
     assert quality(two.sheet.surface).median > quality(one.sheet.surface).median
     (told,) = [note.text for note in two.notes if "collapsed" in note.text]
     assert f"-> {quality(two.sheet.surface).median:.2f}" in told
+
+
+@pytest.mark.parametrize(("scale", "turns"), [(1e-3, 1), (1e-9, 0)])
+def test_no_cell_is_made_that_no_surface_takes(scale, turns):
+    """A needle does not become two of next to no area in a sheet of a metre: the coarse sphere was refused for them."""
+    kite = scale * np.array([[0.0, 0, 0], [4, 0, 0], [2, 1.5, 0], [2, -1.5, 0]])
+    V = np.concatenate([kite, [[1.0, 0, 0], [0, 1, 0]]])
+    F = np.array([[0, 1, 2], [1, 0, 3]])
+    of, normal = np.zeros(2, dtype=int), np.array([[0.0, 0, 1]])
+    cells = Cut(V, F, of, of, normal, np.array([[0, 4, 5]]), np.full((len(V), 3), -1), np.zeros(len(V)))
+    assert flipped(cells)[1] == turns

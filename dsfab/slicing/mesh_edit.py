@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, grouped
+from dsfab.slicing.clean import CELL_AREA
 from dsfab.slicing.sheet import VOID
 from dsfab.surface.topology import EdgeTable, edge_table
 
@@ -83,12 +84,19 @@ class Cut:
         return self.angles(self.F, self.parent)
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
-        """(k,) the smallest angle of triangles in uncut faces, degrees; negative where one is turned over."""
+        """(k,) the smallest angle of triangles in uncut faces, degrees; negative where one is turned over, 0 where it
+        has next to no area: no surface takes such a face."""
         P = self.V[F]
         sides = np.roll(P, -1, axis=1) - P
         back = -np.roll(sides, 1, axis=1)
         twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), self.normal[parent])
-        return np.asarray(np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1))
+        angle = np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1)
+        return np.where(np.abs(twice) <= 2 * self.least, 0.0, angle)
+
+    @cached_property
+    def least(self) -> float:
+        """Square metres that a cell has at least."""
+        return CELL_AREA * float(np.sum(np.ptp(self.V, axis=0) ** 2))
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
