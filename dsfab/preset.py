@@ -426,8 +426,7 @@ class Slicing(Section):
     """[slicing]: from stripes to a sheet."""
 
     snap: Annotated[float, Ge(0), Le(0.3)] = 0.05
-    """Cuts closer to a vertex than this share of an edge go through the vertex: no slivers. Evenly spaced stripes
-    that are narrower than a third of an edge move by this share of their width."""
+    """Cuts closer to a vertex than this share of an edge go through the vertex: no slivers."""
     pinch: Literal["join", "split"] = "join"
     """Where material would meet in a single point: join it with a small disc, or split it."""
     min_opening: Annotated[float, Ge(0)] | None = None

@@ -18,9 +18,6 @@ NODE = 0.5
 WANTED = 0.5
 """A field is drawn in an opening where it is wanted in more than this share of it."""
 
-THIN = 1 / 3
-"""Stripes under this share of an edge are thin: they move onto vertices by a fraction of their own width."""
-
 
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snap: float, tip: float, size: float
@@ -108,19 +105,13 @@ class Cutting:
         return on, cells.following[on]
 
     def snapped(self, fraction: float) -> "Cutting":
-        """Each stripe moved onto the vertices that it nearly meets, keeping its width.
-
-        By a fraction of their edges, or of itself where it is `THIN`: by a third of its width it would be bent visibly,
-        and differently from its image, whose triangles are seldom the images of these.
-        """
+        """Each stripe moved onto the vertices that it nearly meets, keeping its width."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):
             a, b, difference = self._ends(side)
             reach = np.maximum(reach, ranges(values.size, (a, b), difference))
-        both, width = reach.reshape(-1, 2), np.maximum(values[:, :1] - values[:, 1:], 0.0)
-        both = np.where(width < THIN * both, width, both)
-        moved = snapped_together(values, self.levels, both, max(fraction, SNAP_FLOOR))
+        moved = snapped_together(values, self.levels, reach.reshape(-1, 2), max(fraction, SNAP_FLOOR))
         return replace(self, seen=self.seen.with_values(moved))
 
     def tipped(self, side: int) -> "Cutting":
