@@ -51,10 +51,9 @@ class CornerPhase:
         """(m, 3) the phase at the corners of the faces."""
         return np.asarray(self.sign * self.value[surface.F] + self.shift)
 
-    def gradients(self, surface: Surface, hats: Floats | None = None) -> Floats:
-        """(m, 3) of the phase on the faces, periods per metre; hats : their `hat_gradients`, if these are known."""
-        hats = hat_gradients(surface) if hats is None else hats
-        return np.asarray(np.einsum("mcx,mc->mx", hats, self.corners(surface)))
+    def gradients(self, surface: Surface) -> Floats:
+        """(m, 3) of the phase on the faces, periods per metre."""
+        return np.asarray(np.einsum("mcx,mc->mx", hat_gradients(surface), self.corners(surface)))
 
     def times(self, factor: int) -> "CornerPhase":
         """The same with so many stripes between each two; factor is a whole number."""
@@ -108,9 +107,8 @@ def _aligned(surface: Surface, given: CornerPhase) -> CornerPhase:
     q = shift[h0] - s * shift[other]
     whole = ~(given.singular[f] | given.singular[g])
     f, g, s, q = f[whole], g[whole], s[whole], q[whole]
-    number = np.arange(1, len(f) + 1)
-    both = np.concatenate([number, -number]), (np.concatenate([f, g]), np.concatenate([g, f]))
-    link = csr_array(both, shape=(surface.m, surface.m))
+    link = csr_array((np.arange(1, len(f) + 1), (f, g)), shape=(surface.m, surface.m))
+    link = csr_array(link + csr_array((-np.arange(1, len(f) + 1), (g, f)), shape=link.shape))
     signs, shifts = np.ones(surface.m), np.zeros(surface.m)
     todo = ~given.singular
     while todo.any():

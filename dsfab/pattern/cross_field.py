@@ -70,9 +70,7 @@ def cross_field(
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
     x = frames.twisted.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    angle = np.angle(x) / 2
-    if (vague := size <= VAGUE * size.max()).any():
-        angle[vague] = _along_an_edge(frames)[vague]
+    angle = np.where(size > VAGUE * size.max(), np.angle(x) / 2, _along_an_edge(frames))
     return frames.direction(angle)
 
 

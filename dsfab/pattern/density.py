@@ -11,6 +11,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, weighted_quantile, weighted_quantiles
 from dsfab.pattern.frames import Frames, corner_sums, unit
+from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
 
 SMOOTH = 0.02
@@ -39,12 +40,12 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     confidence : (m,) weight of that, 0 to 1.
     """
     surface = frames.surface
-    grad = frames.gradients
+    grad = hat_gradients(surface)
     corners = g[surface.F]
-    same = frames.sides(g, *frames.ends.T)[surface.edges.of]  # from each corner to the next
-    agree = same.prod(axis=1) > 0
-    corners[:, 1] *= same[:, :1]
-    corners[:, 2] *= same[:, 2:]
+    a, b, c = surface.F.T
+    sign = np.stack([np.ones(surface.m), frames.sides(g, a, b), frames.sides(g, a, c)], axis=1)
+    agree = frames.sides(g, b, c) * sign[:, 1] * sign[:, 2] > 0
+    corners = corners * sign[:, :, None]
     curl = np.einsum("mci,mi->m", np.cross(grad, corners), surface.normals)
     mean = corners.mean(axis=1)
     mean -= np.einsum("mi,mi->m", mean, surface.normals)[:, None] * surface.normals
@@ -53,12 +54,11 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     weight = surface.areas * confidence * agree * np.clip(length, 0, 1) ** 4
     p = np.einsum("mci,mi->mc", grad, along)
     mass = np.maximum(surface.vertex_areas, np.finfo(float).eps * surface.area)
-    after, onward = p[:, (1, 2, 0)], grad[:, (1, 2, 0)]
-    weak = SMOOTH * surface.areas[:, None]
-    along_edges = weight[:, None] * p * after + weak * np.einsum("mci,mci->mc", grad, onward)
-    at_corners = weight[:, None] * p**2 + weak * np.einsum("mci,mci->mc", grad, grad)
+    blocks = np.einsum("ma,mb,m->mab", p, p, weight)
+    blocks += SMOOTH * np.einsum("mai,mbi,m->mab", grad, grad, surface.areas)
+    along_edges = blocks[:, (0, 1, 2), (1, 2, 0)]
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
-    own = corner_sums(surface, at_corners) + EVEN / surface.area * mass
+    own = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
     # as complex numbers: the analysis is that of the phases, which takes longer than to count with zeros
     u = frames.twisted.hermitian(coupling.astype(complex), own)(right.astype(complex)).real

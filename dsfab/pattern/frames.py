@@ -45,11 +45,6 @@ class Frames:
         t1 = unit(axis - dots(axis, normal)[:, None] * normal)
         return cls(surface, normal, t1, np.cross(normal, t1), _cotangents(surface))
 
-    @cached_property
-    def gradients(self) -> Floats:
-        """(m, 3, 3) of the hat functions; see `hat_gradients`."""
-        return hat_gradients(self.surface)
-
     @property
     def ends(self) -> Ints:
         """(e, 2) the vertices of every edge."""

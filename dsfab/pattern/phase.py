@@ -133,26 +133,26 @@ def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: 
     Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
     With as many products as powers it is exact.
     """
-    basis, H = np.empty((products, len(x))), np.zeros((products, products - 1))
-    basis[0] = _of_length_1(B(x), mass)
-    count = products
+    basis = [_of_length_1(B(x), mass)]
+    H = np.zeros((products, products - 1))
     for k in range(products - 1):
-        rest, before = B(basis[k]), basis[: k + 1]
+        rest = B(basis[k])
         for _ in range(2):  # the second time what rounding has left
-            share = before @ (mass * rest)
-            H[: k + 1, k] += share
-            rest = rest - share @ before
+            for j, q in enumerate(basis):
+                share = q @ (mass * rest)
+                H[j, k] += share
+                rest = rest - share * q
         H[k + 1, k] = np.sqrt(rest @ (mass * rest))
         if H[k + 1, k] <= EXHAUSTED * H[k, k]:
-            count, H = k + 1, H[: k + 1, : k + 1]
+            H = H[: k + 1, : k + 1]
             break
-        basis[k + 1] = rest / H[k + 1, k]
+        basis.append(rest / H[k + 1, k])
     y = np.eye(1, max(H.shape[1], 1))[0]
     for _ in range(power - 2 if H.size else 0):
         y = H[: len(y)] @ y
         y /= np.linalg.norm(y)
     y = H @ y if power > 1 and H.size else y
-    return _of_length_1(y @ basis[:count], mass)
+    return _of_length_1(y @ np.array(basis), mass)
 
 
 def _of_length_1(x: Floats, mass: Floats) -> Floats:

@@ -182,7 +182,7 @@ class Course:
         phase = phase.times(2**most)
         phase = replace(phase, singular=images.of_any(phase.singular))
         whole = surface.areas * ~phase.singular
-        size = np.linalg.norm(phase.gradients(surface, frames.gradients), axis=1)
+        size = np.linalg.norm(phase.gradients(surface), axis=1)
         grown = float(whole @ size / (whole @ finest[surface.F].mean(axis=1)))
         slope = images.mean(_slope(surface, size, phase.singular, finest))
         wish, free = (x[surface.F].mean(axis=1) for x in (self.halved.wish, self.halved.free))
