@@ -57,7 +57,6 @@ def preset(per_metre=(0, -1e3, 0), keep=0.025, width=0.75, **changes):
                 "major": {"mode": 1, "frequency": 2.0, "phase": 0.3},
                 "minor": {"mode": 1, "frequency": 2.0, "phase": 0.3},
             },
-            "slicing": {"min_gap": 0, "min_member": 0},  # a thickness changes nothing else
         }
         | changes
     )

@@ -24,8 +24,8 @@ def test_every_limit_of_the_workshop_has_a_control():
         listed
     )
     assert listed["statics.material"]["choices"] == tuple(MATERIALS)
-    for key, word in {"surface.refine": "off", "fabrication.min_gap": "usual"}.items():
-        assert (listed[key]["word"], listed[key]["worth"]) == (word, 0)
+    for key in ("surface.refine", "fabrication.min_gap"):
+        assert (listed[key]["word"], listed[key]["worth"]) == ("off", 0)
         assert 0 < listed[key]["low"] < listed[key]["high"]
 
 

@@ -205,7 +205,7 @@ def test_without_the_extra_the_solid_part_says_how_to_get_it(design, tmp_path, m
 
 
 def test_limits_of_fabrication_are_measured_on_the_file(tmp_path):
-    strict = run(preset(fabrication={"min_wall": 0.012, "min_gap": 0.0001}, slicing={}))
+    strict = run(preset(fabrication={"min_wall": 0.012, "min_gap": 0.0001}))
     checked = check_file(write(strict.solid, tmp_path / "strip.stl"), strict, solid=False)
     assert verdicts(checked)["wall"] == "fail"
     assert verdicts(checked)["gap"] == "pass"  # as its build says, finer than its triangles or not
@@ -214,7 +214,7 @@ def test_limits_of_fabrication_are_measured_on_the_file(tmp_path):
 
 def test_the_gap_of_a_file_that_is_the_design_is_the_one_that_was_built(tmp_path, monkeypatch):
     """Rays find a tenth of a millimetre in a wedge; the sheet's gap counts, but in a file that is not the design."""
-    strict = run(preset(fabrication={"min_gap": 0.001}, slicing={}))
+    strict = run(preset(fabrication={"min_gap": 0.001}))
     found = Clearances(None, Clearance(0.0001, np.zeros(3)))
     monkeypatch.setattr(file_check, "clearances", lambda V, F: found)
     checked = check_file(write(strict.solid, tmp_path / "strip.stl"), strict, solid=False)

@@ -54,13 +54,6 @@ def test_table_1_has_sixteen_rows_and_every_figure_its_preset():
     assert len({f.timings for f in FIGURES}) == 12
 
 
-def test_only_figures_of_the_paper_do_without_the_limits_of_a_workshop():
-    """They are the paper's, slits and all; what has none keeps to the limits."""
-    without = {name for name, file in shipped_presets().items() if "min_gap = 0 " in file.read_text()}
-    assert without < {figure.preset for figure in FIGURES}
-    assert len(without) == 14
-
-
 @pytest.mark.parametrize("figure", [f for f in FIGURES if "mesh" in f.stand_in], ids=lambda f: f.preset)
 def test_a_stand_in_says_so_in_the_preset(figure):
     file = shipped_presets()[figure.preset]

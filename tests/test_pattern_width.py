@@ -439,7 +439,6 @@ def test_cells_agree_with_the_wave_and_the_carried_half_widths(coarse, width):
     """What a shader draws: material where p(z) > 1 - 4 d, z and d linear over each face."""
     design = coarse["globe"]
     changes = {f"pattern.width.{k}": v for k, v in width.items()} | {"slicing.snap": 0.0, "pattern.keep": 0.0}
-    changes |= {"slicing.min_gap": 0.0, "slicing.min_member": 0.0}
     design = dsfab.revise(design, dsfab.load_preset(GLOBE_MODES, COARSE["globe"] | changes))
     cells, pattern = design.slicing.cells, design.pattern
     assert pattern.names == ("major", "minor")

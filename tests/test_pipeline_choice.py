@@ -21,7 +21,6 @@ from dsfab.statics import Elements, SheetModel, solve_statics
 from tests.zoo import ZOO, zoo
 
 COARSE = {"surface.edge": 0.1, "pattern.width.min_width": 0, "pattern.width.min_gap": 0}
-COARSE |= {"slicing.min_gap": 0, "slicing.min_member": 0}  # trials leave slits, of which so coarse a mesh has many
 PHASES = {"pattern.major.phase": "auto", "pattern.minor.phase": "auto"}
 MODES = {"pattern.major.mode": "auto", "pattern.minor.mode": "auto"}
 

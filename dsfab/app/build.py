@@ -34,7 +34,7 @@ class Files:
 
     accept: Annotated[
         bool,
-        Parameter(negative=(), help="Write it in spite of loads that nothing carries, a film, or slits."),
+        Parameter(negative=(), help="Write it in spite of loads that nothing carries, or of a film."),
     ] = False
 
     def overrides(self) -> tuple[str, ...]:

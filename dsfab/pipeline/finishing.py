@@ -199,7 +199,7 @@ class Least(NamedTuple):
 
 def _least(smallest: Smallest, ask: Slicing, merge: Merging) -> Least:
     """What is bridged and widened; nothing where slits stay."""
-    return Least(smallest.neck, ask.min_member or 0.0) if merge != "none" else Least(0.0, 0.0)
+    return Least(smallest.neck, ask.min_member) if merge != "none" else Least(0.0, 0.0)
 
 
 class Rounded(NamedTuple):

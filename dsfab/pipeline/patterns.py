@@ -30,7 +30,6 @@ from dsfab.pipeline.kept import kept_regions
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.share_correction import SHARE_TOLERANCE, corrected
 from dsfab.pipeline.tidying import tidy_of
-from dsfab.pipeline.workshop_widths import closed_share
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import PolygonMesh, cut_polygons
@@ -145,15 +144,16 @@ def pattern_step(
             found = pattern_of(preset, families, layers)
             return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
 
-        if not ask.width.solid_fraction:
+        if not (wanted := ask.width.solid_fraction):
             return made()
-        finished = ask.fillet or even or ask.tidied
+        if not (ask.fillet or even or ask.tidied):
+            result, total = made(), share.nearest(wanted)
+        else:
 
-        def added(one: PatternResult) -> float:
-            return (added_share if finished else closed_share)(preset, surface, one, share.polygons)
+            def added(one: PatternResult) -> float:
+                return added_share(preset, surface, one, share.polygons)
 
-        bridged = (lambda: bridged_share(surface)) if finished else (lambda: 0.0)
-        result, total = corrected(ask.width, made, share.nearest, added, bridged)
+            result, total = corrected(ask.width, made, share.nearest, added, lambda: bridged_share(surface))
         log.note("pattern", _solved(preset, widths, result.factor, total))
     return result
 

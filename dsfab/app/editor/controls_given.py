@@ -60,27 +60,26 @@ _SMOOTH = "Dividing also rounds the facets (Loop subdivision)."
 def _workshop(surface: Surface) -> list[Control]:
     group, thin = "workshop", one_digit(surface.size / 3000)
     limits = {
-        "min_member": ("min. member", f"The narrowest member that can be made. {_USUAL}", "usual"),
-        "min_gap": ("min. gap", f"The narrowest opening that can be made. {_USUAL}", "usual"),
-        "min_wall": ("min. wall", "The thinnest wall of the solid that can be made; thinner ones are told.", "off"),
+        "min_member": ("min. member", "The narrowest member that can be made; narrower ones are told."),
+        "min_gap": ("min. gap", "The narrowest opening that can be made; narrower ones are told."),
+        "min_wall": ("min. wall", "The thinnest wall of the solid that can be made; thinner ones are told."),
     }
     return [
         *(
-            _limit(Control(group, f"fabrication.{key}", label, "length", "m", thin, 100 * thin, hint=hint), word)
-            for key, (label, hint, word) in limits.items()
+            _limit(Control(group, f"fabrication.{key}", label, "length", "m", thin, 100 * thin, hint=hint))
+            for key, (label, hint) in limits.items()
         ),
         Control(group, "fabrication.bed", "fits into", "size", "m", live=False, hint=_BED),
         Control(group, "fabrication.accept", "build in spite of faults", "switch", live=False, hint=_ACCEPT),
     ]
 
 
-_USUAL = "Narrower ones are told; usual: what is kept anyway, by the sheet's thickness."
 _BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
 
 
-_ACCEPT = "Also with loads that nothing carries, a sheet that was thinned to a film, or what is under 1 mm and fails."
+_ACCEPT = "Also with loads that nothing carries, or with a sheet that was thinned to a film."
 
 
-def _limit(control: Control, word: str = "off") -> Control:
-    """One whose slider runs in decades, and which is what the word says at 0."""
-    return replace(control, log=True, live=False, word=word, worth=0.0)
+def _limit(control: Control) -> Control:
+    """One whose slider runs in decades, and which is off at 0."""
+    return replace(control, log=True, live=False, word="off", worth=0.0)

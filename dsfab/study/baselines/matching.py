@@ -61,10 +61,9 @@ def _matched(task: ComparisonTask, drawing: Drawing) -> Structure:
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Layers cut as the preset cuts, without the pieces that reach no support; nothing is added to the mass that they
-    are drawn with."""
+    """Layers cut as the preset cuts, without the pieces that reach no support."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
-    slicing = task.preset.slicing.model_copy(update={"loose": "drop", "min_gap": 0.0, "min_member": 0.0})
+    slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.model_copy(update={"slicing": slicing})
     tidy = tidy_of(preset, task.stressed, layers)
     pattern = PatternResult(names, fields, levels, widths, tidy=tidy)

@@ -73,14 +73,11 @@ the snap of the shipped table, whatever its preset asks for."""
 def random_design(kind: str, seed: int) -> Design:
     """A design of that kind: frequencies, modes, phases, widths and share of material drawn with the seed.
 
-    Sheets stay as stripes are cut: slits and thin members are what is hard to judge.
-
     Raises DsfabError for a draw that cannot be made.
     """
     rng, given = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
     changes: dict[str, Any] = {**given.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
-    changes |= {"slicing.min_gap": 0.0, "slicing.min_member": 0.0}
     for family in ("major", "minor"):
         changes[f"pattern.{family}.mode"] = int(rng.integers(1, 4))
         changes[f"pattern.{family}.frequency"] = round(float(rng.uniform(*given.frequency)), 2)
