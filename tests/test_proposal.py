@@ -15,8 +15,7 @@ from dsfab.app.cli import main
 from dsfab.app.editor.source import open_preset
 from dsfab.app.options import Source
 from dsfab.errors import PresetError, SurfaceError
-from dsfab.pipeline import least_widths
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset_file import load_preset
 from dsfab.proposal import decisions, preset_for, propose
 from dsfab.proposal.feet import feet
 from dsfab.proposal.sizes import is_figure, sizes
@@ -375,21 +374,10 @@ def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, c
 @pytest.mark.parametrize(("name", "ends"), [("bob", False), ("blub", True), ("figure", False)])
 def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name, ends):
     """Blind alleys, folded openings, thin necks of members: a ring, a fish with fins, a figure with arms. The fish's
-    narrowest member is one that ends: it stays.
-
-    Openings end where they are as wide as that if it is asked for, else where they are as wide as is usual.
-    """
+    narrowest member is one that ends: it stays."""
     mesh = OWN[name](tmp_path) if name in OWN else mesh_file(f"{name}.obj")
-    usual = dsfab.preset_for(mesh)
-    thick = usual.statics.thickness
-    design = dsfab.Design.of(usual)
-    for asked, gap in ((usual, least_widths(usual, design.surface.size).gap), (with_gap(usual, thick), thick)):
-        design = dsfab.Design.of(asked, design)
-        cut = design.slicing
-        found = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"])
-        assert found.gap.size > gap
-        assert (found.member.size > thick) != ends
-
-
-def with_gap(preset, metres):
-    return overridden(preset, {"slicing.min_gap": metres})
+    preset = dsfab.preset_for(mesh)
+    cut = dsfab.Design.of(preset).slicing
+    found = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"])
+    assert found.gap.size > preset.statics.thickness
+    assert (found.member.size > preset.statics.thickness) != ends

@@ -24,8 +24,6 @@ LETTER: Mapping[str, Any] = {
     "pattern.keep": 0.0,
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
-    "slicing.min_gap": 0.0,
-    "slicing.min_member": 0.0,
 }
 """What the paper says, where a preset may depart from it; modes, frequencies and phases are those of Table 1 anyway."""
 
