@@ -1,10 +1,16 @@
 """The order of the tests, the files that take longest first, so that no core is idle at the end; Ctrl-C; fixtures."""
 
+import os
 import signal
+import sys
 
 import pytest
 
-from tests import designs
+# What tests start compiles the product once, not each process anew; before anything of it is loaded.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+from tests import designs  # noqa: E402
 
 LONGEST = (
     *("test_docs.py", "test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py"),
