@@ -4,9 +4,9 @@ planar -> planar, tighter -> by members, where these are few -> smooth, where it
                                                          -> smooth, however long it takes -> simplified further
 by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
-That is `auto` (by members only where the stripes are known); `quick` is the same without members and the smooth one that takes however long. The next way is tried
-when one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file, one
-cut of it among that.
+That is `auto`, by members only where the stripes are known; `quick` is the same without members and the smooth one that
+takes however long. The next way is tried when one is refused: for the shape, by the budget, before anything is written,
+or for what OCCT finds in the file, one cut of it among that.
 """
 
 from collections.abc import Iterator, Sequence
