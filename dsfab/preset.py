@@ -490,11 +490,13 @@ class Export(Section):
     """See `dsfab export --help`: solids, lines, drawings, fields."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
-    step: Literal["auto", "quick", "planar", "members", "smooth", "faceted", "tessellated"] = "auto"
-    """STEP: planar (flat or folded) or smooth (curved), of lines and splines, faceted, or tessellated (for viewers);
-    members: smooth, of four-sided patches that CAD programs cut and measure as they should, else smooth, else faceted.
-    auto: planar where it can, else smooth where it is soon made, else faceted where step_faces allows, else smooth.
-    quick: the same without the last, which may take minutes and come to nothing."""
+    step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
+    """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers);
+    members: curved, of four-sided patches that CAD programs cut and measure as they should, else smooth, else faceted.
+    smooth or compact: curved, of few skins, the smallest file; cutting it in CAD often fails.
+    auto: planar where it can, else by members up to 6000 faces, else smooth where it is soon made and OCCT cuts it,
+    else faceted where step_faces allows, else smooth.
+    quick: the same without members, cuts, and the last, which may take minutes and come to nothing."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Metres that planar, smooth or simplified STEP may be off the mesh; 0: a share of the thickness, faceted: none."""
     step_mb: Annotated[float, Ge(0)] = 0.0

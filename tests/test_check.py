@@ -236,11 +236,16 @@ def test_planar_faces_may_be_simplified_and_curved_ones_are_off_by_chords(design
 
 
 @pytest.mark.slow
-def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_path):
-    """It is farther off the mesh than a twentieth of the thickness: the mesh cuts the vault's curve short."""
+def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_path, monkeypatch):
+    """It is farther off the mesh than a twentieth of the thickness: the mesh cuts the vault's curve short. That OCCT
+    does not cut it is told, and no fault of the solid."""
+    monkeypatch.setattr(file_check, "cut_fault", lambda path, faces: (f"{faces} faces", []))
     vault = run(load_preset("barrel_vault", {"surface.edge": 0.5, "export.step": "smooth"}))
-    checked = check_file(vault.write(tmp_path / "vault.step"), vault, solid=False)
+    path = vault.write(tmp_path / "vault.step")
+    checked, count = check_file(path, vault, solid=False), path.read_text().count("=ADVANCED_FACE(")
     assert checked.passed
+    assert verdicts(checked)["cut"] == "unknown"
+    assert next(f.reason for f in checked.findings if f.name == "cut").startswith(f"{count} faces: to cut it in CAD")
     t = vault.preset.statics.thickness
     assert t / 20 < checked.distance.largest < checked.distance.allowed < t / 4
 

@@ -1,5 +1,6 @@
 """`--step auto`: the best way within the budget, told in one line; a refusal with the costs only when there is none."""
 
+import json
 import re
 from contextlib import suppress
 from dataclasses import replace
@@ -10,7 +11,7 @@ import pytest
 
 from dsfab.delivery.files import curved_sheet
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, StepOptions, ladder, readback, simplify, step, step_estimates, write
+from dsfab.export import STEP_FACES, StepOptions, ladder, readback, sampled_use, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
@@ -41,6 +42,14 @@ def unread(monkeypatch):
     monkeypatch.setattr(step, "inspection", never)
 
 
+@pytest.fixture
+def cut(monkeypatch):
+    """OCCT's answer to the cut of a file, without OCCT."""
+    said = {"halves": False, "off": 1.0, "box": [0.0] * 6}
+    monkeypatch.setattr(sampled_use, "last_line", lambda *_, seconds: json.dumps(said))
+    return said
+
+
 def faces(path):
     return path.read_bytes().count(b"=ADVANCED_FACE(")
 
@@ -49,7 +58,7 @@ def chosen(solid, **how):
     return next((one for one in step_estimates(solid, **how) if one.chosen), None)
 
 
-def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, unread):
+def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, cut, unread):
     said, (solid, curved) = [], slow_vault
     path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved, faces=60), note=said.append)
     assert faces(path) < 30
@@ -61,7 +70,7 @@ def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp
     assert chosen(solid, step=StepOptions(curved=curved)).way == "faceted"
 
 
-def test_members_are_tried_after_the_smooth_solid_and_before_facets(slow_vault):
+def test_members_are_tried_before_the_smooth_solid_and_facets(slow_vault):
     """By `auto` alone, and where the stripes are known."""
     solid, curved = slow_vault
     striped = replace(curved(), striped=lambda: pytest.fail("stripes were asked for"))
@@ -70,7 +79,7 @@ def test_members_are_tried_after_the_smooth_solid_and_before_facets(slow_vault):
     def tried(step, sheet):
         return [(one.step, one.hurry) for one in islice(ladder.attempts(replace(part, step=step, curved=sheet)), 3)]
 
-    assert tried("auto", lambda: striped) == [("smooth", 1), ("members", 1), ("faceted", 0)]
+    assert tried("auto", lambda: striped) == [("members", 1), ("smooth", 1), ("faceted", 0)]
     assert tried("auto", lambda: replace(striped, striped=None))[:2] == [("smooth", 1), ("faceted", 0)]
     assert tried("quick", lambda: striped)[:2] == [("smooth", ladder.LONGER), ("faceted", 0)]
 
@@ -171,3 +180,42 @@ def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, m
     share = 1.01
     with pytest.raises(ExportError, match="reads back with another volume"):
         write(solid, tmp_path / "a.brep", step=StepOptions("smooth", curved=curved))
+
+
+def test_a_smooth_solid_that_occt_cannot_cut_gives_way_to_facets_of_no_large_file(slow_vault, here, cut, monkeypatch):
+    solid, curved = slow_vault
+    part = ladder.prepare(replace(part_of(solid, "a", STEP_FACES), step="auto", curved=curved))
+    smooth = next(one for one in ladder.attempts(part) if one.step == "smooth")
+    monkeypatch.setattr(plan, "MOST_WALLS", 100)
+    with pytest.raises(ExportError, match="smooth a half of it is not valid once OCCT has cut it"):
+        step.encode(smooth)
+    monkeypatch.setattr(step, "LIGHT", 0.01)
+    assert b"B_SPLINE" in b"".join(step.encode(smooth))
+    fails = "; cutting it in CAD fails (a half of it is not valid once OCCT has cut it): write step = 'faceted'"
+    assert fails in ladder.route_sentence(smooth, [])
+    cut.update(halves=True, off=0.0, box=part.box.ravel().tolist())
+    sampled_use._TRIED.clear()
+    assert ladder.route_sentence(smooth, []).endswith("; a half-space cut valid")
+
+
+def test_halves_and_the_box_of_a_cut_decide_about_it_and_large_files_are_not_cut(slow_vault, cut, monkeypatch):
+    solid, curved = slow_vault
+    part = ladder.prepare(part_of(solid, "a", STEP_FACES))
+    limits = plan.SmoothPlan(replace(part, curved=curved)).limits
+    box = part.box.ravel().tolist()
+    for answer, fault in (
+        ({"halves": True, "off": 1e-6, "box": box}, ""),
+        ({"off": 2e-5}, "its halves miss 2.0e-05 of its volume once OCCT has cut it"),
+        ({"off": 0.0, "box": [box[0] - 400.0, *box[1:]]}, "OCCT's box of it is 400 mm off"),
+    ):
+        cut.update(answer)
+        assert sampled_use.sampled_use(part, "", 5, limits) == sampled_use.SampledUse(True, fault)
+    assert sampled_use.sampled_use(part, "", sampled_use.MOST_FACES + 1, limits) == sampled_use.SampledUse(False)
+
+
+def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, here):
+    solid, curved = slow_vault
+    said = list[str]()
+    write(solid, tmp_path / "a.step", step=StepOptions("compact", curved=curved), note=said.append)
+    assert said[0].startswith("STEP is smooth")
+    assert said[0].endswith("; cutting it in CAD may fail: write step = 'faceted' to cut it there")

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.delivery.files import curved_sheet
 from dsfab.errors import ExportError
-from dsfab.export import StepOptions, write
+from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, use_check
 from dsfab.export.network.curves import ChainCurve, SampledChain, bernstein
@@ -321,6 +321,21 @@ def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
     assert (found["boxed"], found["again"]) == (True, True)
     assert found["volume"] == pytest.approx(part.volume, rel=2e-3)
     assert found["plain"] == pytest.approx(found["volume"], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeypatch):
+    """The same grid: one cut of it is tried, and none where it has more faces than are cut unasked."""
+    surface = cylinder_strip()
+    _, solid, curved = draft_of(surface, grid(surface))
+    ask, said = StepOptions(curved=partial(lambda: curved)), list[str]()
+    write(solid, tmp_path / "grid.step", step=ask, note=said.append)
+    assert said[0].startswith("STEP is by members")
+    assert said[0].endswith("; a half-space cut valid")
+    monkeypatch.setattr(sampled_use, "MOST_FACES", 10)
+    write(solid, tmp_path / "grid.step", step=ask, note=said.append)
+    assert said[1].startswith("STEP is by members")
+    assert "; not cut here, since it has more than" in said[1]
 
 
 @pytest.mark.slow

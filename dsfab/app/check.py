@@ -31,6 +31,7 @@ FAULTS = {
 QUESTIONS = {
     "solid": "is it a solid",
     "unit": "is the unit right",
+    "cut": "can CAD programs cut it",
     "wall": "is no wall too thin",
     "gap": "is no gap too small",
     "design": "is it the design",

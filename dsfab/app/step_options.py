@@ -24,7 +24,8 @@ class StepFlags:
     step: Annotated[
         str | None,
         Parameter(
-            help="How STEP is made: auto, quick, planar (flat, folded), members, smooth (curved), faceted, tessellated."
+            help="How STEP is made: auto, quick, planar (flat, folded), members, smooth or compact (curved), faceted, "
+            "tessellated."
         ),
     ] = None
     max_faces: Annotated[int | None, Parameter(help="Largest number of faces of a STEP file [export.step_faces].")] = (

@@ -11,6 +11,7 @@ from dsfab.export.partial import temporary_folder
 from dsfab.export.program import Ahead, ProgramError, last_line, meanwhile
 from dsfab.export.rhino import ready as require_rhino
 from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json
+from dsfab.export.sampled_use import cut_fault
 from dsfab.export.smooth.limits import Limits, smooth_limits
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "Written",
     "check_flat_dxf",
     "complete",
+    "cut_fault",
     "flat_dxf",
     "flat_svg",
     "last_line",

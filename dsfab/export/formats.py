@@ -249,7 +249,7 @@ def _with_options(part: Part, step: StepOptions | str, details: Details | None) 
     return replace(
         part,
         details=(details or Details()).scaled(MM_PER_M),
-        step=ask.route,
+        step="smooth" if ask.route == "compact" else ask.route,
         step_faces=ask.faces,
         step_mb=ask.megabytes,
         tolerance=MM_PER_M * ask.tolerance,

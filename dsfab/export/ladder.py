@@ -1,11 +1,12 @@
 """In which ways a STEP file is tried, the best first, and what is said about the one that was taken.
 
-planar -> planar, tighter -> smooth, where it is soon made -> by members, where these are few -> faceted -> simplified
+planar -> planar, tighter -> by members, where these are few -> smooth, where it is soon made -> faceted -> simplified
                                                          -> smooth, however long it takes -> simplified further
 by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
-That is `auto`; `quick` is the same without members and the smooth one that takes however long. The next way is tried
-when one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
+That is `auto`, by members only where the stripes are known; `quick` is the same without members and the smooth one that
+takes however long. The next way is tried when one is refused: for the shape, by the budget, before anything is written,
+or for what OCCT finds in the file, one cut of it among that.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,13 +21,14 @@ from dsfab.export.folds import flat_facets, folded_sheet
 from dsfab.export.network.build import NotByMembersError, member_file
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
+from dsfab.export.sampled_use import smooth_use
 from dsfab.export.simplify import simplified_part, usual_tolerance
 from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
 from dsfab.limits import FURTHER, OUTLINE
 from dsfab.surface.topology import edge_table, half_edges
 
-ROUTES = ("auto", "quick", "planar", "members", "smooth", "faceted", "tessellated")
+ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 TIGHTER = 1 / 4
 """A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
@@ -62,7 +64,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
-        yield replace(part, step="smooth")
+        yield replace(part, step="smooth", cut=True)
         yield replace(part, step="faceted")
     if chosen or part.step == "planar":
         flat = default_tolerance(part)
@@ -71,11 +73,11 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
             yield planar
             if planar.tolerance:
                 yield replace(planar, tolerance=TIGHTER * planar.tolerance)
-    curved = chosen and part.curved is not None and not flat
-    if part.step == "smooth" or curved:
-        yield replace(part, step="smooth", hurry=(LONGER if part.step == "quick" else 1) if curved else 0)
-    if curved and part.step == "auto" and _striped(part):
+    curved, quick = chosen and part.curved is not None and not flat, part.step == "quick"
+    if curved and not quick and _striped(part):
         yield replace(part, step="members", hurry=1)
+    if part.step == "smooth" or curved:
+        yield replace(part, step="smooth", hurry=(LONGER if quick else 1) if curved else 0, cut=curved and not quick)
     if part.step == "tessellated":
         yield part
     if chosen or part.step == "faceted":
@@ -104,7 +106,7 @@ def _last(part: Part, curved: bool, quick: bool) -> Iterator[Part | BudgetError]
             far = isinstance(simple, BudgetError) and simple.faces > FAR * part.step_faces
             yield simple
     if curved:
-        yield replace(part, step="smooth")
+        yield replace(part, step="smooth", cut=True)
     if not part.tolerance and not (quick and far):
         yield from _simpler(part, FURTHER * usual_tolerance(part))
 
@@ -168,11 +170,20 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     if part.step == "smooth":
         over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
         slow = f"; made however long it took, since {over}" if over and not part.hurry else ""
-        slow = slow or _not_by_members(refused)
-        return f"STEP is smooth, {smooth_file(part).told}{slow}"
+        return f"STEP is smooth, {smooth_file(part).told}{slow}{_not_by_members(refused)}; {_cut_told(part, refused)}"
     why = "; ".join(reasons(refused))
     note = f", {part.note}" if part.note else ""
     return f"STEP is faceted{note}" + (f": {why}" if why else "")
+
+
+def _cut_told(part: Part, refused: Sequence[ExportError]) -> str:
+    """What CAD programs will do with a smooth file, and which way is for those who cut it there."""
+    use = smooth_use(part)
+    if use.tried and not use.fault:
+        return "a half-space cut valid"
+    other = "faceted" if any(map(_by_members, refused)) or not _striped(part) else "members"
+    said = f"cutting it in CAD fails ({use.fault})" if use.fault else "cutting it in CAD may fail"
+    return f"{said}: write step = '{other}' to cut it there"
 
 
 def _not_by_members(refused: Sequence[ExportError]) -> str:

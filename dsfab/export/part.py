@@ -22,8 +22,8 @@ from dsfab.units import MM_PER_M
 STEP_FACES = 30_000
 """Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
 
-Route = Literal["auto", "quick", "planar", "members", "smooth", "faceted", "tessellated"]
-"""The ways to make a STEP file."""
+Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
+"""The ways to make a STEP file; compact is another word for smooth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +60,11 @@ class Details:
 class StepOptions:
     """How a STEP file is made.
 
-    route     : planar, for flat or folded sheets: lines and splines along the outline; smooth, for curved ones: skins
-                and ruled walls; members: the same of four-sided patches that no edge trims, which CAD programs cut and
-                measure as they should, in a larger file, never taken by auto; faceted: planar faces only; auto takes
-                the first that the solid allows and that stands the check. tessellated: its triangles, for viewers;
-                auto never takes it.
+    route     : planar, for flat or folded sheets: lines and splines along the outline; members, for curved ones:
+                four-sided patches that no edge trims, which CAD programs cut and measure as they should; smooth or
+                compact: few skins and ruled walls, the smallest file, which they often fail to cut; faceted: planar
+                faces only; auto takes the first that the solid allows and that stands the check. tessellated: its
+                triangles, for viewers; auto never takes it.
     faces     : largest number of planar faces, counted after coplanar triangles were joined.
     tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted solid
                 may be simplified by, which it is not if 0 unless nothing else is accepted.
@@ -98,6 +98,7 @@ class Part:
     note       : what was done to the mesh on its way here.
     simpler    : whether that left it with fewer triangles than its solid has.
     curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
+    cut        : whether OCCT tries one cut of a smooth file, if that is not too much work.
     hurry      : where nobody asked for smooth STEP by name, it is given up early, and not tried where it has more than
                  so many times the walls that are soon made, nor by members where these have too many faces; 0 where
                  somebody did.
@@ -117,6 +118,7 @@ class Part:
     simpler: bool = False
     curved: Callable[[], Curved] | None = None
     hurry: int = 0
+    cut: bool = False
 
     def __post_init__(self) -> None:
         lock(self, "corners", np.float64, (None, 3))

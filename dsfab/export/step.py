@@ -2,8 +2,8 @@
 
 planar  : a flat sheet as a draughtsman has it: two skins, an outline of lines and splines within a tolerance, and a
           wall per curve (`dsfab.export.plate`); folded sheets of flat facets likewise (`dsfab.export.folds`).
-smooth  : a curved sheet likewise: spline skins trimmed by the pattern's edges, and ruled walls (`dsfab.export.smooth`).
 members : a curved sheet of four-sided patches that nothing trims, on shared curves (`dsfab.export.network`).
+smooth  : a curved sheet likewise: spline skins trimmed by the pattern's edges, and ruled walls (`dsfab.export.smooth`).
 faceted : any solid, as planar faces that coplanar triangles were joined to; simplified before that where asked.
 tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
@@ -40,6 +40,7 @@ from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
 from dsfab.export.program import ProgramError, last_line
 from dsfab.export.readback import ReadBack, check_measure, differs
+from dsfab.export.sampled_use import smooth_use
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import entities, faceted_bytes
@@ -47,6 +48,9 @@ from dsfab.export.step_text import entities, faceted_bytes
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
 """Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
+
+LIGHT = 8.0
+"""Megabytes of a faceted file that is better than a smooth one whose cuts fail."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -64,7 +68,13 @@ def _planar(part: Part) -> tuple[int, float, Iterable[str]]:
 
 
 def _smooth(part: Part) -> tuple[int, float, Iterable[str]]:
-    return smooth_file(part).faces, len(smooth_file(part).text), [smooth_file(part).text]
+    """In a hurry, one that OCCT cannot cut is refused for facets, which it can, where these are no large file."""
+    file = smooth_file(part)
+    if part.hurry and part.cut and (fault := smooth_use(part).fault):
+        faces, size, _ = _faceted(part)
+        if size <= 1e6 * LIGHT and faces <= part.step_faces:
+            raise ExportError(f"smooth {fault}")
+    return file.faces, len(file.text), [file.text]
 
 
 def _members(part: Part) -> tuple[int, float, Iterable[str]]:

@@ -1,21 +1,17 @@
 """The file of a part by members, and what OCCT says of it: read again, compared with the mesh, cut by half-spaces."""
 
-import json
 import subprocess
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
-
-import numpy as np
 
 from dsfab.errors import ExportError
 from dsfab.export.budget import BudgetError, within
 from dsfab.export.network import use_check
 from dsfab.export.network.draft import MemberDraft, member_draft, member_plan
 from dsfab.export.part import Part
-from dsfab.export.program import ProgramError, last_line
+from dsfab.export.program import ProgramError
+from dsfab.export.sampled_use import MOST_FACES, box_fault, said_of_use, sampled_use
 from dsfab.export.smooth.acceptance import GAP
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.occt_check import OcctFinding, findings, occt
@@ -26,14 +22,14 @@ SECONDS, SECONDS_PER_FACE = 120.0, 0.3
 """Of the processor, for each of both programs, many times what was measured."""
 
 CUTS = len(use_check.PLANES)
-PLAIN, BOX = 1e-3, 1e-2
-"""Shares that the volume by the plain rule may be off, and the box at each side."""
+PLAIN = 1e-3
+"""Share that the volume by the plain rule may be off."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberFile:
     """The text of a file with `solids`, and what was found: faces, trimmed ones among them; gap, largest distances of
-    the solid from the mesh and back, millimetres; volume, mm3, and by what share the plain rule is off."""
+    the solid from the mesh and back, millimetres; volume, mm3; used, what became of it in OCCT."""
 
     text: str
     solids: int
@@ -43,7 +39,7 @@ class MemberFile:
     there: float
     back: float
     volume: float
-    fillets: tuple[int, int]
+    used: str
     limits: Limits
 
     @property
@@ -53,8 +49,7 @@ class MemberFile:
         return (
             f"four-sided patches on shared curves{some}; at most {self.there:.2g} mm off the mesh and the mesh "
             f"{self.back:.2g} mm off it (allowed are {self.limits.distance:.2g} mm and the mesh's own chord error, "
-            f"usually under {self.limits.usual:.2g} mm); {CUTS} of {CUTS} half-space cuts valid, "
-            f"{self.fillets[0]} of {self.fillets[1]} fillets made"
+            f"usually under {self.limits.usual:.2g} mm); {self.used}"
         )
 
 
@@ -86,13 +81,9 @@ def _accepted(part: Part) -> MemberFile:
     with occt() as program:
         found = findings(program, draft.text, DEFLECTION * plan.limits.distance, seconds)
     there, back = _asked_as_a_solid(part, plan, draft, found)
-    said = _use(draft.text, seconds)
-    volume = sum(one.volume for one in found)
-    _asked_in_use(part, plan, said)
-    gap, fillets = max(draft.gap, *(one.gap for one in found)), (said["fillets"], said["sharp"])
-    return MemberFile(
-        draft.text, draft.solids, draft.faces, draft.trimmed, gap, there, back, volume, fillets, plan.limits
-    )
+    used = _cut_once(part, plan, draft) if part.hurry else _used(part, plan, draft, seconds)
+    volume, gap = sum(one.volume for one in found), max(draft.gap, *(one.gap for one in found))
+    return MemberFile(draft.text, draft.solids, draft.faces, draft.trimmed, gap, there, back, volume, used, plan.limits)
 
 
 def _require(*tests: tuple[bool, str]) -> None:
@@ -129,24 +120,27 @@ def _asked_as_a_solid(
     return there.most, back.most
 
 
-def _use(text: str, seconds: float) -> dict[str, Any]:
-    """What `use_check` says of a file."""
-    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "a.step"
-        path.write_text(text, encoding="ascii")
-        try:
-            said: dict[str, Any] = json.loads(last_line(use_check.__file__, str(path), seconds=seconds))
-        except (subprocess.TimeoutExpired, ProgramError) as error:
-            raise ExportError("OCCT did not cut the solid by members within the time limit") from error
-    return said
+def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft) -> str:
+    """What became of one cut, where nobody asked for members by name; raises ExportError where it failed."""
+    use = sampled_use(part, draft.text, draft.faces, plan.limits)
+    if use.fault:
+        raise ExportError(f"by members {use.fault}")
+    return "a half-space cut valid" if use.tried else f"not cut here, since it has more than {MOST_FACES} faces"
+
+
+def _used(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> str:
+    """What became of everything that `use_check` tries; raises ExportError where a CAD program would fail with the
+    file, or be told something else than it is."""
+    try:
+        said = said_of_use(draft.text, seconds=seconds)
+    except (subprocess.TimeoutExpired, ProgramError) as error:
+        raise ExportError("OCCT did not cut the solid by members within the time limit") from error
+    _asked_in_use(part, plan, said)
+    return f"{CUTS} of {CUTS} half-space cuts valid, {said['fillets']} of {said['sharp']} fillets made"
 
 
 def _asked_in_use(part: Part, plan: SmoothPlan, said: dict[str, Any]) -> None:
-    """Raise ExportError where a CAD program would fail with the file, or be told something else than it is."""
-    size = np.ptp(part.box, axis=0)
-    room = BOX * float(np.linalg.norm(size)) + plan.limits.distance + plan.limits.usual
-    off = float(np.abs(np.array(said["box"]).reshape(2, 3) - part.box).max())
-    plain = said["plain"] / said["volume"] - 1
+    plain, box = said["plain"] / said["volume"] - 1, box_fault(part, said["box"], plan.limits)
     _require(
         (said["valid"], "OCCT finds the solid by members invalid once it is read again"),
         (said["sound"] == CUTS, f"half-space cut {said['sound'] + 1} of {CUTS} of the solid by members is not valid"),
@@ -154,5 +148,5 @@ def _asked_in_use(part: Part, plan: SmoothPlan, said: dict[str, Any]) -> None:
         (said["closed"], "a section of the solid by members has open ends"),
         (said["again"], "the solid by members is not the same once OCCT has written and read it"),
         (abs(plain) <= PLAIN, f"the plain rule finds the volume by members {plain:.2%} off"),
-        (off <= room, f"the box of the solid by members is {off:.3g} mm off"),
+        (not box, f"by members {box}"),
     )

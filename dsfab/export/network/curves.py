@@ -35,6 +35,19 @@ class SampledChain:
         """(k,) arc lengths, millimetres."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
 
+    def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
+        """The way from one of its ends to what is within `reach`, millimetres, and the normal at that end."""
+        if (from_start, reach) not in self._directions:
+            x = min(reach / self.way[-1], 0.5)
+            Q = self.at(np.array([0.0, x]) if from_start else np.array([1.0, 1 - x]))
+            middle, across = (Q[:, :3] + Q[:, 3:]) / 2, Q[0, :3] - Q[0, 3:]
+            self._directions[from_start, reach] = (middle[1] - middle[0], across / np.linalg.norm(across))
+        return self._directions[from_start, reach]
+
+    @cached_property
+    def _directions(self) -> dict[tuple[bool, float], tuple[Floats, Floats]]:
+        return {}
+
     def at(self, x: Floats) -> Floats:
         """(j, 6) at shares x (j,) of the length."""
         return np.stack([np.interp(x * self.way[-1], self.way, c) for c in self.Q.T], axis=1)

@@ -102,18 +102,10 @@ def _angles(loop: Loop, chains: Mapping[int, SampledChain], reach: float) -> Flo
     """(k,) interior angles in degrees where each chain of a loop begins."""
     found = []
     for before, after in zip([loop[-1], *loop[:-1]], loop, strict=True):
-        out, normal = _direction(chains[after[0]], after[1], reach)
-        back, _ = _direction(chains[before[0]], not before[1], reach)
+        out, normal = chains[after[0]].direction(after[1], reach)
+        back, _ = chains[before[0]].direction(not before[1], reach)
         found.append(np.degrees(np.arctan2(np.cross(out, back) @ normal, out @ back)) % 360)
     return np.array(found)
-
-
-def _direction(chain: SampledChain, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-    """The direction of a chain at one of its ends, and the normal there."""
-    x = min(reach / chain.way[-1], 0.5)
-    Q = chain.at(np.array([0.0, x]) if from_start else np.array([1.0, 1 - x]))
-    middle, across = (Q[:, :3] + Q[:, 3:]) / 2, Q[0, :3] - Q[0, 3:]
-    return middle[1] - middle[0], across / np.linalg.norm(across)
 
 
 def _shared_breaks(quads: list[Quad], curves: Mapping[int, ChainCurve]) -> dict[int, ChainCurve]:

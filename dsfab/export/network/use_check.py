@@ -15,6 +15,11 @@ closed        : whether a section has no open ends.
 again         : whether the shape is valid, with as many faces and its volume, once OCCT has written and read it.
 fillets, sharp : how many of up to ten edges across the sheet can be rounded, one by one, and how many were tried.
 
+    python -P use_check.py FILE.step sample
+
+tries the first of these cuts alone: `box`, `halves`, whether both are valid, and `off`, by what share their volumes
+miss the whole. Volumes are asked for last, where both are: those of smooth solids take most of the time.
+
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
 
@@ -56,17 +61,11 @@ ROUND, OF_EDGE = 10.0, 1 / 8
 
 def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
     """The findings about a file."""
-    from OCP.Bnd import Bnd_Box
-    from OCP.BRepBndLib import BRepBndLib
-    from OCP.Message import Message
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     begin = time.process_time()
-    Message.DefaultMessenger_s().ChangePrinters().Clear()
-    shape, box = _read(str(path)), Bnd_Box()
-    BRepBndLib.Add_s(shape, box)
-    low, high = box.CornerMin(), box.CornerMax()
-    bounds, whole = [low.X(), low.Y(), low.Z(), high.X(), high.Y(), high.Z()], _volume(shape)
+    shape = _read(str(path))
+    bounds, whole = _bounds(shape), _volume(shape)
     off = list(_cuts(shape, bounds, whole, cuts, all_of_them))
     sound = [one for one in off if one <= ADDS]
     go_on = all_of_them or len(sound) == cuts
@@ -89,13 +88,36 @@ def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
     }
 
 
+def sample(path: Path) -> dict[str, Any]:
+    """What becomes of one cut through the middle of a file."""
+    begin = time.process_time()
+    shape = _read(str(path))
+    bounds = _bounds(shape)
+    halves = _split(shape, _half_space(bounds, PLANES[0]))
+    off = abs(sum(_volume(half) for half in halves) / _volume(shape) - 1) if halves else 1.0
+    return {"box": bounds, "halves": bool(halves), "off": off, "seconds": time.process_time() - begin}
+
+
 def _read(path: str) -> Any:
+    from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
 
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
     reader = STEPControl_Reader()
     reader.ReadFile(path)
     reader.TransferRoots()
     return reader.OneShape()
+
+
+def _bounds(shape: Any) -> list[float]:
+    """The box around a shape: its lowest corner, and its highest one."""
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box)
+    low, high = box.CornerMin(), box.CornerMax()
+    return [low.X(), low.Y(), low.Z(), high.X(), high.Y(), high.Z()]
 
 
 def _parts(shape: Any, kind: Any) -> list[Any]:
@@ -128,16 +150,20 @@ def _volume(shape: Any, plain: bool = False) -> float:
 
 def _cuts(shape: Any, bounds: list[float], whole: float, cuts: int, all_of_them: bool) -> Iterator[float]:
     """By what share the halves of each cut miss the whole; 1 where one is not valid."""
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeHalfSpace
-
     for plane in PLANES[:cuts]:
-        surface, side = _plane(bounds, plane)
-        half = BRepPrimAPI_MakeHalfSpace(BRepBuilderAPI_MakeFace(surface).Face(), side).Solid()
-        off = _off(shape, half, whole)
+        off = _off(shape, _half_space(bounds, plane), whole)
         yield off
         if off > ADDS and not all_of_them:
             return
+
+
+def _half_space(bounds: list[float], plane: tuple[float, ...]) -> Any:
+    """What lies on one side of the plane of a cut."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeHalfSpace
+
+    surface, side = _plane(bounds, plane)
+    return BRepPrimAPI_MakeHalfSpace(BRepBuilderAPI_MakeFace(surface).Face(), side).Solid()
 
 
 def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any]:
@@ -163,7 +189,13 @@ def _box(bounds: list[float]) -> Any:
 
 
 def _off(shape: Any, tool: Any, whole: float) -> float:
-    """By what share what lies in a tool and what lies outside miss the whole; 1 where one of both is not valid.
+    """By what share what lies in a tool and what lies outside miss the whole; 1 where one of both is not valid."""
+    halves = _split(shape, tool)
+    return abs(sum(_volume(half) for half in halves) / whole - 1) if halves else 1.0
+
+
+def _split(shape: Any, tool: Any) -> list[Any]:
+    """What lies in a tool and what lies outside; nothing where one of both is not valid.
 
     Both take the same intersections, which are found once.
     """
@@ -178,9 +210,8 @@ def _off(shape: Any, tool: Any, whole: float) -> float:
     filler.SetNonDestructive(True)
     filler.Perform()
     parts = [BRepAlgoAPI_Common(shape, tool, filler), BRepAlgoAPI_Cut(shape, tool, filler)]
-    if not all(part.IsDone() and _valid(part.Shape()) for part in parts):
-        return 1.0
-    return float(abs(sum(_volume(part.Shape()) for part in parts) / whole - 1))
+    good = all(part.IsDone() and _valid(part.Shape()) for part in parts)
+    return [part.Shape() for part in parts] if good else []
 
 
 def _farthest_alone(points: Any) -> float:
@@ -283,5 +314,9 @@ def _turn(edge: Any, beside: list[Any]) -> float:
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    count = int(given[1]) if len(given) > 1 else len(PLANES)
-    sys.stdout.write(json.dumps(use(Path(given[0]), count, "all" in given)) + "\n")
+    if "sample" in given:
+        found = sample(Path(given[0]))
+    else:
+        count = int(given[1]) if len(given) > 1 else len(PLANES)
+        found = use(Path(given[0]), count, "all" in given)
+    sys.stdout.write(json.dumps(found) + "\n")

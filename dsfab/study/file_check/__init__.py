@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsfab.errors import DsfabError
+from dsfab.export import cut_fault
 from dsfab.limits import Status
 from dsfab.pipeline.design import Design
 from dsfab.study.fabrication import Check, fabrication
@@ -47,7 +48,7 @@ AGREES, DIFFERS = 0.05, 0.15
 
 @dataclass(frozen=True)
 class Finding:
-    """One question and its answer: `solid`, `unit`, `wall`, `gap`, `design` or `compliance`.
+    """One question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
 
     reason : why, a sentence; empty where the numbers say it.
     """
@@ -118,6 +119,9 @@ def check_file(
         tell("compare", "measuring the distance from the design")
         apart = distance(found, design)
     findings.append(_unit(found, near, apart, unit))
+    if found.reader == "OCCT" and sound.sound:
+        tell("judge", "cutting it in half")
+        findings.append(_cut(Path(path)))
     if design is not None and apart is not None:
         same = apart.beyond <= 0
         findings += _limits(near, design, same)
@@ -135,6 +139,13 @@ def _unit(found: FileContents, near: Clearances | None, apart: Distance | None, 
     if near is None or near.wall is None or found.declared or asked:
         return Finding("unit", "pass" if found.declared or asked else "unknown", "an STL file names no unit")
     return Finding("unit", "fail" if not TOO_THIN <= near.wall.size <= TOO_THICK else "pass")
+
+
+def _cut(path: Path) -> Finding:
+    """Whether OCCT cuts a STEP file in half; where it does not, the solid itself is none the worse."""
+    fault, _ = cut_fault(path, path.read_bytes().count(b"ADVANCED_FACE("))
+    why = f"{fault}: to cut it in CAD, write step = 'members' or 'faceted'"
+    return Finding("cut", "unknown", why) if fault else Finding("cut", "pass")
 
 
 def _limits(near: Clearances | None, design: Design, same: bool) -> list[Finding]:
