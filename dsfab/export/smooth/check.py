@@ -19,7 +19,7 @@ import signal
 import sys
 from array import array
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import cache, partial
 from importlib.util import module_from_spec, spec_from_file_location
 from operator import itemgetter
 from pathlib import Path
@@ -212,6 +212,7 @@ def _deflection(solid: Any) -> float:
     return float(ACROSS * box.SquareExtent() ** 0.5)
 
 
+@cache
 def _volumes() -> ModuleType:
     """`occt_volume`, which lies beside this file, by its path: as part of dsfab it would bring much with it."""
     at = spec_from_file_location("occt_volume", Path(__file__).with_name("occt_volume.py"))
@@ -284,10 +285,12 @@ def _loaded() -> list[str]:
     import OCP.BRepMesh
     import OCP.STEPControl  # noqa: F401
 
+    _volumes()
     return list(json.loads(sys.stdin.readline()))
 
 
 if __name__ == "__main__":
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # copies of this process have no threads, and need none
     gc.disable()  # a tenth of the time that importing OCCT takes
     path, *more = sys.argv[1:] or _loaded()
     folder, deflection = (more[0], float(more[1])) if more else ("", 0.0)
