@@ -294,6 +294,22 @@ def test_a_sheet_that_reads_back_torn_is_not_kept(tmp_path, monkeypatch):
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("folder", ["files", "t\u00f4les"])
+@pytest.mark.parametrize("suffix", [".stl", ".ply"])
+@pytest.mark.parametrize("left", [None, 0, 80, -3])
+def test_a_file_of_which_the_end_is_missing_is_not_kept(tmp_path, monkeypatch, suffix, left, folder):
+    """libigl says nothing of a PLY file that ends within its last face; trimesh reads names beyond ASCII."""
+    form, sheet, here = FORMATS[suffix], box() if suffix == ".stl" else grid(2, 2, 1.0, 1.0), tmp_path / folder
+    here.mkdir()
+    monkeypatch.setitem(FORMATS, suffix, replace(form, encode=lambda part: [b"".join(form.encode(part))[:left]]))
+    if left is None:
+        assert write(sheet, here / f"sheet{suffix}").exists()
+        return
+    with pytest.raises((ExportError, ValueError)):
+        write(sheet, here / f"sheet{suffix}")
+    assert not any(here.iterdir())
+
+
 def needle(gap: float, corner: float) -> Solid:
     """A box whose edge 0-1 is cut in two by a vertex `gap` from its upper end."""
     solid = box(corner=(corner, 0.0, 0.0))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dsfab.export.program import last_line
-from dsfab.export.smooth import check
+from dsfab.export.smooth import check, occt_volume
 from dsfab.slicing import cut
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import holed, written
@@ -56,6 +56,22 @@ def test_a_copy_ends_with_the_process_that_it_is_a_copy_of(tmp_path):
     while state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z":
         assert (waited := waited + 0.1) < 20
         time.sleep(0.1)
+
+
+@pytest.mark.parametrize("many", [5, 1], ids=["skins", "walls too"])
+def test_the_volume_by_greens_theorem_is_that_of_occts_own_rule(vault, tmp_path, monkeypatch, many):
+    """Also on faces whose curves are lines: those OCCT measures itself."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+    from OCP.STEPControl import STEPControl_Reader
+
+    (tmp_path / "a.step").write_text(vault)
+    reader, found = STEPControl_Reader(), GProp_GProps()
+    reader.ReadFile(str(tmp_path / "a.step"))
+    reader.TransferRoots()
+    monkeypatch.setattr(occt_volume, "MANY_EDGES", many)
+    BRepGProp.VolumeProperties_s(reader.OneShape(), found, occt_volume.VOLUME, False, False)
+    assert occt_volume.volume(reader.OneShape()) == pytest.approx(found.Mass(), rel=1e-9)
 
 
 TURNED = {

@@ -148,7 +148,10 @@ def test_step_is_smooth_whoever_writes_it(tmp_path: Path, capsys: pytest.Capture
 def test_other_files_are_written_while_a_program_judges_a_step_file(
     whole: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are told as what takes the time, and named in the order in which they were asked for."""
+    """They are told as what takes the time, and named in the order in which they were asked for.
+
+    What is fabricated is measured then, too.
+    """
     judge, one, told = tmp_path / "judge.py", save.write, list[str]()
     judge.write_text("print('valid')")
 
@@ -162,8 +165,9 @@ def test_other_files_are_written_while_a_program_judges_a_step_file(
     design = dsfab.revise(whole, overridden(whole.preset, {"export.formats": ["stl", "step", "3mf"]}))
     saved = save.save(design, tmp_path / "out", lambda stage, text: told.append(text) or False, picture=False)
     name = whole.preset.name
-    assert told[-4:] == [
+    assert told[-5:] == [
         *(f"writing and reading back {name}.{suffix}" for suffix in ("step", "stl", "3mf")),
+        "measuring members, gaps and walls",
         f"reading back {name}.step",
     ]
     assert saved.facts["files"] == [f"{name}.{suffix}" for suffix in ("stl", "step", "3mf")]

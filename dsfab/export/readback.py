@@ -36,6 +36,25 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dt
 """Odd numbers without a pattern, one per coordinate: products keep what differs."""
 
 
+def read_with_igl(path: Path) -> tuple[Floats, Ints]:
+    """Vertices (n, 3) and faces (m, 3) of an STL or PLY file as they are in it, nothing merged or dropped.
+
+    Importing trimesh, which finds the same, takes half a second. It reads what lies where libigl may not look: names of
+    files beyond ASCII are not the same to all systems. Raises ExportError for a file that is no such mesh.
+    """
+    if not str(path).isascii():
+        return read_with_trimesh(path)
+    import igl
+
+    try:
+        V, F = igl.read_triangle_mesh(str(path))[:2]
+    except RuntimeError as error:
+        raise ExportError(f"{path.name} does not read back: {error}; free some space or write another format") from None
+    if V.shape[1:] != (3,) or F.shape[1:] != (3,):
+        raise ExportError(f"{path.name} reads back without triangles; free some space or write another format")
+    return np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
+
+
 def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
     """Vertices (n, 3) and faces (m, 3) as they are in the file, nothing merged or dropped."""
     import trimesh

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab import __version__
 from dsfab.export.part import Part, in_single_precision
-from dsfab.export.readback import ReadBack, check_mesh, merged_mesh, read_with_trimesh
+from dsfab.export.readback import ReadBack, check_mesh, merged_mesh, read_with_igl
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
@@ -38,5 +38,5 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with trimesh."""
-    return check_mesh(part, *merged_mesh(*read_with_trimesh(path)))
+    """Read back with libigl."""
+    return check_mesh(part, *merged_mesh(*read_with_igl(path)))

@@ -12,5 +12,6 @@ solid    : faces with shared edges, piece by piece.
 text     : their entities.
 limits   : how far the solid may be off the mesh; gate: whether it is.
 plan     : what all layouts share, and the pieces built in one of them.
-make     : the ladder: build, ask OCCT (`check`, a program of its own), refit what `refit` names, give pieces up.
+make     : the ladder: build, ask OCCT (`check` with `occt_volume`, a program of its own), refit what `refit` names,
+           give pieces up.
 """

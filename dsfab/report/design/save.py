@@ -61,22 +61,36 @@ def save(
     """
     with whole_or_nothing(Path(folder)) as here:
         with _picture(design, here / "preview.png", progress) if picture else nullcontext():
-            progress("fabrication", "measuring members, gaps and walls")
-            made = fabrication(design)
             require_fit(design)
-            measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
-            if is_searched(design.preset):
-                progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
-                measured |= alternative_facts(design_alternatives(design))
-            if marked:
-                _mark(design, made, here / "fabrication.png")
+            measured, spent = dict[str, Any](), 0.0
+
+            def numbers() -> None:
+                nonlocal spent
+                _write_numbers(design, here, Path(folder), preset)
+                begin = time.perf_counter()
+                measured.update(_measured(design, progress, here / "fabrication.png" if marked else None))
+                spent = time.perf_counter() - begin
+
             start, preset = time.perf_counter(), with_mesh(design.settled, here, Path(folder))
-            files = _written(design, here, progress, lambda: _write_numbers(design, here, Path(folder), preset))
-            seconds = {**design.seconds, "export": time.perf_counter() - start}
+            files = _written(design, here, progress, numbers)
+            seconds = {**design.seconds, "export": time.perf_counter() - start - spent}
         told = facts(design, seconds, files.names, files.refused, files.notes) | measured
         told |= {MANIFEST: manifest(here)}
         (here / DESIGN).write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     return Saved(told, (*files.reports, *files.notes), "; ".join(files.refused))
+
+
+def _measured(design: Design, progress: Progress, marks: Path | None) -> dict[str, Any]:
+    """What `design.json` says about fabrication and pattern, and of a search about its rivals; `marks` is drawn."""
+    progress("fabrication", "measuring members, gaps and walls")
+    made = fabrication(design)
+    measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
+    if is_searched(design.preset):
+        progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
+        measured |= alternative_facts(design_alternatives(design))
+    if marks:
+        _mark(design, made, marks)
+    return measured
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
@@ -114,9 +128,9 @@ def _keep_mesh(preset: Preset, folder: Path, here: Path) -> None:
 
 
 def _written(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _Files:
-    """The files of all formats that the preset asks for, and what `numbers` writes.
+    """The files of all formats that the preset asks for, and what `numbers` writes and measures.
 
-    Formats that another program judges for seconds begin; the others are written while it does.
+    Formats that another program judges for seconds begin; all else is done while it does.
     """
     asked = design.preset.export.formats
     found, judged = dict[str, _Files](), list[str]()

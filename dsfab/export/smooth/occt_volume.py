@@ -1,0 +1,204 @@
+"""The volume of a solid as OCCT reads it: by its own adaptive rule, but for faces with many edges by Green's theorem.
+
+Part of the program `check`, which finds it by its path: it imports nothing from dsfab. On a dome of 1082 faces both
+together take 1.2 s of the processor, where OCCT's rule for all of them took 2.7, and agree with it to ten digits.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.polynomial import legendre
+
+VOLUME = 1e-3
+"""Share that a volume may be off, as the adaptive rule estimates it: it was off by a hundredth of that. The rule of
+Gauss and Kronrod, asked for the same, is no quicker and off by a tenth of it."""
+
+MANY_EDGES = 5
+"""Edges from which on a face is integrated by Green's theorem: walls have four."""
+
+POINTS = 4
+"""Of Gauss's rule in each span of an outline, as OCCT takes: off by 4e-6 of the volume of a vault. Two: by 3e-5."""
+
+WHOLE = 1e-9
+"""Share of its length by which an edge may end before its curve does."""
+
+
+class PlaneSpline(NamedTuple):
+    """A curve over the parameters of a surface: degree, knots with their repeats, poles, and 1, or -1 where the face
+    has it backwards."""
+
+    degree: int
+    knots: list[float]
+    poles: list[tuple[float, float]]
+    way: int
+
+
+def parts(shape: Any, kind: Any) -> Iterator[Any]:
+    """The faces, edges ... of a shape, with their orientation in it."""
+    from OCP.TopExp import TopExp_Explorer
+
+    found = TopExp_Explorer(shape, kind)
+    while found.More():
+        yield found.Current()
+        found.Next()
+
+
+def volume(solid: Any) -> float:
+    """The sum of the cones from one place over all faces, which are many-sided skins and four-sided walls.
+
+    The place is the middle of the vertices, as OCCT chooses it: what edges gape then counts least.
+    """
+    from OCP.BRep import BRep_Tool
+    from OCP.gp import gp_Pnt
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopoDS import TopoDS
+
+    corners = [BRep_Tool.Pnt_s(TopoDS.Vertex(one)) for one in parts(solid, TopAbs_ShapeEnum.TopAbs_VERTEX)]
+    count = max(len(corners), 1)
+    x, y, z = (sum(axis) / count for axis in zip(*((p.X(), p.Y(), p.Z()) for p in corners), strict=True))
+    about, faces = gp_Pnt(x, y, z), parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)
+    return sum(_cone(TopoDS.Face(face), about) for face in faces)
+
+
+def _cone(face: Any, about: Any) -> float:
+    """Cubic millimetres between a face and a place, positive where the place lies behind the face.
+
+    OCCT's adaptive rule takes time with the edges of a face times the poles of its surface; `_cone_on_spline` is three
+    times as quick where there are many. (OCCT's plain rule is off by up to a hundredth on faces with many holes.)
+    """
+    from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
+    from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
+    from OCP.TopoDS import TopoDS
+
+    ahead = TopoDS.Face(face.Oriented(TopAbs_Orientation.TopAbs_FORWARD))
+    edges = [TopoDS.Edge(edge) for edge in parts(ahead, TopAbs_ShapeEnum.TopAbs_EDGE)]
+    if len(edges) >= MANY_EDGES:
+        surface = _spline_surface(ahead)
+        outline = [found for edge in edges if (found := _spline_on(edge, ahead))]
+        if surface is not None and len(outline) == len(edges):
+            turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+            return (-1 if turned else 1) * _cone_on_spline(surface, outline, about)
+    return float(BRepGProp_Vinert(BRepGProp_Face(face), BRepGProp_Domain(face), about, VOLUME).Mass())
+
+
+def _spline_surface(face: Any) -> Any | None:
+    """The surface of a face, if it is a B-spline without weights."""
+    from OCP.BRep import BRep_Tool
+    from OCP.Geom import Geom_BSplineSurface
+
+    surface = BRep_Tool.Surface_s(face)
+    plain = isinstance(surface, Geom_BSplineSurface) and not (surface.IsURational() or surface.IsVRational())
+    return surface if plain else None
+
+
+def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
+    """An edge's curve on a face; None unless it is a whole B-spline without weights."""
+    from OCP.BRep import BRep_Tool
+    from OCP.Geom2d import Geom2d_BSplineCurve
+    from OCP.TopAbs import TopAbs_Orientation
+
+    curve = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 1.0)
+    if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational() or curve.IsPeriodic():
+        return None
+    first, last = BRep_Tool.Range_s(edge)
+    if abs(curve.FirstParameter() - first) + abs(curve.LastParameter() - last) > WHOLE * (last - first):
+        return None
+    forward = edge.Orientation() == TopAbs_Orientation.TopAbs_FORWARD
+    knots = [curve.Knot(i) for i in range(1, curve.NbKnots() + 1) for _ in range(curve.Multiplicity(i))]
+    poles = [(p.X(), p.Y()) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))]  # their list: six times as long
+    return PlaneSpline(curve.Degree(), knots, poles, 1 if forward else -1)
+
+
+def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) -> float:
+    """The integral of f = (S - about) . (S_u x S_v) / 3 inside an outline, by Green's theorem: that of G dv along it,
+    where G is the integral of f over u.
+
+    Between knots f is a polynomial of degrees 3 p - 1 and 3 q - 1 and is integrated as such, in Legendre's; along the
+    outline by Gauss's rule with `POINTS` between knots.
+    """
+    u = [surface.UKnot(i) for i in range(1, surface.NbUKnots() + 1)]
+    v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
+    p, q = 3 * surface.UDegree(), 3 * surface.VDegree()
+    x, y = legendre.leggauss(p)[0], legendre.leggauss(q)[0]
+    f = _integrand(surface, about, _between(u, x), _between(v, y)).reshape(len(u) - 1, p, len(v) - 1, q)
+    to_u, to_v = np.linalg.inv(legendre.legvander(x, p - 1)), np.linalg.inv(legendre.legvander(y, q - 1))
+    G = legendre.legint(np.einsum("am,imjn,bn->iajb", to_u, f, to_v), lbnd=-1, axis=1)
+    G *= np.diff(u)[:, None, None, None] / 2
+    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # whole spans before this one; each polynomial is 1 at 1
+    at, dv = _outline_points(outline)
+    i, s = _local(u, at[:, 0])
+    j, t = _local(v, at[:, 1])
+    along_u, along_v = legendre.legvander(s, p) * dv[:, None], legendre.legvander(t, q - 1)
+    span = i * (len(v) - 1) + j
+    order = np.argsort(span)
+    groups = np.split(order, np.flatnonzero(np.diff(span[order])) + 1)
+    # without BLAS, whose threads wait for each other on a busy machine
+    found = (np.einsum("ka,ab->kb", along_u[k], G[i[k[0]], :, j[k[0]], :]) * along_v[k] for k in groups)
+    return sum(float(some.sum()) for some in found)
+
+
+def _integrand(surface: Any, about: Any, u: Any, v: Any) -> Any:
+    """(k l,) f at all pairs of parameters u (k,) and v (l,)."""
+    from OCP.gp import gp_Pnt, gp_Vec
+
+    at, along_u, along_v, found = gp_Pnt(), gp_Vec(), gp_Vec(), []
+    for one in u.tolist():
+        for other in v.tolist():
+            surface.D1(one, other, at, along_u, along_v)
+            found.append(gp_Vec(about, at).Dot(along_u.Crossed(along_v)) / 3)
+    return np.array(found)
+
+
+def _between(knots: list[float], x: Any) -> Any:
+    """((n - 1) k,) the places x (k,), from -1 to 1, in each span of n knots."""
+    K = np.array(knots)
+    return ((K[1:] + K[:-1])[:, None] / 2 + np.diff(K)[:, None] / 2 * x).ravel()
+
+
+def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
+    """Of parameters t (k,), the spans that they are in, and where there, from -1 to 1."""
+    K = np.array(knots)
+    i = np.clip(np.searchsorted(K, t, side="right") - 1, 0, len(K) - 2)
+    return i, (2 * t - K[i] - K[i + 1]) / (K[i + 1] - K[i])
+
+
+def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
+    """Gauss's points (k, 2) between the knots of an outline's curves, and what dv counts at each, (k,)."""
+    places, weights = [], []
+    for degree in sorted({curve.degree for curve in outline}):
+        spans = [_spans(curve) for curve in outline if curve.degree == degree]
+        K, poles, way = (np.concatenate(column) for column in zip(*spans, strict=True))
+        half = (K[:, degree] - K[:, degree - 1]) / 2
+        for x, weight in zip(*legendre.leggauss(POINTS), strict=True):
+            at, slope = _de_boor(K, poles, K[:, degree - 1] + (1 + x) * half)
+            places.append(at)
+            weights.append(weight * way * half * slope[:, 1])
+    return np.concatenate(places), np.concatenate(weights)
+
+
+def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
+    """Of the spans between different knots of a curve of degree d: the 2 d knots around each, its d + 1 poles, and the
+    way of the curve, (k, 2 d), (k, d + 1, 2) and (k,)."""
+    d = curve.degree
+    K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
+    poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
+    real = K[:, d] > K[:, d - 1]
+    return K[real], poles[real], np.full(np.count_nonzero(real), curve.way)
+
+
+def _de_boor(K: Any, poles: Any, t: Any) -> tuple[Any, Any]:
+    """Points (k, 2) and derivatives at t (k,), one to a span: K and poles as of `_spans`."""
+    d = K.shape[1] // 2
+    slope = d * (poles[:, 1:] - poles[:, :-1]) / (K[:, d:] - K[:, :d])[:, :, None]
+    K1, K2 = K, K[:, 1:-1]
+    for level in range(d, 0, -1):
+        share = ((t[:, None] - K1[:, :level]) / (K1[:, level:] - K1[:, :level]))[:, :, None]
+        poles = (1 - share) * poles[:, :-1] + share * poles[:, 1:]
+        K1 = K1[:, 1:-1]
+    for level in range(d - 1, 0, -1):
+        share = ((t[:, None] - K2[:, :level]) / (K2[:, level:] - K2[:, :level]))[:, :, None]
+        slope = (1 - share) * slope[:, :-1] + share * slope[:, 1:]
+        K2 = K2[:, 1:-1]
+    return poles[:, 0], slope[:, 0]
