@@ -102,8 +102,10 @@ def test_openings_that_are_alike_close_alike():
 
 @pytest.mark.parametrize(("radius", "count"), [(0.12, 0), (0.05, 1)])
 def test_an_opening_with_a_long_tip_is_not_as_small_as_its_tip_is_narrow(radius, count):
-    """An equilateral triangle with a slit .04 m wide at a corner, whose walls alone are opposite to each other: 4 area /
-    perimeter is .177 m, or .088 around a small triangle, which is little more than the slit's."""
+    """An equilateral triangle with a slit .04 m wide at a corner, whose walls alone are opposite to each other.
+
+    4 area / perimeter is .177 m, or .088 around a small triangle, which is little more than the slit's.
+    """
     surface = plate(60, 0.5)
     x, y, _ = surface.V.T
     sides = [np.cos(a) * (x + 0.2) + np.sin(a) * y - radius for a in np.radians([60, 180, 300])]
