@@ -80,3 +80,21 @@ def test_a_node_is_a_joint_as_a_crossing_is(plate):
     mesh = PolygonMesh.of(plate).with_material(3, plate.centroids[:, 1] > 1, blank)
     assert (mesh.also == np.where(blank, 3, VOID)).all()
     assert (mesh.with_material(4, np.ones(plate.m, dtype=bool), blank).also[blank] == 3).all()
+
+
+@pytest.mark.parametrize("turned", [(), (0,), (1,), (0, 1)])
+def test_an_end_at_a_corner_is_one_whichever_way_its_neighbours_see_it(turned):
+    """A stripe along x - y = 1 enters a blank face at its corner (2, 1) and leaves it across the side that is opposite:
+    two ends, though the faces below and to the left both see the first one at the corner."""
+    plate = grid(5, 3, 5.0, 3.0)
+    x, y, _ = plate.centroids.T
+    blank, below, left = (np.hypot(x - a, y - b) < 1e-6 for a, b in ((7 / 3, 4 / 3), (7 / 3, 2 / 3), (5 / 3, 4 / 3)))
+    assert blank.sum() == below.sum() == left.sum() == 1
+    sign = np.ones((plate.m, 3))
+    for k in turned:
+        sign[(below, left)[k]] = -1
+    z, d = plate.V[:, 0] - plate.V[:, 1] - 1, np.full(plate.n, 0.2)
+    field = CornerField(np.stack([z + d, z - d], axis=1), sign, np.zeros((plate.m, 3)), blank)
+    tidy = Tidy((True,), (None,), np.ones(plate.n, dtype=bool))
+    cells = cut(plate, [field], [[0.0]], 0, tidy)
+    assert cells.material[blank[cells.parent]].any()

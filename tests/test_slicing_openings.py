@@ -5,7 +5,7 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.pipeline.measures import largest_filling
-from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_slits, openings
+from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits, openings
 from dsfab.slicing.openings import CRUMB, NARROWER
 from dsfab.surface import Surface
 from tests.designs import sliced
@@ -98,6 +98,22 @@ def test_openings_that_are_alike_close_alike():
     closed = grid_of(surface, 0.2, x + 0.02 * np.sign(y))
     void = Openings.of(closed)
     assert (np.abs(void.places[:, 0]) < 0.05).sum() in (0, 5)
+
+
+@pytest.mark.parametrize(("radius", "count"), [(0.12, 0), (0.05, 1)])
+def test_an_opening_with_a_long_tip_is_not_as_small_as_its_tip_is_narrow(radius, count):
+    """An equilateral triangle with a slit .04 m wide at a corner, whose walls alone are opposite to each other.
+
+    4 area / perimeter is .177 m, or .088 around a small triangle, which is little more than the slit's.
+    """
+    surface = plate(60, 0.5)
+    x, y, _ = surface.V.T
+    sides = [np.cos(a) * (x + 0.2) + np.sin(a) * y - radius for a in np.radians([60, 180, 300])]
+    slit = np.max([-0.2 - x, x - 2 * radius - 0.2, np.abs(y) - 0.02], axis=0)
+    cells = cut(surface, [np.minimum(np.max(sides, axis=0), slit)], [[0.0]], 0)
+    found = Openings.of(cells)
+    assert found.round_sizes == pytest.approx([0.177 if radius > 0.1 else 0.088], rel=0.05)
+    assert filled_openings(cells, 0.06)[1] == count
 
 
 @pytest.mark.parametrize("left", [0.02, 0.03, 0.06])

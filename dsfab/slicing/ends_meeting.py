@@ -20,12 +20,15 @@ from dsfab.arrays import Bools, Floats, Ints
 from dsfab.slicing.cells import Cells
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.sheet import VOID
+from dsfab.slicing.snap import nearest
 from dsfab.surface.corner_field import CornerField
 
 MEET = 2
 """So many middles that end at a face make a node of it."""
 FEW = 6
 """A gap in more polygons than meet at a vertex is no singular point: there a field is not drawn, or not known."""
+ON = 1e-6
+"""Middles this near to a vertex, in periods, end at it."""
 THIN = 1e-3
 """A corner stays where it has less than this share of the area of its face."""
 
@@ -43,8 +46,9 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Seque
     gap = mesh.parts(open_)
     family, count = np.full(len(mesh.parent), VOID), np.zeros(int(gap.max()) + 2, dtype=np.int64)
     for k, field in drawn.items():
-        at, here = _ends(mesh, field, k, blank[k], levels[k])
-        np.add.at(count, gap[at], here)
+        at, vertex = _ends(mesh, field, k, blank[k], levels[k])
+        once = np.unique(np.stack([gap[at], vertex]), axis=1)
+        np.add.at(count, once[0], 1)
         family[blank[k] & (family == VOID)] = k
     faces = np.bincount(gap[open_], minlength=len(count))
     node = open_ & (count[gap] >= MEET) & (faces[gap] <= FEW)
@@ -60,14 +64,28 @@ def _old_nodes(mesh: PolygonMesh, drawn: dict[int, CornerField]) -> Bools:
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Polygons (q,) of those that are blank (c,) beside material of field k, and (q,) how many middles end there."""
+    """Polygons (q,) of those that are blank (c,) at which middles of field k end, and the vertex (q,) at which each
+    does, or a number of its own below 0 where it ends on a side.
+
+    On the plane of a mirror middles run through vertices: both sides there see such an end, and it is one.
+    """
     one, two, _ = mesh.neighbours
-    owner, following = mesh.cells.owner, mesh.cells.following
+    owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([one, two]), np.concatenate([two, one])
     ends = blank[owner[inner]] & (mesh.family[owner[outer]] == k) & ~field.blank[mesh.face[outer]]
     inner, outer = inner[ends], outer[ends]
-    z = np.sort(np.stack([_middle(mesh, field, outer, slot) for slot in (outer, following[outer])]), axis=0)
-    return owner[inner], np.searchsorted(levels, z[1]) - np.searchsorted(levels, z[0])
+    slots = np.stack([outer, following[outer]])
+    z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
+    whole = nearest(z.ravel(), levels).reshape(z.shape)
+    on = np.abs(z - whole) < ON
+    low, high = np.sort(np.where(on, whole, z), axis=0)
+    between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
+    inside = np.repeat(owner[inner], np.maximum(between, 0))
+    at = np.concatenate([inside, *(owner[inner[here]] for here in on)])
+    vertex = np.concatenate(
+        [-1 - np.arange(len(inside)), *(corner[slot[here]] for slot, here in zip(slots, on, strict=True))]
+    )
+    return at, vertex
 
 
 def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Floats:

@@ -199,8 +199,9 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : whether openings of that size that may be the same but for the mesh are filled all or none.
 
-    An opening is void that material encloses. Its size is the width that half of its walls do not exceed, or 4 area /
-    perimeter if that is less. It takes the family of a material cell beside it.
+    An opening is void that material encloses. Its size is the width that half of its walls do not exceed, but no more
+    than 4 area / perimeter, nor less than half of that: a triangle with a long tip has opposite walls in its tip alone,
+    and is wide elsewhere. It takes the family of a material cell beside it.
     """
     every = Openings.of(cells)
     if every is None or not (near := every.round_sizes < SLENDER * size).any():
@@ -208,7 +209,7 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     few = every.some(near)  # looking across those alone takes a tenth of the time
     across = crossings(few.part, few.walls)
     width = medians(across.width, across.weight, few.label[across.face], few.count)
-    smaller = np.minimum(width, few.round_sizes)
+    smaller = np.clip(width, few.round_sizes / 2, few.round_sizes)  # half is the width of a long slit
     small = smaller < limit(smaller, size, ALIKE * size if alike else 0.0)
     return few.filled(small), int(small.sum())
 
