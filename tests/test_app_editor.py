@@ -39,7 +39,7 @@ from dsfab.export import write
 from dsfab.limits import CROWDING, SLIT
 from dsfab.pattern.even_family import CLOSING, FOLLOWING
 from dsfab.pattern.width import SOLID
-from dsfab.pipeline import draft, run
+from dsfab.pipeline import Design, draft, run
 from dsfab.preset_file import load_preset, parse_override, preset_from
 from dsfab.surface import Surface
 from tests.presets import DOME_MODES
@@ -332,6 +332,31 @@ def test_a_page_that_begins_gets_what_is_being_solved():
         wait(session.jobs, job)
         assert session.ask_solve({}) != job
         assert session.ask_solve({"pattern.keep": 0.4}) != session.ask_solve({"pattern.keep": 0.5})
+
+
+def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(monkeypatch):
+    """The sketch's surface stays good; one of something else that is wished meanwhile does not."""
+    goes_on, until = threading.Event(), Design.until
+    monkeypatch.setattr(Design, "until", lambda design, stage: goes_on.wait(30) and until(design, stage))
+    with Session(open_preset("barrel_vault", COARSELY)) as session:
+        first = session.ask_solve({})
+        sketch, _ = unpacked(session.early())
+        assert (sketch["whole"], session.jobs.pending(first)) == (True, True)
+        with pytest.raises(DsfabError, match="nothing is solved yet"):
+            session.ask_members(judged=False)
+        goes_on.set()
+        wait(session.jobs, first)
+        solved, _ = unpacked(session.model(sketch["version"]))
+        assert (solved["whole"], solved["draft"]) == (False, sketch["draft"] + 1)
+    goes_on.clear()
+    with Session(open_preset("barrel_vault", COARSELY)) as session:
+        first = session.ask_solve({})
+        sketch, _ = unpacked(session.early())
+        other = session.ask_solve({"diffusion.r": 10.0})
+        goes_on.set()
+        wait(session.jobs, first)
+        wait(session.jobs, other)
+        assert unpacked(session.model(sketch["version"]))[0]["whole"]
 
 
 def test_what_cannot_be_is_refused_in_a_sentence():

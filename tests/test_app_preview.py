@@ -270,9 +270,19 @@ def test_light_on_a_free_point_is_the_closed_form_and_none_gets_into_a_closed_bo
     up = np.repeat(Z[:, None], 2, axis=1).astype(np.float32)
     with Scene([Body(ball.V, ball.F, PAPER.of("load"), casts=True)], np.zeros(3), 1.0) as scene:
         lit = light.lit(scene, all_lamps, points, up)
+        shared = light.lit(scene, all_lamps, points[:, [0, 0]], up, paired=2)
     np.testing.assert_allclose(lit[:, 0], all_lamps.open(Z), rtol=1e-5)
     np.testing.assert_allclose(lit[:, 1], [0.0, light.AMBIENT], atol=1e-6)
     assert sum(all_lamps.open(Z)) > 0.8
+    assert shared[1, 0] != pytest.approx(shared[1, 1], rel=1e-4)  # each asks half of the lamps
+    np.testing.assert_allclose(shared.mean(axis=1), all_lamps.open(Z), rtol=1e-5)
+
+
+def test_backs_are_left_away_only_of_a_closed_skin_that_faces_outward() -> None:
+    """So that a lamp sees the same with them and without: a sheet, or a skin inside out, shows its backs."""
+    ball = sphere(radius=0.9, edge=0.3)
+    encloses = [Body(ball.V, F, PAPER.of("load")).encloses for F in (ball.F, ball.F[:, ::-1], ball.F[1:])]
+    assert encloses == [True, False, False]
 
 
 def test_the_scene_sees_a_ball_where_geometry_says_it_is() -> None:

@@ -1,7 +1,7 @@
 """Pictures: everything that draws, and nothing that knows a command."""
 
-from dsfab.render.live_members import member_places
-from dsfab.render.members import band_colours, members_picture, rated_members_picture
+from typing import TYPE_CHECKING, Any
+
 from dsfab.render.naming_plate import Nameplate, PlacedName, placed_names
 from dsfab.render.palette import PAPER, Palette
 from dsfab.render.view import up_axis
@@ -18,3 +18,18 @@ __all__ = [
     "rated_members_picture",
     "up_axis",
 ]
+
+if TYPE_CHECKING:
+    from dsfab.render.live_members import member_places as member_places
+    from dsfab.render.members import band_colours as band_colours
+    from dsfab.render.members import members_picture as members_picture
+    from dsfab.render.members import rated_members_picture as rated_members_picture
+
+
+def __getattr__(name: str) -> Any:
+    """What is drawn of whole designs is loaded when it is asked for: one picture needs half of it."""
+    if name not in __all__:
+        raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
+    from dsfab.render import live_members, members
+
+    return getattr(live_members if name == "member_places" else members, name)

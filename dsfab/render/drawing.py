@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from dsfab.arrays import Bools
+from dsfab.arrays import Bools, Ints
 from dsfab.errors import DsfabError
 from dsfab.render import light
 from dsfab.render.palette import Palette
@@ -98,16 +98,24 @@ def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: i
 def _inked(pixels: Pixels, hit: Bools, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
     """(k, 3) colours of what is drawn: light on colour, darker at edges; marks keep their colour, for the legend."""
     drawn, lines = pixels.colour[hit], lines[hit]
-    fixed = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
+    marks = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
+    fixed = _codes(np.array(marks, dtype=np.uint8))
     for start in range(0, len(drawn), light.CHUNK):
         part = slice(start, start + light.CHUNK)
         colour = drawn[part]
-        flat = np.logical_or.reduce([(colour == np.array(mark, dtype=np.uint8)).all(axis=1) for mark in fixed])
+        code = _codes(colour)
+        flat = np.logical_or.reduce([code == mark for mark in fixed])
         amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness[part], brightness[part])
         amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[part]
         tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # light adds up linearly, bytes do not
         drawn[part] = np.minimum(colour * tone[:, None], 255).astype(np.uint8)
     return drawn
+
+
+def _codes(colours: Bytes) -> Ints:
+    """(k,) one number for each of the colours (k, 3)."""
+    red, green, blue = colours.T.astype(np.int32)
+    return np.asarray(red << 16 | green << 8 | blue)
 
 
 def edges(pixels: Pixels, jump: float) -> Floats32:
@@ -118,16 +126,22 @@ def edges(pixels: Pixels, jump: float) -> Floats32:
     """
     strong = np.zeros(pixels.depth.shape, dtype=np.float32)
     for start in range(0, len(strong), STRIP):  # in strips: bounds the memory
+        drawn = np.flatnonzero(np.isfinite(pixels.depth[start : start + STRIP]).any(axis=0))
+        if not len(drawn):
+            continue
         low, high = max(start - 2, 0), min(start + STRIP + 2, len(strong))
-        strip = _edges(pixels.depth[low:high], pixels.normal[low:high], jump)
-        strong[start : start + STRIP] = strip[start - low : start - low + STRIP]
+        some = slice(max(drawn[0] - 2, 0), drawn[-1] + 3)
+        strip = _edges(pixels.depth[low:high, some], pixels.normal[low:high, some], jump)
+        strong[start : start + STRIP, some] = strip[start - low : start - low + STRIP]
     return strong
 
 
 def _edges(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
     strong = np.zeros(depth.shape, dtype=np.float32)
     flat = np.where(np.isfinite(depth), depth, np.float32(1e3))
-    units = normal.astype(np.float32) / np.float32(127.5) - 1
+    units = np.moveaxis(normal, 2, 0).astype(np.float32, order="C")
+    units /= np.float32(127.5)
+    units -= 1
     for axis in (0, 1):
         head = tuple(slice(None, -1) if a == axis else slice(None) for a in range(2))
         tail = tuple(slice(1, None) if a == axis else slice(None) for a in range(2))
@@ -138,8 +152,9 @@ def _edges(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])
-        turned = (TURN - np.einsum("hwi,hwi->hw", units[head], units[tail])) / TURN * (np.minimum(one, two) < 100)
-        line = np.clip(np.maximum(excess / np.float32(jump) - 1, 2 * turned), 0, 1)
+        cosine = sum(unit[head] * unit[tail] for unit in units)
+        turned = (TURN - cosine) * (np.float32(2) / TURN) * (np.minimum(one, two) < 100)
+        line = np.clip(np.maximum(excess / np.float32(jump) - 1, turned), 0, 1)
         strong[head] = np.maximum(strong[head], line * (one <= two))
         strong[tail] = np.maximum(strong[tail], line * (two < one))
     return strong

@@ -6,10 +6,10 @@ from pathlib import Path
 from dsfab.render.scene import Bytes
 
 
-def write_png(pixels: Bytes, path: Path, effort: int = 6) -> Path:
+def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
     """Write a picture, whole or not at all; returns its path. Raises ExportError for a file that cannot be written.
 
-    effort : to make the file small, 1 to 9.
+    effort : to make the file small, 1 to 9; 6 makes it a twentieth smaller than 4, in twice the time.
     """
     from PIL import Image
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.render.view import View
-from dsfab.render.window import Window, corner_normals, jointed_mesh, split_mesh
+from dsfab.render.window import Window, corner_normals, jointed_mesh, set_array, split_mesh
+from dsfab.surface import signed_volume
 
 if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
@@ -25,6 +27,10 @@ Colour = tuple[int, int, int]
 
 SPLIT = 35.0
 """Edges sharper than this, degrees, are shaded as sharp; flatter ones as curved."""
+
+
+LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)
+"""Radii from a lamp to the middle of the scene, and to the nearest and farthest of what it sees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +49,14 @@ class Body:
     shader: "StripeShader | None" = None
     half: float = 0.0
     normals: Floats32 | None = None
+
+    @cached_property
+    def encloses(self) -> bool:
+        """Whether it is the skin of something: closed, its faces outward. Whoever is outside sees no back of a face."""
+        F = np.asarray(self.F, dtype=np.int64)
+        start, end = F.ravel(), np.roll(F, -1, axis=1).ravel()
+        there, back = start * len(self.V) + end, end * len(self.V) + start
+        return bool((np.sort(there) == np.sort(back)).all()) and signed_volume(self.V, F) > 0
 
 
 def shading(V: Floats, F: Ints) -> Floats32:
@@ -154,13 +168,17 @@ class Scene:
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
             actor.GetMapper().SetScalarVisibility(body.shader is not None)  # depth has no colour: a tenth of the time
+            if casts and body.shader is None:  # what no lamp sees is not drawn: a third of the time
+                actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield
         for actor in self.actors:
             actor.SetVisibility(True)
+            actor.GetProperty().BackfaceCullingOff()
             actor.GetMapper().SetScalarVisibility(True)
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
-        """(s, s) height towards a lamp of what it sees first, -9 where that is nothing; s is `side`.
+        """(s, s) depth of what a lamp sees first, 0..1 from the nearest of `LAMP_DEPTHS` to the farthest, 1 where that
+        is nothing; s is `side`.
 
         frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
         """
@@ -168,12 +186,11 @@ class Scene:
         camera = self.window.camera
         camera.SetParallelProjection(True)
         camera.SetParallelScale(1.0)
-        camera.SetPosition(*(3 * frame[2]))
+        camera.SetPosition(*(LAMP_AWAY * frame[2]))
         camera.SetFocalPoint(0, 0, 0)
         camera.SetViewUp(*frame[1])
-        camera.SetClippingRange(1.9, 4.1)
-        z = self._depth()[::-1]
-        return np.where(z < 1, np.float32(1.1) - np.float32(2.2) * z, np.float32(-9))
+        camera.SetClippingRange(*LAMP_DEPTHS)
+        return self._depth()[::-1]
 
     def _look(self, view: View) -> tuple[float, float]:
         """Point the camera; returns its nearest and farthest depth."""
@@ -213,8 +230,8 @@ class Scene:
         mesh, normals, source = (
             split_mesh(points, body.F, SPLIT) if known is None else jointed_mesh(points, body.F, known)
         )
-        mesh.point_data["normal"] = np.round((normals + 1) * 127.5).astype(np.uint8)
-        mesh.cell_data["colour"] = np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8)
+        set_array(mesh.GetPointData(), "normal", np.round((normals + 1) * 127.5).astype(np.uint8))
+        set_array(mesh.GetCellData(), "colour", np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8))
         mapper, actor = vtkPolyDataMapper(), vtkActor()
         mapper.SetInputData(mesh)
         mapper.SetColorModeToDirectScalars()

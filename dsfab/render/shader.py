@@ -12,6 +12,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.pattern.wave import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32
+from dsfab.render.window import set_array
 
 FAR = 1e30
 """Distance from what is not there: infinity times a weight of zero would be no number."""
@@ -196,12 +197,12 @@ class StripeShader:
         for part in self._parts:
             mesh, at = part["mesh"], part["source"]
             for k, name in enumerate(FIELDS):
-                mesh.point_data[name] = values[at, 2 * k : 2 * k + 2]
+                set_array(mesh.GetPointData(), name, values[at, 2 * k : 2 * k + 2])
 
     def recolour(self, face: Bytes) -> None:
         """Other colours of the faces, (m, 3)."""
         for part in self._parts:
-            part["mesh"].cell_data["colour"] = face
+            set_array(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: Settings) -> None:
         """Other numbers: takes microseconds, but for the first with widths or reaches, or without them."""

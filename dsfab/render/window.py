@@ -1,7 +1,7 @@
 """The window off the screen, and the meshes that are drawn in it.
 
-Meshes are pyvista's. The window is VTK's own: with pyvista's plotter come matplotlib and all of VTK's modules, 75 MB
-and half a second for nothing that is used here.
+Both are VTK's own: pyvista takes a quarter of a second to load, and its plotter, with which come matplotlib and all of
+VTK's modules, 75 MB and half a second more.
 """
 
 from typing import Any
@@ -100,8 +100,8 @@ def warm_up() -> None:
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401
-    import pyvista  # noqa: F401
     import scipy.ndimage  # noqa: F401
+    import vtkmodules.vtkFiltersCore  # noqa: F401
 
     import dsfab.export  # noqa: F401  (it writes pictures)
 
@@ -115,39 +115,66 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
 
     Also the normals (k, 3) of its points, and the given point (k,) that each comes from.
     """
-    import pyvista as pv
+    from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
-    made: Any = pv.PolyData.from_regular_faces  # typed for Python's own numbers only
-    whole = made(points.astype(np.float32), F)
-    whole.point_data["vertex"] = np.arange(len(points), dtype=np.int32)
-    mesh = whole.compute_normals(cell_normals=False, split_vertices=True, feature_angle=split, consistent_normals=False)
-    # taken out of the mesh, or they would be sent to the graphics side
-    return mesh, np.array(mesh.point_data.pop("Normals")), np.array(mesh.point_data.pop("vertex"))
+    whole = _polydata(points, F)
+    set_array(whole.GetPointData(), "vertex", np.arange(len(points), dtype=np.int32))
+    asked = vtkPolyDataNormals()
+    asked.SetInputData(whole)
+    asked.SetFeatureAngle(split)
+    asked.ConsistencyOff()
+    asked.Update()
+    mesh = asked.GetOutput()
+    at = mesh.GetPointData()
+    normals, source = _numbers(at.GetNormals()).copy(), _numbers(at.GetArray("vertex")).copy()
+    for name in (at.GetNormals().GetName(), "vertex"):  # or they would be sent to the graphics side
+        at.RemoveArray(name)
+    return mesh, normals, source
 
 
 def corner_normals(points: Floats, F: Ints, split: float) -> NDArray[np.float32]:
     """(m, 3, 3) the normals of `split_mesh` at the corners of its faces."""
     mesh, normals, _ = split_mesh(points, F, split)
-    return np.asarray(normals[mesh.regular_faces])
+    return np.asarray(normals[_numbers(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)])
 
 
 def jointed_mesh(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
     """`split_mesh` where the normals (m, 3, 3) at the corners of faces are known: split where they differ."""
-    import pyvista as pv
-
-    made: Any = pv.PolyData.from_regular_faces
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first, corner = np.unique(key, return_index=True, return_inverse=True)
     source = F.ravel()[first]
-    mesh = made(points[source].astype(np.float32), corner.reshape(-1, 3))
+    mesh = _polydata(points[source], corner.reshape(-1, 3))
     return mesh, np.asarray(normals.reshape(-1, 3)[first]), source
+
+
+def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
+    """Numbers (k, ...) for the points or the cells of a mesh, `GetPointData()` or `GetCellData()`, under a name."""
+    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # VTK does not keep what it did not copy
+    array.SetName(name)
+    attributes.AddArray(array)
+
+
+def _polydata(points: Floats, F: Ints) -> Any:
+    """A mesh of points (n, 3) and faces (m, 3)."""
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+
+    places, corners, mesh = vtkPoints(), vtkCellArray(), vtkPolyData()
+    places.SetData(_support().numpy_to_vtk(points.astype(np.float32), deep=True))
+    corners.SetData(3, _support().numpy_to_vtkIdTypeArray(np.ascontiguousarray(F, dtype=np.int64).ravel(), deep=True))
+    mesh.SetPoints(places)
+    mesh.SetPolys(corners)
+    return mesh
 
 
 def _numbers(array: Any) -> NDArray[Any]:
     """VTK's memory itself, which lives as long as this does."""
-    import pyvista as pv
+    return np.asarray(_support().vtk_to_numpy(array))
 
-    seen: Any = pv.convert_array
-    values: NDArray[Any] = seen(array)
-    return values
+
+def _support() -> Any:
+    """What changes arrays of numpy into VTK's and back; it has no types."""
+    from vtkmodules.util import numpy_support
+
+    return numpy_support

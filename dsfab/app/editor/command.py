@@ -38,6 +38,7 @@ def edit(
     first = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
     with signals_as_interrupts(), Session(first, outputs=outputs) as session:
+        session.ask_solve({})  # while the door is opened and the browser starts
         try:
             server = EditorServer(session, port)
         except OSError as error:
@@ -48,7 +49,6 @@ def edit(
             try:
                 out(f"dsfab edit {first.preset.name}: {server.address}")
                 out("Ctrl-C ends it.")
-                session.ask_solve({})  # while the browser starts
                 sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
                 if open_:
                     webbrowser.open(server.address)

@@ -28,7 +28,6 @@ from dsfab.errors import DsfabError
 from dsfab.export import temporary_folder
 from dsfab.materials import MATERIALS
 from dsfab.pattern.wave import GLSL
-from dsfab.pipeline import draft
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
 from dsfab.preset_list import shipped_presets
@@ -64,6 +63,7 @@ class Session:
         self.jobs = Jobs()
         self._opened, self._opening = first, 1
         self._shown = SessionView(made, 1, 1, 1) if made else None
+        self._sketched: SessionView | None = None
         self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
@@ -211,13 +211,16 @@ class Session:
         return self.jobs.ask("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def early(self) -> bytes:
-        """All of what was last solved, or is being solved for the first time; nothing where neither is so.
+        """All of what was last solved, or a sketch of what is being solved for the first time; nothing where neither is
+        so.
 
         For a page that begins: it asks before it knows more.
         """
-        while self._shown is None and self._asked and self.jobs.pending(self._asked[0]):
+        shown = self._shown
+        while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(PAUSE)
-        return self.model(0) if self._shown else b""
+            shown = self._shown or self._sketched
+        return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
         """What was last solved, for a page that has version `have` already. Raises DsfabError before the first."""
@@ -225,6 +228,9 @@ class Session:
             shown = self._shown
         if shown is None:
             raise DsfabError("nothing is solved yet")
+        return self._model(shown, have)
+
+    def _model(self, shown: SessionView, have: int) -> bytes:
         facts, arrays = widths(shown.draft)
         facts |= {"draft": shown.number, "version": shown.version, "whole": have != shown.version}
         facts["opening"] = shown.opening
@@ -244,14 +250,24 @@ class Session:
     def _solve(self, preset: Preset, progress: JobProgress) -> dict[str, Any]:
         with self._lock:
             old, opening = self._shown, self._opening
-        made = draft(preset, progress, old.draft if old else None)
+        design = Design.of(preset, old.draft if old else None, progress)
+        if old is None and (sketch := design.sketch()):  # what a page that begins sees until the widths are solved
+            with self._lock:
+                self._sketched = self._following(sketch, opening)
+        made = design.until("pattern")
         progress("pattern", "handing over")  # the last chance to cancel
         with self._lock:
-            same = old is not None and old.opening == opening and _same(made, old.draft)
-            version = old.version if same and old else (old.version + 1 if old else 1)
-            self._shown = shown = SessionView(made, old.number + 1 if old else 1, version, opening)
+            self._shown = shown = self._following(made, opening)
         self.jobs.ask("figures", lambda progress: self._figures(shown, progress))
-        return {"version": version}
+        return {"version": shown.version}
+
+    def _following(self, made: Design, opening: int) -> SessionView:
+        """A draft after the last one that a page may hold, which may be a sketch."""
+        last = self._shown or self._sketched
+        if last is None:
+            return SessionView(made, 1, 1, opening)
+        same = last.opening == opening and _same(made, last.draft)
+        return SessionView(made, last.number + 1, last.version if same else last.version + 1, opening)
 
     def _figures(self, shown: SessionView, progress: JobProgress) -> dict[str, Any]:
         from dsfab.app.editor.figures import figures
