@@ -63,7 +63,7 @@ def save(
         with _picture(design, here / "preview.png", progress) if picture else nullcontext():
             progress("fabrication", "measuring members, gaps and walls")
             made = fabrication(design)
-            require_fit(design)
+            require_fit(design, made)
             measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
             if is_searched(design.preset):
                 progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
