@@ -343,6 +343,9 @@ class Pattern(Section):
     """Metres along the boundary that stay material; 0 keeps nothing."""
     fillet: Annotated[float, Ge(0)] = 0.0
     """Metres; radius of the rounded corners of openings, less where there is no room for it; 0 leaves them sharp."""
+    workshop: bool = False
+    """Close openings, fill tips and widen members that are narrower than a workshop makes, by slicing.min_gap and
+    slicing.min_member."""
 
     @model_validator(mode="before")
     @classmethod
@@ -434,9 +437,13 @@ class Slicing(Section):
     what is under 15 % of their spacing between evenly spaced stripes: specks that an edge leaves. Tidied ones leave no
     opening that is narrower than the members beside it anyway: of these it is what is also narrower than the sheet is
     thick. Of both also what is under 35 % of the size of most openings."""
-    min_member: Annotated[float, Ge(0)] = 0.0
+    min_gap: Annotated[float, Ge(0)] | None = None
+    """Metres; with pattern.workshop openings are bridged, and their tips filled, where they are narrower. 0 leaves
+    them; None: a quarter of the thickness, or 3 mm if that is more (of small things a 500th of their size)."""
+    min_member: Annotated[float, Ge(0)] | None = None
     """Metres; members between openings with round corners are widened where they are narrower, and narrower than 0.8 of
-    what most are. Of tidied stripes only; 0 widens none."""
+    what most are, of tidied stripes only; with pattern.workshop all members are, up to half of the thickness, or what
+    [pattern.width] asks for if that is less, and None means that. 0 widens none."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -462,14 +469,14 @@ class Fabrication(Section):
     """[fabrication]: what the workshop can make. Checked and told; the design is not changed by it, but by --fix."""
 
     min_member: Annotated[float, Ge(0)] = 0.0
-    """Metres; the narrowest member that can be made. 0 checks nothing, here and below."""
+    """Metres; the narrowest member that can be made. 0 checks nothing, but what pattern.workshop keeps to."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Metres; the narrowest opening."""
+    """Metres; the narrowest opening, with pattern.workshop its tips, too. 0 as above."""
     min_wall: Annotated[float, Ge(0)] = 0.0
-    """Metres; the thinnest wall of the solid."""
+    """Metres; the thinnest wall of the solid. 0 checks nothing."""
     accept: bool = False
-    """Write files of a design in spite of loads that nothing carries, and of a sheet that was thinned to a film where
-    it would meet itself."""
+    """Write files of a design in spite of loads that nothing carries, of a sheet that was thinned to a film where it
+    would meet itself, and of members and openings under 1 mm that fail their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Metres along x, y, z that fit into the machine; the solid may lie on any of its sides."""
 

@@ -10,9 +10,10 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.errors import PatternError
 from dsfab.pipeline import Design, finishing
+from dsfab.pipeline.workshop_widths import least_widths, usual_gap
 from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
-from dsfab.slicing import cut
+from dsfab.slicing import cut, with_least_widths
 from dsfab.slicing.features import features, kept_cells
 from dsfab.slicing.openings import filled_openings
 from dsfab.slicing.quality import quality
@@ -46,6 +47,24 @@ def test_limits_change_nothing_but_the_report(plate):
     assert verdicts(limited).keys() == {"min_member"}
 
 
+def test_what_a_workshop_makes_is_checked_where_it_is_kept_to(plate):
+    """A quarter and half of 10 mm; 3 mm is more than the first."""
+    plate = dsfab.revise(plate, overridden(plate.preset, {"pattern.workshop": True}))
+    usual = {check.name: (check.limit[0], check.verdict, check.asked) for check in fabrication(plate).checks}
+    assert usual == {"min_member": (0.005, "pass", False), "min_gap": (0.003, "pass", False)}
+    none = dsfab.revise(plate, overridden(plate.preset, {"slicing.min_gap": 0.0, "slicing.min_member": 0.0}))
+    assert fabrication(none).checks == ()
+    for changes, least in (
+        ({"statics.thickness": 0.02}, (0.005, 0.01)),
+        ({"statics.thickness": 0.1}, (0.025, 0.95 * 0.012)),  # the preset asks for members of 12 mm
+        ({"slicing.min_gap": 0.004, "slicing.min_member": 0.004}, (0.004, 0.004)),
+        ({"slicing.min_member": 0.5}, (0.003, 0.005)),  # kept between round corners alone
+    ):
+        assert least_widths(overridden(plate.preset, changes), plate.surface.size) == pytest.approx(least)
+    assert usual_gap(0.0008, 0.1) == pytest.approx(0.0002)
+    assert usual_gap(0.0001, 0.5) == pytest.approx(0.001)
+
+
 def test_each_limit_passes_below_and_fails_above_what_was_measured(plate):
     made = fabrication(plate)
     sizes = {"min_member": made.features.member.size, "min_gap": made.features.gap.size}
@@ -54,6 +73,43 @@ def test_each_limit_passes_below_and_fails_above_what_was_measured(plate):
     assert set(verdicts(with_limits(plate, **{k: 1.001 * x for k, x in sizes.items()})).values()) == {"fail"}
     assert made.features.member.size < made.features.member.mesh  # what is finer than the mesh is built as it is, too
     assert set(verdicts(with_limits(plate, **{k: 0.999 * x for k, x in sizes.items()})).values()) == {"pass"}
+
+
+def test_slits_are_closed_without_needles_on_the_same_material():
+    """On a mesh as coarse as that strips of 3 mm end within a micrometre of other edges."""
+    coarse = {"surface.edge": 0.1, "pattern.workshop": True}
+    design = Design.of(dsfab.load_preset("cantilever", coarse)).until("slicing")
+    (told,) = [note.text for note in design.notes if "(slicing.min_gap, min_member)" in note.text]
+    assert "openings narrower than 3 mm were closed at " in told
+    sheet = design.sheet.surface
+    assert sheet.areas.min() > 1e-8  # 4e-10 as strips leave them
+    raw = overridden(design.preset, {"slicing.min_gap": 0.0, "slicing.min_member": 0.0})
+    cells = Design.of(raw, design).until("slicing").slicing.cells
+    least = least_widths(design.preset, design.surface.size)
+    assert sheet.area == pytest.approx(with_least_widths(cells, *least).cells.kept().surface.area, rel=1e-12)
+
+
+@pytest.mark.parametrize("tidy", [True, False])
+def test_what_closing_openings_adds_is_in_the_share(tidy):
+    """Openings under 40 mm are closed: of tidied stripes that is 3.5 % of the plate."""
+    thick = {"surface.edge": 0.1, "statics.thickness": 0.16, "pattern.tidy": tidy, "pattern.workshop": True}
+    design = Design.of(dsfab.load_preset("cantilever", thick)).until("slicing")
+    assert any("openings narrower than 40 mm were closed at " in note.text for note in design.notes)
+    assert design.sheet.surface.area / design.surface.area == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "words"), [("climbing_hold", "were closed"), ("bob", "were widened")])
+def test_figures_of_the_paper_become_what_a_workshop_makes_if_asked(name, words):
+    """Slits of .16 mm and tips in a sheet of 2 mm; members of 5.5 mm in one of 12."""
+    given = dsfab.load_preset(name)
+    assert fabrication(dsfab.run(given)).checks == ()
+    design = dsfab.run(overridden(given, {"pattern.workshop": True}))
+    made = fabrication(design)
+    assert [(check.name, check.verdict) for check in made.checks] == [("min_member", "pass"), ("min_gap", "pass")]
+    (told,) = [note.text for note in design.notes if "(slicing.min_gap, min_member)" in note.text]
+    assert words in told
+    assert design.solid.repairs.pairs == 0
 
 
 def test_a_solid_may_lie_on_any_side_of_the_bed(plate):
@@ -69,6 +125,12 @@ def test_what_nobody_should_build_is_refused(plate):
     assert refusals(filmy) == ("the sheet was thinned to a film of 0.1 mm at (0, 0, 0) m",)
     with pytest.raises(PatternError, match=r"thinned to a film.*--accept"):
         require_fit(filmy)
+    made = fabrication(with_limits(plate, min_gap=1.0))
+    assert refusals(plate, made) == ()  # a limit that is missed is told
+    kept = Design.known(overridden(plate.preset, {"pattern.workshop": True}), None, **known, solid=plate.solid)
+    coarse, fine = (replace(made.failed[0], value=(x,), place=(0.1, 0.2, 0.0)) for x in (0.0011, 0.0009))
+    assert refusals(kept, replace(made, checks=(coarse,))) == ()
+    assert refusals(kept, replace(made, checks=(fine,))) == ("a gap of 0.9 mm at (0.1, 0.2, 0) m cannot be made",)
 
 
 def test_a_load_that_nothing_carries_is_not_built(capsys, tmp_path):

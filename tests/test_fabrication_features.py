@@ -91,13 +91,15 @@ def test_tips_and_corners_are_not_members():
 
 
 def test_a_needle_between_two_edges_counts_with_its_circle():
-    """Two walls of one edge each, 1 degree apart: not zero, as the way across is at their common end."""
+    """Two walls of one edge each, 1 degree apart: not zero, as the way across is at their common end; unless tips
+    are asked for."""
     wide = np.tan(np.radians(0.5))
     V = [[0, 0, 0], [1, -wide, 0], [1, wide, 0], [0.5, -1, 0], [0.5, 1, 0], [2, 0, 0], [-1, 0, 0]]
     F = [[0, 1, 2], [0, 3, 1], [0, 2, 4], [1, 3, 5], [1, 5, 2], [2, 5, 4], [0, 6, 3], [0, 4, 6]]
     sheet = cut(Surface(V, F), [np.zeros(7)], [[]])
     gap = features(sheet, np.arange(8) > 0, []).gap
     assert gap.size == pytest.approx(4 * wide / (2 * wide + 2 * np.hypot(1, wide)), rel=1e-9)
+    assert features(sheet, np.arange(8) > 0, [], tips=True).gap.size < 0.002 * wide
 
 
 def test_a_waist_between_wider_ends_is_a_member():

@@ -209,6 +209,17 @@ def test_tidied_modes_have_neither_slits_nor_dead_ends_and_keep_their_share(name
 
 
 @pytest.mark.slow
+def test_tips_that_are_filled_leave_no_slits():
+    """What is left of four openings is narrower than the members beside."""
+    made = built(GLOBE_MODES, **{"surface.edge": 0.1, "pattern.tidy": True, "pattern.workshop": True})
+    quality = made.quality(symmetry=False)
+    assert (quality.dead_ends, quality.slits) == (0, 0)
+    (told,) = [note.text for note in made.notes if "(slicing.min_gap, min_member)" in note.text]
+    assert "4 openings that this left narrower than the members beside were filled" in told
+    assert made.sheet.surface.area / made.surface.area == pytest.approx(0.45, abs=2e-3)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["constant", "graded"])
 @pytest.mark.parametrize("name", ["barrel_vault", "dome", "globe", "snow_vault", "tower"])
 def test_no_preset_has_a_slit_or_a_dead_end_by_any_width(name, rule):

@@ -6,6 +6,7 @@ from dsfab.pipeline.log import Log, Progress, silent
 from dsfab.pipeline.regions import acting_on
 from dsfab.pipeline.structure import statics_step
 from dsfab.pipeline.surface_stage import surface_step
+from dsfab.pipeline.workshop_widths import least_widths
 from dsfab.preset import Preset
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "acting_on",
     "draft",
     "held_vertices",
+    "least_widths",
     "loads_on",
     "revise",
     "run",

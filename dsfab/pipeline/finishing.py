@@ -10,6 +10,7 @@ from dsfab.arrays import Floats
 from dsfab.preset import Preset, Slicing
 from dsfab.results import PatternResult
 from dsfab.slicing import (
+    LeastWidths,
     Merging,
     PolygonMesh,
     Sheet,
@@ -24,6 +25,7 @@ from dsfab.slicing import (
     resolve_pinches,
     sheet_of,
     widened_members,
+    with_least_widths,
     without_spikes,
 )
 from dsfab.slicing.fillet import rounded_corners
@@ -109,6 +111,7 @@ class Rehearsal:
             which would live as long as that.
     terms : what finishing goes by.    cells : as they were cut.
     rounded, bridged : as they were rounded once, and with what is too narrow bridged by the defaults of [slicing].
+    cured : least widths of openings and members, metres, and that sheet with nothing narrower.
     """
 
     drawn: tuple[ref[Any], ...]
@@ -117,12 +120,24 @@ class Rehearsal:
     unrounded: Unrounded
     rounded: FirstRounding | None
     bridged: "Rounded | None" = None
+    cured: tuple[tuple[float, float], LeastWidths] | None = None
 
     def serves(self, pattern: PatternResult, terms: Terms) -> bool:
         """Whether the same would be cut of a pattern and finished by these terms."""
         drawn = _drawn(pattern)
         same = len(drawn) == len(self.drawn) and all(a() is b() for a, b in zip(drawn, self.drawn, strict=True))
         return same and terms == self.terms
+
+    @property
+    def finished(self) -> Sheet:
+        """All cells, as far as they are known."""
+        return (self.bridged or self.rounded or self.unrounded).cells
+
+    def with_least_widths(self, gap: float, member: float) -> LeastWidths:
+        """They with nothing narrower than that."""
+        if self.cured and self.cured[0] == (gap, member):
+            return self.cured[1]
+        return with_least_widths(self.finished, gap, member, self.terms.merge)
 
 
 def _drawn(pattern: PatternResult) -> tuple[ref[Any], ...]:
@@ -199,7 +214,7 @@ class Least(NamedTuple):
 
 def _least(smallest: Smallest, ask: Slicing, merge: Merging) -> Least:
     """What is bridged and widened; nothing where slits stay."""
-    return Least(smallest.neck, ask.min_member) if merge != "none" else Least(0.0, 0.0)
+    return Least(smallest.neck, ask.min_member or 0.0) if merge != "none" else Least(0.0, 0.0)
 
 
 class Rounded(NamedTuple):
@@ -302,6 +317,17 @@ def bridged_share(surface: Surface) -> float:
     done = _rounded_cells(plain, terms.fillet, terms.merge, least, AGAIN, rehearsal.rounded)
     _REHEARSALS[surface] = replace(rehearsal, bridged=done)
     return (_material(done.cells) - _material(rehearsal.rounded.cells)) / surface.area
+
+
+def cured_share(surface: Surface, gap: float, member: float) -> float:
+    """The share of the surface that the sheet which these two have made last is given besides, so that nothing is
+    narrower than these widths, metres. 0 where there is no such sheet."""
+    rehearsal = _REHEARSALS.get(surface)
+    if rehearsal is None:
+        return 0.0
+    cured = rehearsal.with_least_widths(gap, member)
+    _REHEARSALS[surface] = replace(rehearsal, cured=((gap, member), cured))
+    return (_material(cured.cells) - _material(rehearsal.finished)) / surface.area
 
 
 def _material(cells: Sheet) -> float:

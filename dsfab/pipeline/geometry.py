@@ -19,6 +19,7 @@ from dsfab.pipeline.finishing import (
 from dsfab.pipeline.handover import ATTACH, held_vertices, lost_load
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.measures import largest_filling
+from dsfab.pipeline.workshop_widths import kept_to_least_widths
 from dsfab.preset import Pattern, Preset
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.slicing import Sheet, cut
@@ -48,8 +49,9 @@ def slicing_step(
         drawn = cells
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        done = finished_cells(preset, cells, ask, smallest, merges_slits(preset, pattern), AGAIN, rehearsal)
-        cells, pinches = done.cells, done.pinches
+        merge = merges_slits(preset, pattern)
+        done = finished_cells(preset, cells, ask, smallest, merge, AGAIN, rehearsal)
+        cells, pinches = kept_to_least_widths(preset, done.cells, surface, log, merge, rehearsal), done.pinches
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
@@ -88,7 +90,9 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
     if done.spikes:
         log.note("slicing", f"{_spikes(done.spikes)} cut off that stuck out into openings")
     if done.widened:
-        log.note("slicing", f"members were widened to {preset.slicing.min_member:.3g} m at {_places(done.widened)}")
+        log.note(
+            "slicing", f"members were widened to {preset.slicing.min_member or 0:.3g} m at {_places(done.widened)}"
+        )
     if radius := preset.pattern.fillet:
         log.note("slicing", _rounded(radius, done.rounded))
 

@@ -30,6 +30,7 @@ from dsfab.pipeline.kept import kept_regions
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.share_correction import SHARE_TOLERANCE, corrected
 from dsfab.pipeline.tidying import tidy_of
+from dsfab.pipeline.workshop_widths import closed_share, rehearsed_closed_share
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import PolygonMesh, cut_polygons
@@ -146,14 +147,19 @@ def pattern_step(
 
         if not (wanted := ask.width.solid_fraction):
             return made()
-        if not (ask.fillet or even or ask.tidied):
+        finished = bool(ask.fillet or even or ask.tidied)
+        if not (finished or ask.workshop):
             result, total = made(), share.nearest(wanted)
         else:
+            more = added_share if finished else closed_share
 
             def added(one: PatternResult) -> float:
-                return added_share(preset, surface, one, share.polygons)
+                return more(preset, surface, one, share.polygons)
 
-            result, total = corrected(ask.width, made, share.nearest, added, lambda: bridged_share(surface))
+            def bridged() -> float:
+                return bridged_share(surface) + rehearsed_closed_share(preset, surface) if finished else 0.0
+
+            result, total = corrected(ask.width, made, share.nearest, added, bridged)
         log.note("pattern", _solved(preset, widths, result.factor, total))
     return result
 

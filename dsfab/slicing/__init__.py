@@ -4,6 +4,7 @@ from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
 from dsfab.slicing.fairing import faired_walls
 from dsfab.slicing.halving import Halved, halved
+from dsfab.slicing.least_widths import LeastWidths, with_least_widths
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.on_parts import divided_at_vertices
 from dsfab.slicing.openings import Merging, Openings, filled_crumbs, filled_openings, filled_slits
@@ -20,6 +21,7 @@ __all__ = [
     "Chart",
     "DrawnBand",
     "Halved",
+    "LeastWidths",
     "Merging",
     "Openings",
     "Overlay",
@@ -45,5 +47,6 @@ __all__ = [
     "sheet_of",
     "three_each",
     "widened_members",
+    "with_least_widths",
     "without_spikes",
 ]

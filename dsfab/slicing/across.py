@@ -54,12 +54,20 @@ class _Spot:
         return _Spot(self.edge[chosen], self.t[chosen])
 
 
-def crossings(surface: Surface, walls: Bools, start: Bools | None = None, at: tuple[float, ...] = AT) -> Crossings:
+def crossings(
+    surface: Surface,
+    walls: Bools,
+    start: Bools | None = None,
+    at: tuple[float, ...] = AT,
+    tips: bool = False,
+    reach: float = np.inf,
+) -> Crossings:
     """The way across a sheet from all its walls.
 
     surface : an edge-manifold sheet.    walls : (e,) which of its boundary edges are walls; lines that end on another
     boundary edge are left out.
-    start   : (e,) the walls that lines start from; None for all.    at : where on them.
+    start   : (e,) the walls that lines start from; None for all.    at : where on them.    tips : with those in a tip.
+    reach   : metres; wider places may be left out.
     """
     starting = walls if start is None else walls & start
     if not starting.any():
@@ -68,10 +76,10 @@ def crossings(surface: Surface, walls: Bools, start: Bools | None = None, at: tu
     h, of = surface.edges.order[surface.edges.start[:-1][starting]], surface.edges.of.ravel()
     size = np.linalg.norm(_along(surface, h), axis=1)
     begun = _Spot(np.tile(h, len(at)), np.repeat(at, len(h)))
-    ends = far_ends(surface, begun.edge, begun.t * np.tile(size, len(at)))
+    ends = far_ends(surface, begun.edge, begun.t * np.tile(size, len(at)), reach / np.sqrt(1 - OPPOSED**2))
     good = np.flatnonzero((ends.edge >= 0) & walls[of[ends.edge]] & (np.abs(ends.slope) < OPPOSED))
     met, width = _feet(surface, ends.at(good))
-    on = ~_tips(surface, begun.at(good), met, width, ends.slope[good])
+    on = tips | ~_tips(surface, begun.at(good), met, width, ends.slope[good])
     good, met, width = good[on], met.at(on), width[on]
     begun = begun.at(good)
     weight = np.where(begun.t == MIDDLE, np.tile(size, len(at))[good], 0.0)

@@ -35,7 +35,8 @@ class Feature:
 class Features:
     """What a sheet's members and gaps measure, in metres; None where there is none.
 
-    member : the narrowest member, also between two openings that nearly meet.    gap : the narrowest opening.
+    member : the narrowest member, also between two openings that nearly meet.
+    gap    : the narrowest opening.
     edge   : the shortest edge of a triangle.
     widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each stands for.
     """
@@ -61,15 +62,16 @@ class Features:
         return limits, np.asarray(share / self.weight.sum())
 
 
-def features(cells: Sheet, kept: Bools, names: Sequence[str]) -> Features:
+def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False) -> Features:
     """Measure a cut sheet.
 
     cells : all cells, material and void.    kept : (m',) those that are built.    names : of the fields, see `cut`.
 
     Widths and gaps are those of the lines in `crossings`, on the sheet itself: exact between straight walls, and where
     walls bend from edge to edge by an angle a, right to 1 - cos a. Members are also measured where they are short or
-    end in a tip; corners between walls that meet at more than 20 degrees are not. Pieces and openings too small or too
-    round for lines across count with 4 area / perimeter, the diameter of the circle in a triangle or a square.
+    end in a tip, gaps if `tips` says so; corners between walls that meet at more than 20 degrees are not. Pieces and
+    openings too small or too round for lines across count with 4 area / perimeter, the diameter of the circle in a
+    triangle or a square.
     """
     sheet, holes = cells.surface, ~kept
     material, from_material = part_of(sheet, kept)
@@ -82,7 +84,7 @@ def features(cells: Sheet, kept: Bools, names: Sequence[str]) -> Features:
     if holes.any():
         void, from_void = part_of(sheet, holes)
         walls = inner_walls(void, sheet, from_void)
-        between = crossings(void, walls)
+        between = crossings(void, walls, tips=tips)
         gap = _smallest(between, mesh[from_void[between.face]], ["a gap"] * len(between.width))
         gap = _smaller(gap, _round(void, walls, between, mesh[from_void], "an opening"))
     return Features(member, gap, _shortest(material, mesh[from_material]), across.width, across.weight)

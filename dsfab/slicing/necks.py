@@ -15,7 +15,7 @@ from dsfab.slicing.narrow_parts import narrow_parts
 from dsfab.slicing.narrow_places import narrow_gaps
 from dsfab.slicing.openings import Openings
 from dsfab.slicing.sheet import Sheet
-from dsfab.slicing.strips import Strip, with_strips
+from dsfab.slicing.strips import SNAP, Strip, with_strips
 from dsfab.slicing.walls import Walls
 
 ROUNDS = 4
@@ -62,22 +62,28 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     room for an arc, is found here as `features` measures it.
     """
     for slim in (share * width for share in SLIMMER):
-        if not len(gaps := narrow_gaps(rounded, least, 2 * slim)):
-            break
-        walls = Walls.of(cells)
-        wall, ends = walls.nearest(cells.surface.V, gaps.reshape(-1, 3))
-        pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
-        necks = [Neck(place, (one, two)) for place, (one, two) in pairs]
-        better, count = _with_bridges(cells, walls, necks, slim)
+        better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
             return better, count
     return cells, 0
 
 
-def _with_bridges(cells: Sheet, walls: Walls, necks: list[Neck], width: float) -> tuple[Sheet, int]:
+def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = SNAP) -> tuple[Sheet, int]:
+    """The cells with bridges, `width` metres broad, between points (k, 2, 3) on or near two walls each, as many as can
+    be at once; and how many. For `snap` see `with_strips`."""
+    if not len(places):
+        return cells, 0
+    walls = Walls.of(cells)
+    wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
+    pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
+    necks = [Neck(place, (one, two)) for place, (one, two) in pairs]
+    return _with_bridges(cells, walls, necks, width, snap)
+
+
+def _with_bridges(cells: Sheet, walls: Walls, necks: list[Neck], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
     """The cells with as many necks bridged as can be at once, and how many."""
     bridges = [bridge for neck in necks if (bridge := _bridge(cells, walls, neck, width)) is not None]
-    return with_strips(cells, bridges, width)
+    return with_strips(cells, bridges, width, snap)
 
 
 def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:

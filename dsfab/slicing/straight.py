@@ -48,8 +48,11 @@ class _Lines(NamedTuple):
         return _Lines(self.number[on], self.edge[on], self.s[on], self.x[on], self.y[on], self.way[on])
 
 
-def far_ends(surface: Surface, start: Ints, place: Floats) -> FarEnds:
-    """Where lines end that begin on half-edges (k,), so many metres (k,) along them, and run square to these."""
+def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
+    """Where lines end that begin on half-edges (k,), so many metres (k,) along them, and run square to these.
+
+    reach : metres; longer lines need no end.
+    """
     frames, twin, first = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = first != first[twin]  # the twin runs the other way
     count = len(start)
@@ -64,7 +67,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats) -> FarEnds:
             here = lines.number[ends]
             found.edge[here], found.place[here] = lines.edge[ends], lines.s[ends]
             found.slope[here], found.length[here] = lines.x[ends], lines.way[ends]
-        on = ~ends & np.isfinite(lines.way)
+        on = ~ends & np.isfinite(lines.way) & (lines.way <= reach)
         edge, lines = beyond[on], lines.at(on)
         turned = against[edge]
         s, x = np.where(turned, frames[edge, 0] - lines.s, lines.s), np.where(turned, -lines.x, lines.x)

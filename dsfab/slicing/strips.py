@@ -61,12 +61,12 @@ class Strip:
         return np.asarray(self.axes @ (X - self.middle).T / self.half[:, None])
 
 
-def with_strips(cells: Sheet, strips: list[Strip], width: float) -> tuple[Sheet, int]:
+def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
     """The cells with as many strips as can be made at once, and small openings that these part off, as material; and
-    how many strips. `width`, metres, is what small refers to."""
+    how many strips. `width`, metres, is what small refers to; for `snap` see `SNAP`."""
     if not (strips := [strips[k] for k in apart(cells, [strip.cells for strip in strips])]):
         return cells, 0
-    return _without_pockets(_filled(cells, strips), cells.surface.n, width), len(strips)
+    return _without_pockets(_filled(cells, strips, snap), cells.surface.n, width), len(strips)
 
 
 def apart(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
@@ -80,7 +80,7 @@ def apart(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
     return chosen
 
 
-def _filled(cells: Sheet, strips: list[Strip]) -> Sheet:
+def _filled(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
     """The strips made material."""
     some = Recut.of(cells, np.concatenate([strip.cells for strip in strips]))
     mesh, owner, root = some.mesh, np.full(len(some.cells), -1), np.arange(len(some.cells))
@@ -93,7 +93,7 @@ def _filled(cells: Sheet, strips: list[Strip]) -> Sheet:
             slots = mesh.cells.slots(np.flatnonzero(inside & (owner[root] == k)))
             vertex = np.unique(mesh.cells.corner[slots])
             x[vertex] = strip.within(mesh.X[vertex])[axis]
-        near = np.abs(np.abs(x) - 1) < SNAP
+        near = np.abs(np.abs(x) - 1) < snap
         x[near] = np.sign(x[near])
         split = clean_split(mesh.cells, mesh.X, x, SIDES, inside, Snapping(0.0, cells.surface.size))
         mesh, root, inside = mesh.after(split), root[split.source], inside[split.source] & (split.strip == 1)

@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import PatternError, StaticsError
 from dsfab.limits import FILM, Status
-from dsfab.pipeline import acting_on, sheet_loads
+from dsfab.pipeline import acting_on, least_widths, sheet_loads
 from dsfab.pipeline.design import Design
 from dsfab.slicing.features import Feature, Features, features, kept_cells
 from dsfab.slicing.quality import Quality, quality
@@ -16,12 +16,16 @@ from dsfab.surface import Picker, edges_of, load_names, pieces, support_names
 from dsfab.thickening.wall import Wall, thinnest_wall
 from dsfab.wording import length
 
+TOO_FINE = 1e-3
+"""Metres; what is narrower, and than its limit, is not built unless somebody accepts it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Check:
     """A limit of [fabrication] and what was measured, metres (for `bed` three of each).
 
     name  : the key of the limit.    value, place, what : empty where there is nothing of the kind, which passes.
+    asked : whether [fabrication] says it; else it is what the design is kept to, see `least_widths`.
     """
 
     name: str
@@ -30,6 +34,7 @@ class Check:
     place: tuple[float, ...]
     what: str
     verdict: Status
+    asked: bool = True
 
 
 @dataclass(frozen=True)
@@ -67,14 +72,15 @@ def fabrication(design: Design) -> FabricationMeasures:
     A limit is met or not on the sheet and the solid as they are built: it passes or fails.
     """
     cells = design.slicing.cells
-    found = features(cells, kept_cells(cells, design.sheet), design.pattern.names)
+    least = least_widths(design.preset, design.surface.size)
+    found = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
     wall, box = thinnest_wall(design.solid), np.ptp(design.solid.box, axis=0)
     ask = design.preset.fabrication
     checks = []
-    if ask.min_member:
-        checks.append(_checked("min_member", ask.min_member, found.member))
-    if ask.min_gap:
-        checks.append(_checked("min_gap", ask.min_gap, found.gap))
+    if limit := ask.min_member or least.member:
+        checks.append(_checked("min_member", limit, found.member, asked=ask.min_member > 0))
+    if limit := ask.min_gap or least.gap:
+        checks.append(_checked("min_gap", limit, found.gap, asked=ask.min_gap > 0))
     if ask.min_wall:
         here = None if wall is None else Feature(wall.thickness, wall.place, "a wall of the solid", 0.0)
         checks.append(_checked("min_wall", ask.min_wall, here))
@@ -86,9 +92,12 @@ def fabrication(design: Design) -> FabricationMeasures:
     return FabricationMeasures(thickness, found, wall, box, touches, quality(design.sheet.surface), tuple(checks))
 
 
-def refusals(design: Design) -> tuple[str, ...]:
+def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Why a design is not to be shipped unless somebody accepts it, a clause each: loads that nothing carries, a sheet
-    that was thinned to a film."""
+    that was thinned to a film; with `pattern.workshop` members and openings under a millimetre that fail their limit.
+
+    made : what was measured on it, where that is known.
+    """
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
         sheet_loads(design.surface, design.slicing.cells.kept(), design.sheet, loads)
@@ -99,20 +108,24 @@ def refusals(design: Design) -> tuple[str, ...]:
         thin = length(repairs.thinnest * design.preset.statics.thickness)
         place = ", ".join(f"{x + 0.0:.3g}" for x in repairs.thinnest_at)
         why.append(f"the sheet was thinned to a film of {thin} at ({place}) m")
+    for check in (made or fabrication(design)).failed if design.preset.pattern.workshop else ():
+        if check.name in ("min_member", "min_gap") and check.value[0] < TOO_FINE:
+            place = ", ".join(f"{x + 0.0:.3g}" for x in check.place)
+            why.append(f"{check.what} of {length(check.value[0])} at ({place}) m cannot be made")
     return tuple(why)
 
 
-def require_fit(design: Design) -> None:
+def require_fit(design: Design, made: FabricationMeasures | None = None) -> None:
     """Raise PatternError for what `refusals` finds, unless the preset accepts it (`fabrication.accept`)."""
-    if not design.preset.fabrication.accept and (why := refusals(design)):
+    if not design.preset.fabrication.accept and (why := refusals(design, made)):
         raise PatternError(f"{'; '.join(why)}. To have it as it is: --accept, or fabrication.accept = true")
 
 
-def _checked(name: str, limit: float, found: Feature | None) -> Check:
+def _checked(name: str, limit: float, found: Feature | None, asked: bool = True) -> Check:
     if found is None:
-        return Check(name, (limit,), (), (), "", "pass")
+        return Check(name, (limit,), (), (), "", "pass", asked)
     verdict: Status = "fail" if found.size < limit else "pass"
-    return Check(name, (limit,), (found.size,), tuple(found.place.tolist()), found.what, verdict)
+    return Check(name, (limit,), (found.size,), tuple(found.place.tolist()), found.what, verdict, asked)
 
 
 def _touches(design: Design) -> tuple[Touches, ...]:

@@ -69,15 +69,17 @@ def _workshop(surface: Surface) -> list[Control]:
             _limit(Control(group, f"fabrication.{key}", label, "length", "m", thin, 100 * thin, hint=hint))
             for key, (label, hint) in limits.items()
         ),
+        Control(group, "pattern.workshop", "no slits", "switch", live=False, hint=_NO_SLITS),
         Control(group, "fabrication.bed", "fits into", "size", "m", live=False, hint=_BED),
         Control(group, "fabrication.accept", "build in spite of faults", "switch", live=False, hint=_ACCEPT),
     ]
 
 
+_NO_SLITS = "Closes openings and widens members that are narrower than a workshop makes, by the sheet's thickness."
 _BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
 
 
-_ACCEPT = "Also with loads that nothing carries, or with a sheet that was thinned to a film."
+_ACCEPT = "Also with loads that nothing carries, a sheet that was thinned to a film, or what is under 1 mm and fails."
 
 
 def _limit(control: Control) -> Control:

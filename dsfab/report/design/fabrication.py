@@ -72,12 +72,13 @@ def _check(check: "Check") -> dict[str, Any]:
         "at_m": list(check.place),
         "what": check.what,
         "verdict": check.verdict,
+        "asked": check.asked,
     }
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """A line of what is smallest, and one of what of it is narrower than the sheet is thick; with limits, a table of
-    them; loads and pieces where there are several."""
+    """A line of what is smallest, and one of what of it is narrower than the sheet is thick; a table of the limits that
+    are asked for or missed; loads and pieces where there are several."""
     found = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     told = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in found.items()]
     usual = facts["member_widths"]["at_share_of_walls"].get("50%")
@@ -87,16 +88,19 @@ def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
     if len(facts["pieces"]) > 1:
         for number, piece in enumerate(facts["pieces"], 1):
             yield f"piece {number}: {piece['area_m2']:.3g} m2, touches {_touched(piece)}"
-    if facts["checks"]:
-        rows = table(("limit", "asked", "measured", "verdict"), [_row(check) for check in facts["checks"]]).split("\n")
-        yield from (
-            f"{row}  {where}" for row, where in zip(rows, ["where", *map(_where, facts["checks"])], strict=True)
-        )
+    if checks := [check for check in facts["checks"] if _asked(check) or check["verdict"] == "fail"]:
+        rows = table(("limit", "asked", "measured", "verdict"), [_row(check) for check in checks]).split("\n")
+        yield from (f"{row}  {where}" for row, where in zip(rows, ["where", *map(_where, checks)], strict=True))
+
+
+def _asked(check: Mapping[str, Any]) -> bool:
+    """Whether [fabrication] has the limit; designs of before kept to no others."""
+    return bool(check.get("asked", True))
 
 
 def _narrow(facts: Mapping[str, Any]) -> Iterator[str]:
     """What is narrower than the sheet is thick, and no limit is set for: where it is and what cures it."""
-    thickness, limits = facts.get("thickness_m", 0.0), {check["limit"] for check in facts["checks"]}
+    thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _asked(c)}
     few = {key: facts[MEASURED[key]] for key in ("min_gap", "min_member") if facts[MEASURED[key]] and key not in limits}
     narrow = {key: value for key, value in few.items() if value["m"] < thickness}
     if narrow:

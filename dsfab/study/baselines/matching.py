@@ -61,10 +61,11 @@ def _matched(task: ComparisonTask, drawing: Drawing) -> Structure:
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Layers cut as the preset cuts, without the pieces that reach no support."""
+    """Layers cut as the preset cuts, without the pieces that reach no support; nothing is added to the mass that they
+    are drawn with."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
-    preset = task.preset.model_copy(update={"slicing": slicing})
+    preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
     tidy = tidy_of(preset, task.stressed, layers)
     pattern = PatternResult(names, fields, levels, widths, tidy=tidy)
     made = slicing_step(preset, task.surface, task.statics, pattern, Log(None))
