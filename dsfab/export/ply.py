@@ -21,7 +21,8 @@ def encode(part: Part) -> Iterator[bytes]:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read back with libigl, which says nothing of a last face that is cut off: the file is as long as it should be."""
+    read = check_mesh(part, *read_with_igl(path))
     short = sum(map(len, encode(part))) - path.stat().st_size
     if short > 0:
         raise ExportError(f"{part.name!r} reads back {short} bytes short; free some space or write another format")
-    return check_mesh(part, *read_with_igl(path))
+    return read

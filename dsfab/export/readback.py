@@ -56,10 +56,16 @@ def read_with_igl(path: Path) -> tuple[Floats, Ints]:
 
 
 def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) and faces (m, 3) as they are in the file, nothing merged or dropped."""
+    """Vertices (n, 3) and faces (m, 3) as they are in the file, nothing merged or dropped.
+
+    Raises ExportError for a file that is no such mesh.
+    """
     import trimesh
 
-    mesh = trimesh.load_mesh(path, process=False)
+    try:
+        mesh = trimesh.load_mesh(path, process=False)
+    except (ValueError, LookupError, TypeError) as error:  # of a file that ends too early
+        raise ExportError(f"{path.name} does not read back: {error}; free some space or write another format") from None
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 
