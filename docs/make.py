@@ -42,7 +42,7 @@ SHIPPED = (
     *("dome", "globe", "barrel_vault", "tower", "snow_vault", "cantilever"),
     *("gridshell", "slab"),
 )
-OURS = ("canopy", "arena", "five_feet", "trumpet", "saddle", "ring", "tealight")
+OURS = ("canopy", "arena", "four_feet", "trumpet", "saddle", "ring", "tealight")
 """Designs whose presets lie beside their pictures."""
 
 DESIGNS = {
