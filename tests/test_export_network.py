@@ -15,6 +15,7 @@ from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, use_check
+from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, bernstein
 from dsfab.export.network.dividing import _narrow, divided
 from dsfab.export.network.draft import member_draft
@@ -297,6 +298,39 @@ def test_a_long_member_is_cut_off_from_a_pointed_end(far):
     assert [done.chains[k].left for k in range(5)] == [0, 8, 8, 0, 0]
     line = done.weights[done.chains[5].points] @ flat.V
     np.testing.assert_allclose(line, np.linspace(flat.V[rows[1]], flat.V[rows[3]], len(line)), atol=1e-9)
+
+
+def two_squares(bulge: float) -> tuple[ChainNet, dict[int, ChainCurve]]:
+    """Side by side; what is between them is of two chains, of which the first bulges so far into the left one."""
+    P = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [0, 1], [1, 0.5]])
+    left = {0: (0, 1, VOID), 1: (1, 6, 1), 2: (6, 4, 1), 3: (4, 5, VOID), 4: (5, 0, VOID)}
+    right = {5: (1, 2, VOID), 6: (2, 3, VOID), 7: (3, 4, VOID)}
+    ends = {**{k: (*one, 0) for k, one in left.items()}, **{k: (*one, 1) for k, one in right.items()}}
+    chains = {k: Chain(np.array([a, b]), mine, beyond) for k, (a, b, beyond, mine) in ends.items()}
+    loops = {0: [[(k, True) for k in left]], 1: [[*((k, True) for k in right), (2, False), (1, False)]]}
+    curves = {}
+    for k, (a, b, *_) in ends.items():
+        line = P[a] + np.arange(4)[:, None] / 3 * (P[b] - P[a])
+        line[1:3, 0] -= bulge * (k == 1)
+        skins = np.concatenate([line, np.ones((4, 1)), line, np.zeros((4, 1))], axis=1)
+        curves[k] = ChainCurve(np.array([0.0, 1]), skins[None])
+    return ChainNet(csr_array(eye_array(7)), chains, loops, frozenset({1}), np.array([0, 1])), curves
+
+
+@pytest.mark.parametrize("bulge", [1.3, 1.4])
+def test_regions_are_one_where_a_chain_between_them_crosses_an_outline(bulge):
+    """A cubic whose inner poles are 1.3 aside is .98 aside in its middle, at 1.4 it is 1.05: beyond the left wall."""
+    net, curves = two_squares(bulge)
+    done = without_crossings(net, curves, [0, 1])
+    if bulge < 4 / 3:
+        assert done is net
+        return
+    assert sorted(done.loops) == [0]
+    loop = done.loops[0][0]
+    assert loop[loop.index((0, True)) :] + loop[: loop.index((0, True))] == [(k, True) for k in (0, 5, 6, 7, 3, 4)]
+    assert sorted(done.chains) == [0, 3, 4, 5, 6, 7]
+    assert {chain.left for chain in done.chains.values()} == {0}
+    assert (done.cell.tolist(), done.loose) == ([0, 0], frozenset())
 
 
 def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):

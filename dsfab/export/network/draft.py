@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
+from dsfab.export.network.crossings import crossing_chains, without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, fitted_chains, sampled_chains
 from dsfab.export.network.dividing import divided
 from dsfab.export.network.fillets import without_fillets
@@ -38,6 +39,9 @@ NARROW = 1 / 4000
 
 LENS = 1 / 3
 """Width of a region between two chains that is no region, as a share of the thickness."""
+
+PASSES = 3
+"""Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
 
 UNASKED = 6000
 """Faces of a file that nobody asked for by name: making it and having OCCT read it takes 20 seconds."""
@@ -102,13 +106,34 @@ def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[Net
     net = straightened(net, lifting, t)
     curves = _FittedChains(lifting, FLAT * plan.limits.distance)
     model = _model(net, curves, plan)
-    whole = divided(net, model.trimmed, lifting, NARROW * t)
-    if whole is not net:
-        net, model = whole, _model(whole, curves, plan)
+    for _ in range(PASSES):
+        sound = without_crossings(net, curves.curves, model.trimmed)
+        if sound is net:
+            break
+        net, model = sound, _model(sound, curves, plan)
+    net, model = _divided(net, model, lifting, curves, plan)
     return model, [
         trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * t)
         for region, loops in model.trimmed.items()
     ]
+
+
+def _divided(
+    net: ChainNet, model: NetModel, lifting: Lifting, curves: "_FittedChains", plan: SmoothPlan
+) -> tuple[ChainNet, NetModel]:
+    """A net and its model with members that are cut off from their ends, unless an outline then crosses itself."""
+    regions = set(model.trimmed)
+    for _ in range(PASSES):
+        whole = divided(net, sorted(regions), lifting, NARROW * plan.limits.thickness)
+        if whole is net:
+            break
+        found = _model(whole, curves, plan)
+        crossed = [region for region in found.trimmed if crossing_chains(whole, curves.curves, region)]
+        wrong = {whole.parent.get(region, region) for region in crossed} & regions
+        if not wrong:
+            return whole, found
+        regions -= wrong
+    return net, model
 
 
 class _FittedChains:

@@ -42,12 +42,10 @@ def trimmed_face(model: NetModel, loops: list[Loop], points: Floats, wanted: flo
     """The faces of a region with points (k, 6) inside; raises ExportError where no plane sees it as one outline."""
     edges = np.concatenate([_samples(model, loop) for loop in loops])
     allowed = np.concatenate([points, edges])
-    across = (allowed[:, :3] - allowed[:, 3:]) / np.linalg.norm(allowed[:, :3] - allowed[:, 3:], axis=1)[:, None]
-    mean = across.mean(axis=0)
-    mean /= np.linalg.norm(mean)
-    if (across @ mean).min() < SEEN:
+    mean = middle_normal(allowed)
+    if (_across(allowed) @ mean).min() < SEEN:
         raise ExportError("a region without four sides bends too much for one surface")
-    axes = _axes(mean)
+    axes = axes_of(mean)
     area = [_area(_samples(model, loop)[:, :3] @ axes[:2].T) for loop in loops]
     order = sorted(range(len(loops)), key=lambda i: -area[i])
     if sum(a > 0 for a in area) != 1:
@@ -63,7 +61,19 @@ def _samples(model: NetModel, loop: Loop) -> Floats:
     return np.concatenate([B @ model.edges[e].poles[:: 1 if ahead else -1] for e, ahead in loop])
 
 
-def _axes(normal: Floats) -> Floats:
+def _across(points: Floats) -> Floats:
+    """(k, 3) unit vectors from the inner skin to the outer at points (k, 6)."""
+    way = points[:, :3] - points[:, 3:]
+    return np.asarray(way / np.linalg.norm(way, axis=1)[:, None])
+
+
+def middle_normal(points: Floats) -> Floats:
+    """(3,) of both skins, over points (k, 6) of them."""
+    mean = _across(points).mean(axis=0)
+    return np.asarray(mean / np.linalg.norm(mean))
+
+
+def axes_of(normal: Floats) -> Floats:
     """(3, 3) right-handed, the normal last."""
     along = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     along /= np.linalg.norm(along)
