@@ -26,6 +26,9 @@ MOST_FACES = 2000
 """Of a file that is cut unasked: so many take OCCT 10 to 15 seconds to read again, to cut and to ask whether the halves
 are valid."""
 
+MOST_SMOOTH = 500
+"""Of a smooth file: its skins have all openings' edges, and 1400 faces took OCCT half a minute."""
+
 SECONDS, SECONDS_PER_FACE = 30.0, 0.03
 """Of the processor: some times what was measured. Volumes of smooth halves with hundreds of edges take that long."""
 
@@ -48,7 +51,8 @@ def smooth_use(part: Part) -> SampledUse:
     """What becomes of one cut of a part's smooth file, tried once, where that is wanted of the part."""
     if part not in _TRIED:
         file = smooth_file(part)
-        _TRIED[part] = sampled_use(part, file.text, file.faces, file.limits) if part.cut else SampledUse(False)
+        wanted = part.cut and file.faces <= MOST_SMOOTH
+        _TRIED[part] = sampled_use(part, file.text, file.faces, file.limits) if wanted else SampledUse(False)
     return _TRIED[part]
 
 

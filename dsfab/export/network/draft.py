@@ -12,7 +12,7 @@ from dsfab.export.network.crossings import crossing_chains, without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, fitted_chains, sampled_chains
 from dsfab.export.network.dividing import divided
 from dsfab.export.network.fillets import without_fillets
-from dsfab.export.network.graph import ChainNet, net_of
+from dsfab.export.network.graph import VOID, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.model import NetModel, net_model
@@ -72,20 +72,27 @@ def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
     new, shells, faces, trimmed = Entities(), list[int](), list[int](), list[TrimmedFace]()
     count = 0
     for sheet in _sheets(plan.curved.striped()):
-        model, surfaces = _solid(sheet, lifting, plan)
+        net = _net(sheet, lifting, plan)
+        _require_few(part, 2 * len(net.loops) + sum(chain.right == VOID for chain in net.chains.values()))
+        model, surfaces = _solid(net, sheet, lifting, plan)
         added = NetText(new, model, plan.limits.thickness).faces(surfaces)
         faces += added
         shells += [count] * len(added)
         trimmed += surfaces
         count += 1
-    if part.hurry and len(faces) > UNASKED:
-        raise ExportError(
-            f"by members it would have {len(faces)} faces, more than {UNASKED}, which take too long to be tried "
-            "unasked; ask for step = 'members'"
-        )
+    _require_few(part, len(faces))
     end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), new.free, part.name)
     text = "".join([header(part.name, KIND, count), *new.text, *end])
     return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
+
+
+def _require_few(part: Part, faces: int) -> None:
+    """Raise ExportError where nobody asked for so many faces, or more."""
+    if part.hurry and faces > UNASKED:
+        raise ExportError(
+            f"by members it would have {faces} faces, more than {UNASKED}, which take too long to be tried unasked; "
+            "ask for step = 'members'"
+        )
 
 
 def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
@@ -96,14 +103,20 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
         yield StripedSheet(striped.F[mine], striped.weights, striped.label[mine], striped.loose[mine])
 
 
-def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    """The model of a piece, and its faces without four sides."""
+def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
+    """The net of a piece; it has at least a wall for each chain of its outline, and two faces for each region."""
     t = plan.limits.thickness
     net = net_of(sheet, plan.surface.V, t / MM_PER_M)
     net = without_fillets(net, lifting)
     P = np.asarray(net.weights @ lifting.skins.points)
     net = joined_outlines(without_lenses(net, P, LENS * t), P)
-    net = straightened(net, lifting, t)
+    return straightened(net, lifting, t)
+
+
+def _solid(
+    net: ChainNet, sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan
+) -> tuple[NetModel, list[TrimmedFace]]:
+    """The model of a piece, and its faces without four sides."""
     curves = _FittedChains(lifting, FLAT * plan.limits.distance)
     model = _model(net, curves, plan)
     for _ in range(PASSES):
@@ -113,7 +126,7 @@ def _solid(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> tuple[Net
         net, model = sound, _model(sound, curves, plan)
     net, model = _divided(net, model, lifting, curves, plan)
     return model, [
-        trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * t)
+        trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * plan.limits.thickness)
         for region, loops in model.trimmed.items()
     ]
 
