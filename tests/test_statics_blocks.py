@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from dsfab.arrays import complement, distinct
-from dsfab.statics import Elements, Material, added, bending_stiffness, membrane_stiffness
+from dsfab.statics import (
+    PAPER,
+    Elements,
+    Material,
+    SheetModel,
+    added,
+    bending_stiffness,
+    membrane_stiffness,
+    sheet_stiffness,
+)
 from dsfab.statics.blocks import vertex_pairs
 from dsfab.statics.hinges import angle_gradients, hinges
 from dsfab.statics.membrane import corner_strains
@@ -77,6 +86,7 @@ def test_both_are_stored_alike_and_the_pattern_is_made_once():
     K = added(membrane, bending)
     assert np.shares_memory(K.indices, membrane.indices)
     assert abs(K - (membrane + bending)).max() == 0
+    assert abs(K - sheet_stiffness(SheetModel(surface, STEEL, H), PAPER)).max() == 0  # added block by block
     other = membrane_stiffness(surface, STEEL, H, elements=Elements("constant", None))
     assert abs(added(other, bending) - K).max() <= 1e-15 * abs(K).max()
 

@@ -19,12 +19,11 @@ from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import (
     Factor,
     FactorOf,
-    added,
-    bending_stiffness,
+    SheetModel,
     equilibria,
     flat_axis,
-    membrane_stiffness,
     needles_told,
+    sheet_stiffness,
     stress,
 )
 from dsfab.surface import Surface
@@ -85,11 +84,7 @@ def statics_step(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
     loads, spreads = [loading.load for loading in solved], [loading.spread for loading in solved]
     plane = flat_axis(surface, *loads) is not None
     elements = sheet.elements.in_plane if plane else sheet.elements
-    with log.row("membrane"):
-        K = membrane_stiffness(surface, sheet.elastic, sheet.thickness, sheet.law, elements)
-    if elements.bending:
-        with log.row("bending"):
-            K = added(K, bending_stiffness(surface, sheet.elastic, sheet.thickness, elements))
+    K = sheet_stiffness(SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law), elements, log.row)
     factor_of = _timed(sheet.ask.factor_of(sheet.elements), log)
     with log.row("statics"):
         sums = [[ld.factors.get(case.name, 0.0) for case in solved] for ld in acting if ld.factors is not None]

@@ -19,13 +19,14 @@ from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, pl
 from dsfab.statics.material import Law, Material
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import SheetMaterial, SheetModel
-from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, sheet_stiffness
+from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
 from dsfab.statics.needles import flatness, needles_told
 from dsfab.statics.out_of_plane import ModeSupports, mode_supports
 from dsfab.statics.sections import CONVENTION, SectionForces, section_forces
 from dsfab.statics.shear import ShearRecovery
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
 from dsfab.statics.spread import SpreadLoad, spread_load
+from dsfab.statics.stiffness import sheet_stiffness
 from dsfab.statics.stress import stress, von_mises
 from dsfab.statics.supports import with_springs
 from dsfab.statics.torsion import RibShape, rib_shape, torsion_loss, torsion_share

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.statics.blocks import CORNERS, summed_blocks, upwards, vertex_pairs
+from dsfab.statics.blocks import CORNERS, PairBlocks, summed_blocks, upwards, vertex_pairs
 from dsfab.statics.elements import PAPER, Elements, padded
 from dsfab.statics.hhj import hhj_stiffness
 from dsfab.statics.hinges import angle_gradients, hinges
@@ -18,7 +18,7 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
     Raises ValueError for elements without bending.
     """
     if elements.bending == "hinge":
-        return padded(hinge_stiffness(surface, material, thickness), elements.unknowns(surface))
+        return padded(hinge_blocks(surface, material, thickness).matrix(), elements.unknowns(surface))
     if elements.bending == "midedge":
         return midedge_stiffness(surface, material.bending(thickness), elements)
     if elements.bending == "hhj":
@@ -26,8 +26,8 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
     raise ValueError(f"{elements} has no bending")
 
 
-def hinge_stiffness(surface: Surface, material: Material, thickness: float) -> csr_array:
-    """K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, (3 n, 3 n), N/m [Wardetzky et al. 2007].
+def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
+    """K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, N/m [Wardetzky et al. 2007].
 
     At rest its Hessian is w g g^T with g = grad theta, hence positive semidefinite on curved sheets too. It gives good
     *directions* but does not converge to Kirchhoff's plate on general meshes: at 80 x 80 cells the centre of a clamped
@@ -40,4 +40,4 @@ def hinge_stiffness(surface: Surface, material: Material, thickness: float) -> c
     first, second = ([pair[k] for pair in CORNERS] for k in (0, 1))
     ascending = (hinge[:, first] < hinge[:, second]).T
     u, v = (x.reshape(3, -1) for x in upwards(g[:, first], g[:, second], ascending))
-    return pairs.matrix(summed_blocks(u, v, pairs.of_hinge(surface, hinge).ravel(), len(pairs.ends)))
+    return PairBlocks.of(pairs, summed_blocks(u, v, pairs.of_hinge(surface, hinge).ravel(), len(pairs.ends)))

@@ -71,21 +71,50 @@ class VertexPairs:
         number = np.concatenate([len(pair) + pair, 2 * len(pair) + own, pair])[order]
         return begin, column[order], number
 
-    def matrix(self, blocks: Floats) -> csr_array:
-        """(3 n, 3 n) the stiffness whose blocks between `ends` are (9, p), row by row, smaller vertex first.
-
-        No element resists a shift: the blocks on the diagonal are minus the sums of the others in their rows.
-        """
-        low, high = self.ends.T
-        below = blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
-        own = np.empty((3, 3, self.n))
-        for entry, upper, lower in zip(own.reshape(9, -1), blocks, below, strict=True):
-            entry[:] = -np.bincount(low, upper, self.n) - np.bincount(high, lower, self.n)
-        mean = (own + own.transpose(1, 0, 2)) / 2
+    def matrix(self, blocks: "PairBlocks") -> csr_array:
+        """(3 n, 3 n) the stiffness of these blocks; the columns of each row ascend."""
         begin, column, number = self._places
         # block by block: the places of single entries would take a third of the memory of the matrix
-        values = np.concatenate([blocks.T, below.T, mean.reshape(9, -1).T])[number].reshape(-1, 3, 3)
+        every = np.concatenate([blocks.between.T, _turned(blocks.between).T, blocks.own.T])
+        values = every[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
+
+
+@dataclass(frozen=True, eq=False)
+class PairBlocks:
+    """A stiffness as blocks of 3 x 3 on pairs of vertices; stiffnesses on the same pairs are added before any matrix
+    is made of them.
+
+    between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
+    own     : (9, n) the blocks on the diagonal, symmetric.
+    """
+
+    pairs: VertexPairs
+    between: Floats
+    own: Floats
+
+    @classmethod
+    def of(cls, pairs: VertexPairs, between: Floats) -> Self:
+        """No element resists a shift: the blocks on the diagonal are minus the sums of the others in their rows."""
+        low, high = np.ascontiguousarray(pairs.ends.T)
+        own = np.empty((3, 3, pairs.n))
+        for entry, upper, lower in zip(own.reshape(9, -1), between, _turned(between), strict=True):
+            entry[:] = -np.bincount(low, upper, pairs.n) - np.bincount(high, lower, pairs.n)
+        return cls(pairs, between, ((own + own.transpose(1, 0, 2)) / 2).reshape(9, -1))
+
+    def __add__(self, other: Self) -> Self:
+        if self.pairs is not other.pairs:
+            raise ValueError("the blocks stand on different pairs of vertices")
+        return type(self)(self.pairs, self.between + other.between, self.own + other.own)
+
+    def matrix(self) -> csr_array:
+        """(3 n, 3 n) the stiffness, N/m; all of a mesh with the same pairs are stored alike."""
+        return self.pairs.matrix(self)
+
+
+def _turned(blocks: Floats) -> Floats:
+    """Blocks (9, k) of 3 x 3, transposed."""
+    return blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
 
 
 def summed_blocks(u: Floats, v: Floats, at: Ints, count: int) -> Floats:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
-from dsfab.statics.blocks import upwards, vertex_pairs
+from dsfab.statics.blocks import PairBlocks, upwards, vertex_pairs
 from dsfab.statics.elements import PAPER, Elements, assembled, edge_frames, padded, voigt
 from dsfab.statics.hinges import hinges
 from dsfab.statics.hybrid import hybrid_rigidity
@@ -27,11 +27,15 @@ def membrane_stiffness(
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
         return _hybrid(surface, material.membrane(law) * thickness, elements)
-    return padded(_constant(surface, material.membrane(law) * thickness, elements), elements.unknowns(surface))
+    blocks = constant_blocks(surface, material.membrane(law) * thickness, elements)
+    return padded(blocks.matrix(), elements.unknowns(surface))
 
 
-def _constant(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    """Between corners with hat gradients g and f, and the projector P onto the face, the block of an isotropic C is
+def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
+    """The constant-strain triangles, C (3, 3) N/m, on the pairs of vertices that bending by hinges couples, where
+    `elements` have it, else on the edges.
+
+    Between corners with hat gradients g and f, and the projector P onto the face, the block of an isotropic C is
 
     A (lam g f^T + mu f g^T + mu (g . f) P)
     """
@@ -51,7 +55,7 @@ def _constant(surface: Surface, C: Floats, elements: Elements) -> csr_array:
         for b in range(3):
             value = lam * u[a] * v[b] + mu * v[a] * u[b] - shear * normal[a] * normal[b]
             blocks[3 * a + b] = np.bincount(at, value + shear if a == b else value, len(pairs.ends))
-    return pairs.matrix(blocks)
+    return PairBlocks.of(pairs, blocks)
 
 
 def _across(surface: Surface) -> Floats:

@@ -8,14 +8,12 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from dsfab.arrays import Bools, Floats, lock
 from dsfab.errors import StaticsError
-from dsfab.statics.bending import bending_stiffness
-from dsfab.statics.blocks import added
 from dsfab.statics.elements import BUBBLES, Elements, assembled, edge_frames
 from dsfab.statics.factor import FactorOf, factored
 from dsfab.statics.mechanisms import require_held
-from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import SheetModel
 from dsfab.statics.solve import Equilibrium
+from dsfab.statics.stiffness import sheet_stiffness
 from dsfab.statics.stress import stress
 from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
 from dsfab.statics.uses import elements_of
@@ -185,14 +183,6 @@ def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_ar
     function = np.concatenate([np.repeat(np.arange(3), 3), *(np.arange(3, 6) for _ in names)])
     blocks = shapes[:, function][:, :, function] * (direction @ direction.transpose(0, 2, 1))
     return assembled(blocks, elements.columns(surface, *names), elements.unknowns(surface))
-
-
-def sheet_stiffness(sheet: SheetModel, elements: Elements) -> csr_array:
-    """(N, N) K, N/m, over the unknowns of `elements`: membrane and, where they have it, bending."""
-    K = membrane_stiffness(sheet.surface, sheet.material, sheet.thickness, sheet.law, elements)
-    if not elements.bending:
-        return K
-    return added(K, bending_stiffness(sheet.surface, sheet.material, sheet.thickness, elements))
 
 
 def _largest(

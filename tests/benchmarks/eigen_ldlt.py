@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from dsfab import sparse
-from dsfab.statics import added, bending_stiffness, equilibrium, membrane_stiffness, stress
+from dsfab.statics import SheetModel, equilibrium, sheet_stiffness, stress
 from dsfab.statics.factor import factored
 from dsfab.surface import LoadCase
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
@@ -28,8 +28,7 @@ def stage(preset, surface, load):
     """dsfab's statics stage: seconds of CPU and of the clock, and the stiffness."""
     sheet = preset.statics
     cpu, wall = time.process_time(), time.perf_counter()
-    K = membrane_stiffness(surface, sheet.elastic, sheet.thickness, sheet.law, sheet.elements)
-    K = added(K, bending_stiffness(surface, sheet.elastic, sheet.thickness, sheet.elements))
+    K = sheet_stiffness(SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law), sheet.elements)
     answer = equilibrium(surface, K, load, sheet.elements)
     stress(surface, sheet.elastic, answer.u, sheet.law, answer.bubbles)
     return time.process_time() - cpu, time.perf_counter() - wall, K
