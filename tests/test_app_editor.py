@@ -334,11 +334,13 @@ def test_a_page_that_begins_gets_what_is_being_solved():
         assert session.ask_solve({"pattern.keep": 0.4}) != session.ask_solve({"pattern.keep": 0.5})
 
 
-def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(monkeypatch):
-    """The sketch's surface stays good; one of something else that is wished meanwhile does not."""
+@pytest.mark.parametrize("answers", [False, True])
+def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, monkeypatch):
+    """The sketch's surface stays good but for rough stress; one of something else that is wished meanwhile does not."""
     goes_on, until = threading.Event(), Design.until
     monkeypatch.setattr(Design, "until", lambda design, stage: goes_on.wait(30) and until(design, stage))
-    with Session(open_preset("barrel_vault", COARSELY)) as session:
+    changes = COARSELY.also("statics.strength=235e6") if answers else COARSELY
+    with Session(open_preset("barrel_vault", changes)) as session:
         first = session.ask_solve({})
         sketch, _ = unpacked(session.early())
         assert (sketch["whole"], session.jobs.pending(first)) == (True, True)
@@ -346,8 +348,9 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(monkeypatc
             session.ask_members(judged=False)
         goes_on.set()
         wait(session.jobs, first)
+        assert session._sketched is None
         solved, _ = unpacked(session.model(sketch["version"]))
-        assert (solved["whole"], solved["draft"]) == (False, sketch["draft"] + 1)
+        assert (solved["whole"], solved["draft"]) == (answers, sketch["draft"] + 1)
     goes_on.clear()
     with Session(open_preset("barrel_vault", COARSELY)) as session:
         first = session.ask_solve({})

@@ -4,6 +4,7 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,7 @@ from dsfab.app.cli import main
 from dsfab.app.first_picture import FirstPicture
 from dsfab.app.terminal import Reporter
 from dsfab.errors import PatternError
-from dsfab.pipeline import Design, draft
+from dsfab.pipeline import Design, Log, draft
 from dsfab.pipeline import design as stages
 from dsfab.preset_file import load_preset
 from dsfab.render import opengl
@@ -26,6 +27,7 @@ from tests.presets import DOME_MODES
 STRIPES = {"surface.edge": 1.0, "pattern.method": "stripes", "pattern.major.spacing": 2.0, "pattern.minor.spacing": 2.0}
 SHARES = {
     "modes": {"surface.edge": 0.9},
+    "answers": {"surface.edge": 0.9, "statics.strength": 235e6},
     "stripes": STRIPES,
     "graded": {**STRIPES, "pattern.width.rule": "graded"},
     "no share": {**STRIPES, "pattern.width.solid_fraction": 0.0, "pattern.width.member": 0.3},
@@ -48,6 +50,7 @@ def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
     preset = load_preset(DOME_MODES, SHARES[ask])
     design = Design.of(preset)
     sketch = design.sketch(modes=False)
+    assert design.has("statics") == (ask != "answers")  # better elements are still to answer
     assert design.has("diffusion") == (ask == "modes")
     assert not design.has("pattern")
     calm = draft(preset)
@@ -56,6 +59,21 @@ def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
         assert np.array_equal(one, other)
     assert sketch.pattern.factor == pytest.approx(calm.pattern.factor, rel=0.25)  # round corners weigh on large faces
     assert len(sketch.pattern.fields) == len(calm.pattern.fields)
+    assert design.notes == calm.notes
+    assert set(design.seconds) == set(calm.seconds)
+
+
+def test_what_better_elements_change_is_found_anew():
+    design = Design.of(load_preset(DOME_MODES, SHARES["answers"]))
+    sketch, early = design.sketch(), design._early
+    assert design.diffusion is sketch.diffusion
+    del vars(design)["diffusion"]
+    sketch = design.sketch(answers=True)
+    assert sketch.statics is design.statics
+    early.once("diffusion", lambda log: sketch.diffusion)
+    cases = {name: replace(case, sigma=-case.sigma) for name, case in early.statics.cases.items()}
+    early.statics = replace(early.statics, cases=cases)
+    assert early.taken("diffusion", design.statics, Log(None)) is None
 
 
 def test_widths_that_cannot_be_counted_are_no_sketch_and_refused_by_the_pattern():

@@ -6,15 +6,13 @@ from dataclasses import replace
 from scipy.sparse import csr_array
 
 from dsfab.limits import FACETS
-from dsfab.pipeline.loadings import Loading
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.solved import SolvedSheet
 from dsfab.preset import Preset, Statics
 from dsfab.statics import (
     Answers,
     Ask,
     Elements,
-    Equilibrium,
-    FactorOf,
     KeptFactor,
     SolvedCase,
     facet_number,
@@ -28,42 +26,32 @@ ANSWERED = 200_000
 3.6) and four times as much time as all else: a design of a million, which is built in 16 GB, would never end for it."""
 
 
-def answers_step(
-    preset: Preset,
-    surface: Surface,
-    solved: Sequence[tuple[Loading, Equilibrium]],
-    plane: bool,
-    made: dict[Elements, csr_array],
-    factor_of: FactorOf,
-    log: Log,
-) -> list[Answers]:
-    """Stress, energy, frequencies and buckling of a solved sheet, under each loading; K (u, u) over all unknowns, N/m.
+def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
+    """Stress, energy, frequencies and buckling of a solved sheet, under each loading.
 
-    plane : whether it was solved in its plane.
-    made  : stiffnesses by their elements; others that are needed are added to it.
+    rough : stress and energy alone, by the elements that solved it.
     """
-
     sheet = preset.statics
-    model = sheet.sheet().on(surface)
+    model, made = sheet.sheet().on(surface), dict(solved.made)
 
     def stiffness(elements: Elements) -> csr_array:
         if elements not in made:
             made[elements] = sheet_stiffness(model, elements)
         return made[elements]
 
-    again, (ask, refusals) = KeptFactor(2), _affordable(sheet, surface, log)
+    again, (ask, refusals) = KeptFactor(2), (Ask(), ()) if rough else _affordable(sheet, surface, log)
     if ask and log.progress:
         log.progress("statics", f"answering by {ask.elements(sheet.elements)} elements")
     found: list[Answers] = []
     with log.row("answers"):
-        for loading, answer in solved:
+        for loading, answer in zip(solved.acting, solved.answers, strict=True):
             # loads do not change how the sheet swings
             asked = replace(ask, frequencies=0) if found else ask
-            case = SolvedCase(loading.load, loading.spread, answer, sheet.elements, factor_of, plane)
+            case = SolvedCase(loading.load, loading.spread, answer, sheet.elements, solved.factor_of, solved.plane)
             one = sheet_answers(model, case, stiffness, asked, again)
             one = replace(one, refusals=(*one.refusals, *refusals))
             found.append(replace(one, vibration=found[0].vibration) if found else one)
-    told = [(loading.name, answers) for (loading, _), answers in zip(solved, found, strict=True)]
+    told = [(loading.name, answers) for loading, answers in zip(solved.acting, found, strict=True)]
     strong = preset.judged_in("ULS", [name for name, _ in told if name])
     _note([(name, answers) for name, answers in told if name in strong], ask, sheet, surface, log)
     return found

@@ -14,13 +14,14 @@ from dsfab.errors import PatternError, PresetError
 from dsfab.pipeline.beam_model import beam_agreement, beam_model
 from dsfab.pipeline.buildable import require_buildable
 from dsfab.pipeline.directions import diffusion_step, without_modes
+from dsfab.pipeline.early import Early
 from dsfab.pipeline.geometry import slicing_step, thickening_step
 from dsfab.pipeline.handover import sheet_loads
 from dsfab.pipeline.log import Log, Progress
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.pipeline.member_checks import member_utilisation
 from dsfab.pipeline.pattern_stage import Before, ChosenWay, chosen_way, pattern_stage, sketched_pattern
-from dsfab.pipeline.structure import statics_step
+from dsfab.pipeline.structure import checked_sheet, rough_statics, statics_step
 from dsfab.pipeline.surface_stage import surface_step
 from dsfab.preset import STAGES, Preset
 from dsfab.preset_surface import missing_preset
@@ -155,7 +156,8 @@ class Design:
 
     def __getstate__(self) -> dict[str, Any]:
         """For another process: who is told of the progress, and what others worked out, stay behind."""
-        return {**vars(self), "_log": replace(self._log, progress=None), "_answers": {}}
+        now = {name: value for name, value in vars(self).items() if name not in ("_solved", "_early")}
+        return {**now, "_log": replace(self._log, progress=None), "_answers": {}}
 
     @cached_property
     def surface(self) -> Surface:
@@ -165,41 +167,69 @@ class Design:
     @cached_property
     def statics(self) -> StaticsResult:
         """Stage 2: how the uncut surface carries its loads."""
-        return statics_step(self.preset, self.surface, self._log)
+        solved = vars(self).pop("_solved", None)  # large, and needed no more
+        return statics_step(self.preset, self.surface, self._log, **({"solved": solved} if solved else {}))
 
     @cached_property
     def diffusion(self) -> DiffusionResult:
         """Stage 3: tensors and modes."""
-        return diffusion_step(self.preset, self.surface, self.statics, self._log)
+        early: DiffusionResult | None = self._found_early("diffusion")
+        return early or diffusion_step(self.preset, self.surface, self.statics, self._log)
 
     @cached_property
     def pattern(self) -> PatternResult:
         """Stage 4: the stripes, before anything is cut."""
         made = pattern_stage(self.preset, self.stressed, self._log, self._way(self.stressed))
-        vars(self).pop("_chosen")  # what is wanted of it is in the pattern
+        for name in ("_chosen", "_early"):  # what is wanted of them is in the pattern
+            vars(self).pop(name, None)
         return made
 
     def _way(self, given: StressedSurface) -> ChosenWay:
         """Where the stripes run: once for a sketch and the pattern after it."""
         if "_chosen" not in vars(self):
-            vars(self)["_chosen"] = chosen_way(self.preset, given, self._log, self._before)
+            early = self._found_early("way")
+            vars(self)["_chosen"] = early or chosen_way(self.preset, given, self._log, self._before)
         way: ChosenWay = vars(self)["_chosen"]
         return way
 
-    def sketch(self, modes: bool = True) -> "Design | None":
+    @cached_property
+    def _early(self) -> Early | None:
+        """What a sketch can be drawn from before better elements answer; None where that is no sooner."""
+        if self.has("statics"):
+            return None
+        solved = vars(self)["_solved"] = checked_sheet(self.preset, self.surface, self._log)
+        rough = rough_statics(self.preset, self.surface, solved)
+        return Early(rough, self._log.progress) if rough else None
+
+    def _found_early(self, name: str) -> Any:
+        """What a sketch was drawn from, where that is still so; else None."""
+        early, statics = vars(self).get("_early"), self.statics
+        return early.taken(name, statics, self._log) if early else None
+
+    def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """A design whose pattern is about what `pattern` will be, found in a tenth of the time: for a first picture.
 
-        modes : whether it has modes; without, those that evenly spaced stripes have no use for are left for later.
+        modes   : whether it has modes; without, those that evenly spaced stripes have no use for are left for later.
+        answers : whether its stress and energy are the design's; else rough ones will do.
 
         None where its widths cannot be counted: `pattern` says why. Raises the DsfabError of the stage that refuses.
         """
-        ask = self.preset.pattern
-        if modes or self.has("diffusion") or ask.method != "stripes" or ask.width.rule == "stressed":
-            given = self.stressed
+        if answers:
+            _ = self.statics
+        early = None if self.has("statics") else self._early
+        statics = early.statics if early else self.statics
+        ask, plain = self.preset.pattern, (self.preset, self.surface, statics)
+        if not (modes or self.has("diffusion") or ask.method != "stripes" or ask.width.rule == "stressed"):
+            given = StressedSurface(self.surface, statics, without_modes(*plain))
+        elif early:
+            diffusion = early.once("diffusion", lambda log: diffusion_step(*plain, log))
+            given = StressedSurface(self.surface, statics, diffusion)
         else:
-            tensors = without_modes(self.preset, self.surface, self.statics)
-            given = StressedSurface(self.surface, self.statics, tensors)
-        way = self._way(given)
+            given = self.stressed
+        if early:
+            way = early.once("way", lambda log: chosen_way(self.preset, given, log, self._before))
+        else:
+            way = self._way(given)
         with suppress(PatternError):
             drawn = sketched_pattern(given, way)
             known = {"surface": given.surface, "statics": given.statics, "diffusion": given.diffusion, "pattern": drawn}

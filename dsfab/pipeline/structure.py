@@ -3,29 +3,19 @@
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from scipy.sparse import csr_array
-
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Floats
 from dsfab.errors import SurfaceError
 from dsfab.limits import PRECISE, USUAL_SIZE
 from dsfab.pipeline.answers import answers_step
 from dsfab.pipeline.buildable import objections, off_surface
-from dsfab.pipeline.layers import FollowedStress, followed_layers
-from dsfab.pipeline.loadings import Loading, loadings
+from dsfab.pipeline.layers import BENDS, FollowedStress, bending_share, followed_layers
+from dsfab.pipeline.loadings import Loading
 from dsfab.pipeline.log import Log
+from dsfab.pipeline.solved import SolvedSheet, solved_sheet
 from dsfab.preset import Preset
 from dsfab.preset_surface import MeshSurface
 from dsfab.results import CaseResult, StaticsResult
-from dsfab.statics import (
-    Factor,
-    FactorOf,
-    SheetModel,
-    equilibria,
-    flat_axis,
-    needles_told,
-    sheet_stiffness,
-    stress,
-)
+from dsfab.statics import Answers, needles_told
 from dsfab.surface import Surface
 
 
@@ -68,38 +58,55 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
         )
 
 
-def statics_step(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> StaticsResult:
-    """All load cases from one factorisation, then their combinations, which are sums.
-
-    acting : the loads, where they are not those of the preset.
-    """
-    sheet = preset.statics
+def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
+    """`solved_sheet`, after a look at whether it is one. Raises SurfaceError for what no sheet is."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
-    if log.progress:
-        log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
-    acting = acting or loadings(preset, surface)
-    solved = [loading for loading in acting if loading.factors is None]
-    loads, spreads = [loading.load for loading in solved], [loading.spread for loading in solved]
-    plane = flat_axis(surface, *loads) is not None
-    elements = sheet.elements.in_plane if plane else sheet.elements
-    K = sheet_stiffness(SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law), elements, log.row)
-    factor_of = _timed(sheet.ask.factor_of(sheet.elements), log)
-    with log.row("statics"):
-        sums = [[ld.factors.get(case.name, 0.0) for case in solved] for ld in acting if ld.factors is not None]
-        found = equilibria(surface, K, loads, elements, spreads=spreads, sums=sums, factor_of=factor_of)
+    return solved_sheet(preset, surface, log, acting)
+
+
+def statics_step(
+    preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
+) -> StaticsResult:
+    """All load cases, and what is asked about them.
+
+    acting : the loads, where they are not those of the preset.
+    solved : of `checked_sheet`, where somebody had it made.
+    """
+    solved = solved or checked_sheet(preset, surface, log, acting)
+    answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
-        sigma = [stress(surface, sheet.elastic, a.u, sheet.law, a.bubbles) for a in found]
-    answers = answers_step(preset, surface, list(zip(acting, found, strict=True)), plane, {elements: K}, factor_of, log)
-    with log.row("stress"):
-        follow = FollowedStress(sigma) if plane else followed_layers(preset, surface, acting, answers, sigma)
+        follow = (
+            FollowedStress(solved.sigma)
+            if solved.plane
+            else followed_layers(preset, surface, solved.acting, answers, solved.sigma)
+        )
     if follow.told:
         log.note("statics", follow.told)
-    layered: Sequence[Floats | None] = follow.layered or [None] * len(acting)
+    return _result(preset, surface, solved, answers, follow, log)
+
+
+def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
+    """The same without better elements, for a sketch; None where there are none to wait for, or where what the pattern
+    follows may depend on them."""
+    sheet = preset.statics
+    if sheet.ask.elements(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
+        return None
+    answers = answers_step(preset, surface, solved, Log(None), rough=True)
+    if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDS / 2:
+        return None  # a rough figure: see there
+    return _result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
+
+
+def _result(
+    preset: Preset, surface: Surface, solved: SolvedSheet, answers: Sequence[Answers], follow: FollowedStress, log: Log
+) -> StaticsResult:
+    """Everything in its place, with notes."""
+    layered: Sequence[Floats | None] = follow.layered or [None] * len(solved.acting)
     results = {
         ld.name: CaseResult(ld.load, e, s, a, ld.factors, every)
-        for ld, e, s, a, every in zip(acting, found, follow.sigma, answers, layered, strict=True)
+        for ld, e, s, a, every in zip(solved.acting, solved.answers, follow.sigma, answers, layered, strict=True)
     }
     whole = results.pop("", next(iter(results.values())))
     note_statics(surface, results, log)
@@ -108,13 +115,3 @@ def statics_step(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
         log.note("statics", objection.text)
     reasons = tuple(objection.text for objection in objected if objection.refuses)
     return StaticsResult(whole.load, whole.equilibrium, whole.sigma, whole.answers, MappingProxyType(results), reasons)
-
-
-def _timed(factor_of: FactorOf, log: Log) -> FactorOf:
-    """The same, its seconds in the row `factor`: they are part of the row of whoever asks."""
-
-    def timed(surface: Surface, K: csr_array, held: Bools) -> Factor:
-        with log.row("factor"):
-            return factor_of(surface, K, held)
-
-    return timed

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Self
 from dsfab.pipeline import Progress
 from dsfab.pipeline.design import Design
 from dsfab.preset import Preset
-from dsfab.render.colouring import MODES
+from dsfab.render.colouring import ANSWERS, MODES
 
 if TYPE_CHECKING:
     from dsfab.render.previewer import Previewer
@@ -52,7 +52,8 @@ class Previewers:
         """What is drawn: with the stages of the last one before the first section that differs."""
         design = Design.of(preset, self.made, progress)
         if self._sketched and not design.has("pattern"):
-            sketch = design.sketch(modes=self._options.get("show") in MODES)
+            show = self._options.get("show")
+            sketch = design.sketch(modes=show in MODES, answers=show in ("stress", *ANSWERS))
             if sketch:
                 self._sketched(sketch)
         self.made = design.until("pattern")

@@ -219,7 +219,8 @@ class Session:
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(PAUSE)
-            shown = self._shown or self._sketched
+            with self._lock:
+                shown = self._shown or self._sketched
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
@@ -258,6 +259,7 @@ class Session:
         progress("pattern", "handing over")  # the last chance to cancel
         with self._lock:
             self._shown = shown = self._following(made, opening)
+            self._sketched = None
         self.jobs.ask("figures", lambda progress: self._figures(shown, progress))
         return {"version": shown.version}
 
@@ -302,5 +304,7 @@ def _same(made: Design, old: Design) -> bool:
     """Whether all that `model` tells is the same: drafts then differ in widths alone, or in which mode is drawn."""
     now, before = made.preset.pattern, old.preset.pattern
     if now.region != before.region or (now.region and now.keep != before.keep):
+        return False
+    if made.statics is not old.statics:  # that of a sketch may be rough
         return False
     return made.diffusion is old.diffusion and StripedMesh.of(made).same(StripedMesh.of(old))
