@@ -64,7 +64,13 @@ class Section(BaseModel):
 
 
 class Given(Section):
-    """What every surface has, wherever it comes from."""
+    """What every surface has, wherever it comes from.
+
+    What pydantic checks of it is derived when one is made alone: a preset derives it of all kinds together, and
+    supports and loads again for each of them took half of the time in which dsfab starts.
+    """
+
+    model_config = ConfigDict(defer_build=True)
 
     support: tuple[Support, ...] = ()
     load: tuple[Load, ...] = ()
@@ -232,13 +238,7 @@ class MeshSurface(OwnSurface):
 
 
 class ShapeSurface(Given):
-    """A procedural surface; each shape adds its own parameters.
-
-    What pydantic checks of a shape is derived when one is made alone: a preset derives it of all shapes together, and
-    supports and loads again for each of twenty are half of the time in which dsfab starts.
-    """
-
-    model_config = ConfigDict(defer_build=True)
+    """A procedural surface; each shape adds its own parameters."""
 
     shape: str
 
