@@ -1,0 +1,76 @@
+"""The whole pre-computation, from the membrane to the modes, against the paper's stack in C++, on the same matrices.
+
+    python -m tests.benchmarks.precompute [10000,40000]
+
+needs g++, libeigen3-dev and libspectra-dev. CPU seconds of all threads. C++ is given its matrices: Eigen's
+SimplicialLDLT solves the statics, Spectra over Eigen's Cholesky finds the modes of both families; one run, for at
+40 000 vertices it takes a minute. dsfab's is everything from the surface on, assembly, factor, checks, stress, tensors
+and modes; the least of three runs, and what of it is the assembly of both stiffnesses and the modes.
+"""
+
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from dsfab.diffusion import diffusion_operator
+from dsfab.diffusion.modes import SPARE
+from dsfab.pipeline import Design, Log
+from dsfab.pipeline.directions import diffusion_step
+from dsfab.pipeline.structure import statics_step
+from dsfab.statics import SheetModel, sheet_stiffness
+from dsfab.statics.factor import factored
+from dsfab.surface.hats import voronoi_mass
+from tests.benchmarks.common import compiled, sizes, sphere, write_lower
+from tests.benchmarks.spectra_modes import theirs
+
+RUNS = 3
+
+
+def ours(preset) -> tuple[float, float, float]:
+    """CPU seconds of statics and diffusion together, and of these the assembly's and the modes'."""
+    surface = preset.surface.build()
+    _ = surface.edges, surface.normals
+    log, begun = Log(None, clock=time.process_time), time.process_time()
+    diffusion_step(preset, surface, statics_step(preset, surface, log), log)
+    return time.process_time() - begun, log.seconds["membrane"] + log.seconds["bending"], log.seconds["modes"]
+
+
+def cplusplus(preset, folder: Path) -> tuple[float, float]:
+    """CPU seconds of Eigen's statics, and of Spectra's modes of both families."""
+    design, sheet, ask = Design.of(preset).until("diffusion"), preset.statics, preset.diffusion
+    surface, load = design.surface, design.statics.load
+    model = SheetModel(surface, sheet.elastic, sheet.thickness, sheet.law)
+    factor = factored(surface, sheet_stiffness(model, sheet.elements), load.fixed.ravel())
+    write_lower(folder / "K", factor.inner, factor.scale * load.force.ravel()[factor.free])
+    inverse = diags_array(1 / np.sqrt(voronoi_mass(surface)))
+    families = [folder / name for name in ("major", "minor")]
+    for path, D in zip(families, (design.diffusion.tensors.major, design.diffusion.tensors.minor), strict=True):
+        write_lower(path, csr_array(inverse @ diffusion_operator(surface, D) @ inverse))
+    del factor, design
+    done = subprocess.run([compiled("eigen_ldlt", folder), folder / "K"], capture_output=True, text=True, check=True)
+    compute, solve, _ = map(float, done.stdout.split())
+    spectra = compiled("spectra_modes", folder)
+    return compute + solve, theirs(spectra, families, ask.modes + 1 + SPARE, -1 / surface.area, "cholesky")[0][1]
+
+
+def main() -> None:
+    """Print one line for each size."""
+    print(f"{'|V|':>8} {'Eigen':>8} {'Spectra':>8} {'dsfab':>7} {'assembly':>9} {'modes':>7} {'times faster':>13}")
+    for vertices in sizes(__doc__, "10000,40000"):
+        preset = sphere(vertices)
+        with tempfile.TemporaryDirectory() as name:
+            statics, modes = cplusplus(preset, Path(name))
+        whole, assembly, own = np.min([ours(preset) for _ in range(RUNS)], axis=0)
+        print(
+            f"{preset.surface.build().n:8,} {statics:8.2f} {modes:8.2f} {whole:7.2f} {assembly:9.3f} {own:7.3f} "
+            f"{(statics + modes) / whole:13.1f}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
