@@ -371,13 +371,12 @@ def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, c
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "ends"), [("bob", False), ("blub", True), ("figure", False)])
-def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name, ends):
-    """Blind alleys, folded openings, thin necks of members: a ring, a fish with fins, a figure with arms. The fish's
-    narrowest member is one that ends: it stays."""
+@pytest.mark.parametrize("name", ["bob", "blub", "figure"])
+def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name):
+    """Blind alleys, folded openings, thin necks of members: a ring, a fish with fins, a figure with arms."""
     mesh = OWN[name](tmp_path) if name in OWN else mesh_file(f"{name}.obj")
     preset = dsfab.preset_for(mesh)
     cut = dsfab.Design.of(preset).slicing
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"])
     assert found.gap.size > preset.statics.thickness
-    assert (found.member.size > preset.statics.thickness) != ends
+    assert found.member.size > preset.statics.thickness

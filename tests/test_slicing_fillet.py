@@ -259,6 +259,19 @@ def test_laws_over_the_zoo(name):
     )
 
 
+def test_nothing_is_filled_along_a_fold():
+    """A lens with a sharp edge: in the plane of a corner void lies behind void. One arc filled six times radius**2."""
+    ball, turned = sphere(2), sphere(2).V @ np.linalg.qr(np.random.default_rng(26).normal(size=(3, 3)))[0]
+    lens = Surface(ball.V * [1, 1, 0.1], ball.F)
+    one, two = np.sin(3.7 * turned[:, 0]), np.sin(3.7 * turned[:, 1] + 2 * turned[:, 2] ** 2)
+    sheet = resolve_pinches(cut(lens, [one, two], [[-0.3], [0.0]]), 0.01).sheet
+    radius = 0.3 * lens.mean_edge
+    done, found = rounded_corners(sheet, radius)
+    assert len(found) > 10
+    assert material_area(done) - material_area(sheet) < 0.4 * radius**2 * len(found)
+    check_added(lens, sheet, done)
+
+
 @pytest.mark.parametrize(
     ("radius", "told"),
     [

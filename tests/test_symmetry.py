@@ -70,6 +70,14 @@ def test_where_vertices_fall_on_vertices_modes_are_symmetric_to_rounding_and_sti
     assert all(np.abs(every.lam / value - 1).min() < 1e-2 for value in modes.lam)
 
 
+def test_coordinates_that_a_file_rounds_leave_a_mesh_as_symmetric_as_it_was():
+    """Images of vertices are vertices still: what is decided at one is decided alike at the other."""
+    plate, load = square()
+    off = 2e-5 * plate.mean_edge * np.random.default_rng(1).uniform(-1, 1, plate.V.shape)
+    found = symmetry_of(Surface(plate.V + off, plate.F), ["rot:4:z", "x"], load)
+    assert all(T.nnz == plate.n and (T.data == 1).all() for T in found.maps)
+
+
 def test_an_uneven_mesh_is_symmetric_to_its_resolution_and_it_gets_better():
     off = []
     for cells in (10, 20, 40):

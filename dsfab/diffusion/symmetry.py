@@ -37,7 +37,11 @@ GLANCE = 100
 """Points that are looked at before all of them are."""
 
 SNAP = 1e-6
-"""Barycentric coordinates closer than this to a vertex are on it."""
+"""Entries of matrices that differ by less are the same."""
+
+ON_VERTEX = 1e-3
+"""Barycentric coordinates closer than this to a vertex are on it: files round coordinates. A mesh that is symmetric but
+for that has fields that are the same at all images, to the last digit, so all that is decided by them is as well."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +200,7 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
     corner = surface.F[face]
     a, b, c = (np.ascontiguousarray(surface.V[corner[:, i]]) for i in range(3))
     weight = np.clip(igl.barycentric_coordinates(near, a, b, c), 0, 1)
-    weight[weight < SNAP] = 0
+    weight[weight < ON_VERTEX] = 0
     weight /= weight.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(len(points)), 3)
     T = csr_array((weight.ravel(), (rows, corner.ravel())), shape=(len(points), surface.n))

@@ -17,6 +17,8 @@ SMALLEST = 0.02
 """Corners with room for a smaller share of the radius stay sharp."""
 TRIES = 12
 """Radii that are tried, each smaller than the last."""
+FARTHEST = 1.1
+"""What an arc rounds off is no farther from its corner than so many times the farther foot."""
 
 COLUMNS = ("wall", "radius", "normal", "distance", "ray", "ray_distance")
 
@@ -134,5 +136,33 @@ def _cutting(corners: Corners, at: Ints, arcs: Arcs, rays: bool = False) -> tupl
         row, c = np.nonzero(through & clear[arc][:, None])
         key = np.setdiff1d(arc[row] * surface.m + beside[cell][row, c], seen)
         seen = np.concatenate([seen, key])
-    pair = np.stack([seen // surface.m, seen % surface.m], axis=1)
-    return replace(fillets, pair=pair), clear
+    fillets = replace(fillets, pair=np.stack([seen // surface.m, seen % surface.m], axis=1))
+    return fillets, clear & _within_feet(corners, at, arcs, fillets)
+
+
+def _within_feet(corners: Corners, at: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
+    """(k,) which arcs at corners `at` (k,) round off nothing farther from the corner, in its plane, than their feet.
+
+    What an arc and the walls between its feet enclose is not. At a fold the void may turn back under itself and lie
+    beyond a chord again, where no wall parts it from the corner: an arc would fill the opening all along the fold.
+    """
+    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+    most = FARTHEST * np.maximum(arcs.way_a, arcs.way_b)
+
+    def farther(arc: Ints, X: Floats) -> Bools:
+        flat = np.einsum("p...i,pji->p...j", X - corners.origin[at[arc]][:, None], corners.frames[at[arc]])
+        return np.asarray(np.linalg.norm(flat, axis=-1) > most[arc][:, None])
+
+    some = farther(arc, surface.V[surface.F[cell]]).any(axis=1)  # points of the others are between near ones
+    arc, X = arc[some], surface.V[surface.F[cell[some]]]
+    bad = np.zeros(len(at), dtype=bool)
+    for c in range(fillets.normal.shape[1]):
+        here = np.einsum("pvi,pi->pv", X, fillets.normal[arc, c]) - fillets.distance[arc, c][:, None]
+        there = np.roll(here, -1, axis=1)
+        crossed = here * there < 0
+        share = np.divide(here, here - there, out=np.zeros_like(here), where=crossed)
+        ends = X + share[:, :, None] * (np.roll(X, -1, axis=1) - X)
+        out = np.einsum("pvi,pri->pvr", ends, fillets.ray[arc]) - fillets.ray_distance[arc][:, None]
+        far = (crossed | (here > 0)) & (out < 0).all(axis=2) & farther(arc, ends)
+        bad[arc[far.any(axis=1)]] = True
+    return ~bad
