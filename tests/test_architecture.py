@@ -197,9 +197,8 @@ def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
             if node.attr.startswith("__"):
                 continue  # where it lies and which version it is
             yield f"dsfab.{_home(node.attr)}", node.lineno  # `import dsfab`, then `dsfab.run`
-        elif isinstance(node, ast.Name | ast.Attribute) and ast.unparse(node) in (
-            "importlib.import_module",
-            "__import__",
+        elif getattr(node, "id", "") == "__import__" or (
+            getattr(node, "attr", "") == "import_module" and ast.unparse(node) == "importlib.import_module"
         ):
             yield "importlib.import_module", node.lineno
 
