@@ -221,7 +221,7 @@ def violations(files: Iterable[tuple[str, str, ast.Module]]) -> list[str]:
             found.append(f"{file}: {part} is not in the table; decide where it belongs")
             continue
         top_level = {
-            line for node in tree.body for _, line in imports(node) if isinstance(node, ast.Import | ast.ImportFrom)
+            line for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom) for _, line in imports(node)
         }
         typed = {line for node in ast.walk(tree) if is_for_types(node) for _, line in imports(node)}
         for name, line in imports(tree):

@@ -235,7 +235,8 @@ def test_every_command_and_option_that_is_named_exists():
         command, *rest = line.partition("#")[0].split()[1:]
         if command.startswith("-") or command.isupper():
             continue
-        known.setdefault(command, options(command))
+        if command not in known:
+            known[command] = options(command)
         assert {word for word in rest if re.match(r"--?[a-z]", word)} <= {"--help", *known[command]}, line
 
 
