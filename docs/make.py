@@ -56,6 +56,8 @@ ALONE = ("dome", "globe", "barrel_vault", "tower", "snow_vault", "cantilever", "
 
 PANEL = (800, 600)
 WHOLE = (1600, 1200)
+OPTION = (640, 480)
+GUIDED = (960, 600)
 COLOURS = 256
 SETTLED = 8.0
 """Seconds until the editor has drawn its finest picture, in software."""
@@ -192,7 +194,7 @@ def options() -> None:
     told = []
     for words, changes in OPTIONS.items():
         design = dsfab.run(dsfab.load_preset("dome", changes))
-        look = Look((640, 480), up=upwards(design))
+        look = Look(OPTION, up=upwards(design))
         told.append(picture(design.solid.V, design.solid.F, caption=words, look=look))
     rows = [np.concatenate(told[k : k + 3], axis=1) for k in (0, 3)]
     write(np.concatenate(rows), "options")
@@ -208,7 +210,7 @@ NEAR = 0.16
 def guides() -> None:
     """A canopy as it is, and with a member on a curve."""
     told, canopy = [], dsfab.load_preset(CANOPY)
-    V = dsfab.run(canopy).surface.V
+    V = dsfab.Design.of(canopy).surface.V
     plan = CubicSpline(range(len(CURVE)), CURVE)(np.linspace(0, len(CURVE) - 1, 30))
     curve = np.column_stack([plan, LinearNDInterpolator(V[:, :2], V[:, 2])(plan)]).round(3).tolist()
     member = {"curve": curve, "family": "minor", "member": True}
@@ -217,7 +219,7 @@ def guides() -> None:
         design = dsfab.run(overridden(canopy, {"pattern.guide": guide}))
         V, F = design.solid.V, design.solid.F
         near = (from_segments(V[F].mean(axis=1)[:, None], start, end).min(axis=1) < NEAR).astype(np.int64)
-        look = Look((960, 600), palette=replace(PAPER, families=PAPER.tints), up=upwards(design))
+        look = Look(GUIDED, palette=replace(PAPER, families=PAPER.tints), up=upwards(design))
         told.append(picture(V, F, family=1 - near, caption=words, look=look))
     write(np.concatenate(told, axis=1), "guides")
 

@@ -1,21 +1,31 @@
 """The order of the tests, the files that take longest first, so that no core is idle at the end; Ctrl-C; fixtures."""
 
+import gc
 import os
 import signal
 import sys
+from collections.abc import Iterator
 
 import pytest
 
 # What tests start compiles the product once, not each process anew; before anything of it is loaded.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# One process of tests a core: threads of BLAS would take the others' time. Before numpy is loaded.
+if "PYTEST_XDIST_WORKER" in os.environ:
+    for pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(pool, "1")
+# While modules are loaded nothing becomes garbage, yet looking for it takes half of the time.
+gc.disable()
 
 from tests import designs  # noqa: E402
 
 LONGEST = (
-    *("test_docs.py", "test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py"),
-    *("test_study_sweep_folder.py", "test_targets.py", "test_app_cli.py", "test_paper_presets.py"),
+    *("test_docs.py", "test_members.py", "test_targets.py", "test_pipeline_method.py", "test_docs_pictures.py"),
+    *("test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py", "test_study_sweep_folder.py"),
+    *("test_app_cli.py", "test_paper_presets.py", "test_workshop_unrolling.py"),
 )
+"""test_frame.py and test_proposal.py find designs that test_members.py has made: they come long after it."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -30,6 +40,16 @@ def pytest_unconfigure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """What has been loaded stays to the end: garbage is looked for among what tests make."""
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 # A shell lets background jobs ignore Ctrl-C, and so would all programs that the tests start and stop with it.

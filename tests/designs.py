@@ -3,8 +3,10 @@
 import copyreg
 import os
 import pickle
+import re
 import shutil
 import tempfile
+from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
@@ -40,6 +42,7 @@ COARSER = {
     "bob": 0.06,
     "boys_surface": 0.08,
     "bridge": 0.25,
+    "globe": 0.1,
     "mouse": 0.005,
     "pirate": 0.025,
     "slab": 0.2,
@@ -50,6 +53,25 @@ COARSER = {
     **dict.fromkeys(("camel_ears", "camel_head", "camel_none", "camel_nose"), 0.03),
 }
 """Metres, of the triangles' edges of presets that would take long."""
+
+
+ROUGHER = 2.0
+"""Times the edges of the triangles of presets, where a test asks whether a command runs."""
+
+
+def rough_presets(folder: Path, paths: Iterable[Path]) -> Path:
+    """Presets on coarser meshes, of which files for CAD are faceted: for commands as pages write them."""
+    for path in paths:
+        text = re.sub(
+            r"^(edge|refine) = ([\d.]+)",
+            lambda own: f"{own[1]} = {ROUGHER * float(own[2]):g}",
+            path.read_text(encoding="utf-8"),
+            flags=re.M,
+        )
+        head, export, rest = text.partition("[export]\n")
+        faceted = f'{head}{export or "[export]"}\nstep = "faceted"\n{rest}'
+        (folder / path.name).write_text(faceted, encoding="utf-8")
+    return folder
 
 
 def coarse_design(name: str) -> Design:

@@ -119,7 +119,7 @@ def editor():
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(comm, "create_comm", Wire)
         patched.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-        made = dsfab.edit(draft(load_preset(DOME_MODES, COARSE)))
+        made = dsfab.edit(draft(load_preset(DOME_MODES, {**COARSE, "export.formats": ["stl"]})))
         yield made
         made.close()
 

@@ -197,9 +197,8 @@ def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
             if node.attr.startswith("__"):
                 continue  # where it lies and which version it is
             yield f"dsfab.{_home(node.attr)}", node.lineno  # `import dsfab`, then `dsfab.run`
-        elif isinstance(node, ast.Name | ast.Attribute) and ast.unparse(node) in (
-            "importlib.import_module",
-            "__import__",
+        elif getattr(node, "id", "") == "__import__" or (
+            getattr(node, "attr", "") == "import_module" and ast.unparse(node) == "importlib.import_module"
         ):
             yield "importlib.import_module", node.lineno
 
@@ -222,7 +221,7 @@ def violations(files: Iterable[tuple[str, str, ast.Module]]) -> list[str]:
             found.append(f"{file}: {part} is not in the table; decide where it belongs")
             continue
         top_level = {
-            line for node in tree.body for _, line in imports(node) if isinstance(node, ast.Import | ast.ImportFrom)
+            line for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom) for _, line in imports(node)
         }
         typed = {line for node in ast.walk(tree) if is_for_types(node) for _, line in imports(node)}
         for name, line in imports(tree):

@@ -210,7 +210,9 @@ def test_a_pipe_is_bent_along_it_at_its_clamped_edge_and_pulled_around_it_elsewh
     assert np.degrees(np.arccos(np.clip(turned, 0, 1))).max() < 5
 
 
-@pytest.mark.parametrize(("name", "share"), [("tower", "small"), ("snow_vault", "large")])
+@pytest.mark.parametrize(
+    ("name", "share"), [("tower", "small"), pytest.param("snow_vault", "large", marks=pytest.mark.slow)]
+)
 def test_auto_follows_the_layers_where_bending_stores_the_energy(name, share):
     changes = {"surface.edge": 0.8}
     plain, auto, layers = (

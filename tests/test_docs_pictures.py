@@ -1,6 +1,7 @@
 """Every picture of the README and of the site is made by `docs/make.py`, and what is quick of it runs here."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,9 @@ import dsfab
 from docs import make, wires
 from docs.drawings import CONCEPTS
 from dsfab.app.hops.components import COMPONENTS
+from dsfab.preset_list import shipped_presets
 from tests.bad_meshes import obj
+from tests.designs import rough_presets
 from tests.zoo import grid
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -55,15 +58,26 @@ def test_every_drawing_of_the_concepts_is_shown():
     assert set(re.findall(r"concepts/(\w+)\.png", page)) == set(CONCEPTS)
 
 
+@pytest.fixture(scope="module")
+def rough(tmp_path_factory):
+    """The presets of the gallery, beside the mesh that one of them names, and those that ship, on coarser meshes."""
+    folder = tmp_path_factory.mktemp("gallery")
+    shutil.copy(GALLERY / "canopy.obj", folder)
+    (folder / "presets").mkdir()
+    rough_presets(folder / "presets", shipped_presets().values())
+    return rough_presets(folder, (GALLERY / f"{name}.toml" for name in make.OURS))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*make.OURS, "options", "guides"])
-def test_pictures_of_designs_are_drawn_small(name, tmp_path, monkeypatch):
+def test_pictures_of_designs_are_drawn_small(name, rough, tmp_path, monkeypatch):
     """Those whose commands run nowhere else: a command of a picture that fails fails here."""
     monkeypatch.setattr(make, "GALLERY", tmp_path)
-    monkeypatch.setattr(make, "PANEL", (120, 90))
-    monkeypatch.setattr(make, "WHOLE", (160, 120))
-    monkeypatch.setattr(make, "DESIGNS", {key: (GALLERY / f"{key}.toml", {}) for key in make.OURS})
-    monkeypatch.setattr(make, "CANOPY", GALLERY / "canopy.toml")
+    for size in ("PANEL", "WHOLE", "OPTION", "GUIDED"):
+        monkeypatch.setattr(make, size, (120, 90))
+    monkeypatch.setattr(make, "DESIGNS", {key: (rough / f"{key}.toml", {}) for key in make.OURS})
+    monkeypatch.setattr(make, "CANOPY", rough / "canopy.toml")
+    monkeypatch.setattr("dsfab.preset_list.PRESETS", (rough / "presets",))
     make.MAKERS[name](name)
     assert {path.name for path in tmp_path.glob("*.png")} == set(make.files(name))
 

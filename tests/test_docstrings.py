@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -31,11 +32,14 @@ def public(tree: ast.Module | ast.ClassDef, inside: str = "") -> Iterator[tuple[
             yield from public(node, f"{inside}{node.name}.")
 
 
-def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+@cache
+def functions() -> tuple[tuple[str, ast.FunctionDef], ...]:
     """All of them, as 'file:line name'."""
-    for path in sorted(PACKAGE.rglob("*.py")):
-        for name, node in public(ast.parse(path.read_text(encoding="utf-8"))):
-            yield f"{path.relative_to(PACKAGE)}:{node.lineno} {name}", node
+    return tuple(
+        (f"{path.relative_to(PACKAGE)}:{node.lineno} {name}", node)
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for name, node in public(ast.parse(path.read_text(encoding="utf-8")))
+    )
 
 
 def takes_arrays(node: ast.FunctionDef) -> bool:
@@ -63,7 +67,7 @@ def test_what_takes_arrays_says_their_shapes():
 
 
 def test_public_functions_have_a_sentence():
-    asked = list(functions())
+    asked = functions()
     silent = [name for name, node in asked if not tells(node)]
     assert len(silent) <= (1 - DESCRIBED) * len(asked), f"{len(silent)} of {len(asked)}:\n" + "\n".join(silent)
 

@@ -31,7 +31,7 @@ RECORDED: dict[str, tuple[float, int, int, float, float]] = {
 }
 """Share kept, pieces, genus of the solid, first eigenvalue of both families times the area."""
 
-LONG = ("boys_surface", "bridge", "pirate", "turkey")
+LONG = ("boys_surface", "bridge", "camel_ears", "camel_nose", "pirate", "turkey", "twisty_tower")
 """They take longest, by their many members or a surface that crosses itself."""
 
 

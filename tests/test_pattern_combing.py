@@ -67,7 +67,10 @@ def ring(r: float, across: float, up: float, waves: float = 0.0, around: int = 7
     return Surface(V, F)
 
 
-@pytest.fixture(scope="module", params=[(1.0, 0.25, 0.25, 0.0), (1.0, 0.2, 0.3, 0.05), (0.8, 0.3, 0.2, 0.0)])
+RINGS = ((1.0, 0.25, 0.25, 0.0), (1.0, 0.2, 0.3, 0.05), (0.8, 0.3, 0.2, 0.0))
+
+
+@pytest.fixture(scope="module", params=[RINGS[0], *(pytest.param(one, marks=pytest.mark.slow) for one in RINGS[1:])])
 def pressed(request, tmp_path_factory):
     """Rings that stand on their lowest circle and are pressed on their highest."""
     surface = ring(*request.param)

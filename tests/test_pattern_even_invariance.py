@@ -1,7 +1,7 @@
 """Evenly spaced stripes turn, grow and are renumbered with the surface; and on a symmetric mesh they are symmetric."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import pytest
@@ -121,11 +121,11 @@ def canopy() -> Case:
 
 CASES = {"dome": dome, "hypar": hypar, "globe": globe, "canopy": canopy}
 every = pytest.mark.parametrize("name", list(CASES))
-_made: dict[str, Case] = {}
 
 
+@cache
 def case(name: str) -> Case:
-    return _made.setdefault(name, CASES[name]())
+    return CASES[name]()
 
 
 def difference(one: Case, two: Case, faces: np.ndarray | None = None) -> float:

@@ -24,6 +24,7 @@ from dsfab.slicing.features import features, kept_cells
 from dsfab.surface import Boundary, Snow, Surface, files, mend, read_surface, upright
 from dsfab.surface.shapes import barrel_vault, dome, plate, sphere, torus
 from tests.canopy import canopy
+from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
 
@@ -376,7 +377,7 @@ def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name
     """Blind alleys, folded openings, thin necks of members: a ring, a fish with fins, a figure with arms."""
     mesh = OWN[name](tmp_path) if name in OWN else mesh_file(f"{name}.obj")
     preset = dsfab.preset_for(mesh)
-    cut = dsfab.Design.of(preset).slicing
+    cut = sliced(preset).slicing  # test_members.py looks at the files' designs, too
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), ["major", "minor"])
     assert found.gap.size > preset.statics.thickness
     assert found.member.size > preset.statics.thickness

@@ -50,16 +50,20 @@ def test_the_graded_sphere_reaches_its_target_by_the_best_elements():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "target", "recorded"), [(0.5, 1.69, 1.680), (0.3, 3.2, 3.129)])
+@pytest.mark.parametrize(("share", "target", "recorded"), [(0.5, 1.69, 1.672), (0.3, 3.2, 3.193)])
 def test_method_auto_keeps_the_targets_without_phases_by_hand(share, target, recorded):
     """The phases that were found by hand, and the 120 runs of cantilever_light, with evened widths: 1.68 and 3.20.
+
+    On a third of the preset's triangles; on its own mesh 1.680 and 3.129.
 
     Slits between tidied modes are filled, as between evenly spaced stripes: with 11 of them left, stripes that are 5 %
     softer were taken, 1.758.
     """
     keys = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
     widths = {"pattern.width.rule": "stressed", "pattern.width.solid_fraction": share}
-    design = dsfab.run(dsfab.load_preset("cantilever", {**keys, **widths, "pattern.method": "auto"}))
+    design = dsfab.run(
+        dsfab.load_preset("cantilever", {**keys, **widths, "pattern.method": "auto", "surface.edge": 0.035})
+    )
     assert design.sheet.surface.area / design.surface.area == pytest.approx(share, abs=1e-3)
     ratio = over_full(design)
     assert ratio <= target
