@@ -202,7 +202,6 @@ def _split(shape: Any, tool: Any) -> list[Any]:
     """
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
-    from OCP.TopAbs import TopAbs_ShapeEnum
 
     whole, within, none, both = (List_TopoDS_Shape() for _ in range(4))
     whole.Append(shape)
@@ -221,8 +220,7 @@ def _split(shape: Any, tool: Any) -> list[Any]:
         cells.RemoveAllFromResult()
         cells.AddToResult(take, avoid)
         parts.append(cells.Shape())
-    good = all(_parts(part, TopAbs_ShapeEnum.TopAbs_SOLID) and _valid(part) for part in parts)
-    return parts if good else []
+    return parts if all(map(_valid, parts)) else []
 
 
 def _farthest_alone(points: Any) -> float:
