@@ -197,21 +197,30 @@ def _off(shape: Any, tool: Any, whole: float) -> float:
 def _split(shape: Any, tool: Any) -> list[Any]:
     """What lies in a tool and what lies outside; nothing where one of both is not valid.
 
-    Both take the same intersections, which are found once.
+    Both are cells of one subdivision, made once: two booleans of OCCT on one filler gave the same volumes, to the
+    last bit, and took 1.2 to 1.4 times as long.
     """
-    from OCP.BOPAlgo import BOPAlgo_PaveFiller
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut
+    from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 
-    both, filler = List_TopoDS_Shape(), BOPAlgo_PaveFiller()
+    whole, within, none, both = (List_TopoDS_Shape() for _ in range(4))
+    whole.Append(shape)
+    within.Append(tool)
     both.Append(shape)
     both.Append(tool)
-    filler.SetArguments(both)
-    filler.SetNonDestructive(True)
-    filler.Perform()
-    parts = [BRepAlgoAPI_Common(shape, tool, filler), BRepAlgoAPI_Cut(shape, tool, filler)]
-    good = all(part.IsDone() and _valid(part.Shape()) for part in parts)
-    return [part.Shape() for part in parts] if good else []
+    cells = BOPAlgo_CellsBuilder()
+    cells.SetArguments(both)
+    cells.SetNonDestructive(True)
+    cells.SetToFillHistory(False)
+    cells.Perform()
+    if cells.HasErrors():
+        return []
+    parts = []
+    for take, avoid in ((both, none), (whole, within)):
+        cells.RemoveAllFromResult()
+        cells.AddToResult(take, avoid)
+        parts.append(cells.Shape())
+    return parts if all(map(_valid, parts)) else []
 
 
 def _farthest_alone(points: Any) -> float:

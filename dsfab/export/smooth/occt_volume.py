@@ -15,8 +15,9 @@ VOLUME = 1e-3
 """Share that a volume may be off, as the adaptive rule estimates it: it was off by a hundredth of that. The rule of
 Gauss and Kronrod, asked for the same, is no quicker and off by a tenth of it."""
 
-MANY_EDGES = 5
-"""Edges from which on a face is integrated by Green's theorem: walls have four."""
+MANY_EDGES = 16
+"""Edges from which on a face is integrated by Green's theorem: walls have four, nodes of members up to ten, for which
+OCCT's rule is quicker: 3.2 s for 4446 faces by members, 5.1 where Green's theorem is for five edges on."""
 
 POINTS = 4
 """Of Gauss's rule in each span of an outline, as OCCT takes: off by 4e-6 of the volume of a vault. Two: by 3e-5."""
