@@ -251,7 +251,8 @@ class Width(Section):
     """stressed: how often the sheet is cut and solved."""
     min_width: LeastWidth = AUTO
     """Metres; no member is made thinner. 0 sets no limit. auto: evenly spaced members of graded width are no thinner
-    than the sheet is thick, or than half of what equally wide ones would be if that is less; others have no limit."""
+    than the sheet is thick, or than half of what equally wide ones would be if that is less. With pattern.workshop
+    those of stressed width than half of the thickness, or the same. Others have no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Metres; no member is made wider. 0 sets no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -443,7 +444,7 @@ class Slicing(Section):
     min_member: Annotated[float, Ge(0)] | None = None
     """Metres; members between openings with round corners are widened where they are narrower, and narrower than 0.8 of
     what most are, of tidied stripes only; with pattern.workshop all members are, up to half of the thickness, or what
-    [pattern.width] asks for if that is less, and None means that. 0 widens none."""
+    [pattern.width] asks for if that is less (none by its min_width = 0), and None means that. 0 widens none."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
