@@ -344,9 +344,9 @@ class Pattern(Section):
     """Metres along the boundary that stay material; 0 keeps nothing."""
     fillet: Annotated[float, Ge(0)] = 0.0
     """Metres; radius of the rounded corners of openings, less where there is no room for it; 0 leaves them sharp."""
-    workshop: bool = False
+    workshop: bool | None = None
     """Close openings, fill tips and widen members that are narrower than a workshop makes, by slicing.min_gap and
-    slicing.min_member."""
+    slicing.min_member. None: of evenly spaced stripes, but where widths follow the stress; of the paper's modes none."""
 
     @model_validator(mode="before")
     @classmethod
@@ -419,6 +419,11 @@ class Pattern(Section):
     def tidied(self) -> bool:
         """Whether loose ends are taken off."""
         return self.method == "stripes" and self.families == "both" if self.tidy is None else self.tidy
+
+    @property
+    def for_workshop(self) -> bool:
+        """Whether nothing is left that is narrower than a workshop makes."""
+        return self.method == "stripes" and self.width.rule != "stressed" if self.workshop is None else self.workshop
 
     @property
     def auto(self) -> bool:

@@ -148,7 +148,7 @@ def pattern_step(
         if not (wanted := ask.width.solid_fraction):
             return made()
         finished = bool(ask.fillet or even or ask.tidied)
-        if not (finished or ask.workshop):
+        if not (finished or ask.for_workshop):
             result, total = made(), share.nearest(wanted)
         else:
             more = added_share if finished else closed_share

@@ -37,7 +37,7 @@ def least_widths(preset: Preset, size: float) -> WorkshopWidths:
     Members are kept to no more than is usual, in every design: where [slicing] asks for more, only members between
     openings with round corners are widened.
     """
-    if not preset.pattern.workshop:
+    if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     ask, thickness = preset.slicing, preset.statics.thickness
     gap = usual_gap(thickness, size) if ask.min_gap is None else ask.min_gap
@@ -105,7 +105,7 @@ def closed_share(
 
 def rehearsed_closed_share(preset: Preset, surface: Surface) -> float:
     """The same for the sheet that `added_share` and `bridged_share` have made last; 0 without `pattern.workshop`."""
-    return cured_share(surface, *_usual_widths(preset, surface)) if preset.pattern.workshop else 0.0
+    return cured_share(surface, *_usual_widths(preset, surface)) if preset.pattern.for_workshop else 0.0
 
 
 def drawn_member(preset: Preset, surface: Surface) -> float:

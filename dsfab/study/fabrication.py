@@ -108,7 +108,7 @@ def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[s
         thin = length(repairs.thinnest * design.preset.statics.thickness)
         place = ", ".join(f"{x + 0.0:.3g}" for x in repairs.thinnest_at)
         why.append(f"the sheet was thinned to a film of {thin} at ({place}) m")
-    for check in (made or fabrication(design)).failed if design.preset.pattern.workshop else ():
+    for check in (made or fabrication(design)).failed if design.settled.pattern.for_workshop else ():
         if check.name in ("min_member", "min_gap") and check.value[0] < TOO_FINE:
             place = ", ".join(f"{x + 0.0:.3g}" for x in check.place)
             why.append(f"{check.what} of {length(check.value[0])} at ({place}) m cannot be made")

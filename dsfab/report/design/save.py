@@ -62,7 +62,7 @@ def save(
     with whole_or_nothing(Path(folder)) as here:
         with _picture(design, here / "preview.png", progress) if picture else nullcontext():
             # only of a workshop's widths is what is measured refused; else it is done while OCCT checks
-            made = _fabrication(design, progress) if design.preset.pattern.workshop else None
+            made = _fabrication(design, progress) if design.settled.pattern.for_workshop else None
             require_fit(design, made)
             measured, spent = dict[str, Any](), 0.0
 
