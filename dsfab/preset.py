@@ -346,7 +346,7 @@ class Pattern(Section):
     """Metres; radius of the rounded corners of openings, less where there is no room for it; 0 leaves them sharp."""
     workshop: bool | None = None
     """Close openings, fill tips and widen members that are narrower than a workshop makes, by slicing.min_gap and
-    slicing.min_member. None: of evenly spaced stripes, but where widths follow the stress; of the paper's modes none."""
+    slicing.min_member. None: of evenly spaced stripes, but where widths follow the stress; of modes never."""
 
     @model_validator(mode="before")
     @classmethod

@@ -99,6 +99,22 @@ def test_what_closing_openings_adds_is_in_the_share(tidy):
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.5, abs=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("changes", "kept"),
+    [
+        ({"pattern.method": "stripes"}, True),
+        ({"pattern.method": "stripes", "pattern.workshop": False}, False),
+        ({"pattern.method": "stripes", "pattern.width.rule": "stressed"}, False),
+        ({"pattern.method": "modes"}, False),
+        ({"pattern.method": "modes", "pattern.workshop": True}, True),
+    ],
+)
+def test_evenly_spaced_stripes_keep_to_what_a_workshop_makes_unless_told(plate, changes, kept):
+    preset = overridden(plate.preset, changes)
+    assert preset.pattern.for_workshop == kept
+    assert any(least_widths(preset, 5.0)) == kept
+
+
 def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
     """Half of the thickness and a little, or half of what equally wide ones would be, if nobody says otherwise. Else
     slicing laid strips beside them at 2603 places of a wall, which took ten times as long."""
