@@ -251,7 +251,8 @@ class Width(Section):
     """stressed: how often the sheet is cut and solved."""
     min_width: LeastWidth = AUTO
     """Metres; no member is made thinner. 0 sets no limit. auto: evenly spaced members of graded width are no thinner
-    than the sheet is thick, or than half of what equally wide ones would be if that is less; others have no limit."""
+    than the sheet is thick, or than half of what equally wide ones would be if that is less. With pattern.workshop
+    those of stressed width than half of the thickness, or the same. Others have no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Metres; no member is made wider. 0 sets no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -343,9 +344,9 @@ class Pattern(Section):
     """Metres along the boundary that stay material; 0 keeps nothing."""
     fillet: Annotated[float, Ge(0)] = 0.0
     """Metres; radius of the rounded corners of openings, less where there is no room for it; 0 leaves them sharp."""
-    workshop: bool = False
+    workshop: bool | None = None
     """Close openings, fill tips and widen members that are narrower than a workshop makes, by slicing.min_gap and
-    slicing.min_member."""
+    slicing.min_member. None: of evenly spaced stripes, but where widths follow the stress; of modes never."""
 
     @model_validator(mode="before")
     @classmethod
@@ -420,6 +421,11 @@ class Pattern(Section):
         return self.method == "stripes" and self.families == "both" if self.tidy is None else self.tidy
 
     @property
+    def for_workshop(self) -> bool:
+        """Whether nothing is left that is narrower than a workshop makes."""
+        return self.method == "stripes" and self.width.rule != "stressed" if self.workshop is None else self.workshop
+
+    @property
     def auto(self) -> bool:
         """Whether a mode or a phase is to be chosen."""
         return self.method == "modes" and any(AUTO in (family.mode, family.phase) for family in self.drawn)
@@ -443,7 +449,7 @@ class Slicing(Section):
     min_member: Annotated[float, Ge(0)] | None = None
     """Metres; members between openings with round corners are widened where they are narrower, and narrower than 0.8 of
     what most are, of tidied stripes only; with pattern.workshop all members are, up to half of the thickness, or what
-    [pattern.width] asks for if that is less, and None means that. 0 widens none."""
+    [pattern.width] asks for if that is less (none by its min_width = 0), and None means that. 0 widens none."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0

@@ -10,6 +10,7 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.errors import PatternError
 from dsfab.pipeline import Design, finishing
+from dsfab.pipeline.patterns import member_widths
 from dsfab.pipeline.workshop_widths import least_widths, usual_gap
 from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml
 from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
@@ -96,6 +97,41 @@ def test_what_closing_openings_adds_is_in_the_share(tidy):
     design = Design.of(dsfab.load_preset("cantilever", thick)).until("slicing")
     assert any("openings narrower than 40 mm were closed at " in note.text for note in design.notes)
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.5, abs=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "kept"),
+    [
+        ({"pattern.method": "stripes"}, True),
+        ({"pattern.method": "stripes", "pattern.workshop": False}, False),
+        ({"pattern.method": "stripes", "pattern.width.rule": "stressed"}, False),
+        ({"pattern.method": "modes"}, False),
+        ({"pattern.method": "modes", "pattern.workshop": True}, True),
+    ],
+)
+def test_evenly_spaced_stripes_keep_to_what_a_workshop_makes_unless_told(plate, changes, kept):
+    preset = overridden(plate.preset, changes)
+    assert preset.pattern.for_workshop == kept
+    assert any(least_widths(preset, 5.0)) == kept
+
+
+def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
+    """Half of the thickness and a little, or half of what equally wide ones would be, if nobody says otherwise. Else
+    slicing laid strips beside them at 2603 places of a wall, which took ten times as long."""
+    plate, width = grid(24, 24, 1.2, 1.2), {"rule": "stressed", "solid_fraction": 0.5}
+    stressed = {"pattern.method": "stripes", "pattern.width": width, "pattern.workshop": True}
+    given = load_preset("cantilever", stressed)
+    for changes, least in (
+        ({}, 1.05 * 0.005),
+        ({"statics.thickness": 0.2}, 0.25 * 0.1 / 2),  # half of the material in two families, 10 cm apart
+        ({"pattern.workshop": False}, 0.0),
+        ({"pattern.width.min_width": 0.0}, 0.0),
+        ({"pattern.width.min_width": 0.02}, 0.02),
+    ):
+        preset = overridden(given, changes)
+        assert member_widths(preset, plate).min_width == pytest.approx(least)
+    unlimited = overridden(given, {"pattern.width.min_width": 0.0})
+    assert least_widths(unlimited, 2.0).member == 0
 
 
 @pytest.mark.slow

@@ -491,7 +491,14 @@ def test_every_pattern_knows_its_regions(way):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("more", [{"method": "auto"}, {"width": {"rule": "stressed", "solid_fraction": 0.45}}])
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"method": "auto"},
+        {"width": {"rule": "stressed", "solid_fraction": 0.45}},
+        {"width": {"rule": "stressed", "solid_fraction": 0.45}, "workshop": True},
+    ],
+)
 def test_searches_know_their_regions(more):
     design = dsfab.run(wall(OCULUS, BAND, **{"width": {"rule": "constant", "solid_fraction": 0.45}, **more}))
     inside = design.preset.pattern.region[1].faces(design.surface)

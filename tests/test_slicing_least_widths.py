@@ -93,14 +93,32 @@ def test_members_are_widened_also_beside_the_edge_of_the_surface(plate):
     assert material_area(done.cells) - material_area(sheet) < 0.01
 
 
+def test_openings_beside_wider_members_keep_the_width_of_a_neck():
+    """A passage of 3 cm between two rooms is bridged, but only where another place of the sheet had to be cured."""
+    plate, neck = plates()[1], 0.04
+    x, y = plate.V[:, :2].T - 0.5
+    rooms = np.hypot(np.abs(x) - 0.2, y - 0.1) - 0.14
+    passage = np.minimum(rooms, np.maximum(np.abs(y - 0.1) - 0.015, np.abs(x) - 0.2))
+    alone = opening(plate, passage)
+    assert with_least_widths(alone, GAP, MEMBER, neck=neck).cells is alone
+    waist = np.maximum(np.abs(x + 0.2) - 0.15, np.abs(y + 0.2) - 0.148)  # a member of 12 mm below a room
+    sheet = opening(plate, np.minimum(passage, waist))
+    done = with_least_widths(sheet, GAP, MEMBER, neck=neck)
+    check_bridged(plate, sheet, done.cells)
+    assert done.widened > 0
+    assert done.necks > 0
+    assert found(done.cells).gap.size >= 0.999 * neck
+    assert found(with_least_widths(sheet, GAP, MEMBER).cells).gap.size < 0.9 * neck
+
+
 def test_what_is_wide_enough_or_not_asked_for_stays():
     plate = plates()[1]
     x, y = plate.V[:, :2].T - 0.5
     sheet = opening(plate, np.maximum(np.abs(np.abs(x) - 0.2) - 0.1, np.abs(y) - 0.3))
-    assert with_least_widths(sheet, GAP, MEMBER) == (sheet, 0, 0, 0, 0)
+    assert with_least_widths(sheet, GAP, MEMBER) == (sheet, 0, 0, 0, 0, 0)
     narrow = opening(plate, np.maximum(np.abs(np.abs(x) - 0.008) - 0.004, np.abs(y) - 0.3))
-    assert with_least_widths(narrow, 0.0, 0.0) == (narrow, 0, 0, 0, 0)
+    assert with_least_widths(narrow, 0.0, 0.0) == (narrow, 0, 0, 0, 0, 0)
     speck = opening(plate, np.hypot(x, y) - 0.009)
     assert with_least_widths(speck, GAP, 0.0).cells.material.all()
     whole = cut(plate, [plate.V[:, 0]], [[-1.0]])
-    assert with_least_widths(whole, GAP, MEMBER) == (whole, 0, 0, 0, 0)
+    assert with_least_widths(whole, GAP, MEMBER) == (whole, 0, 0, 0, 0, 0)

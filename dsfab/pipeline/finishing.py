@@ -137,7 +137,8 @@ class Rehearsal:
         """They with nothing narrower than that."""
         if self.cured and self.cured[0] == (gap, member):
             return self.cured[1]
-        return with_least_widths(self.finished, gap, member, self.terms.merge)
+        neck = least_neck(self.terms.smallest, self.terms.merge, self.terms.fillet)
+        return with_least_widths(self.finished, gap, member, self.terms.merge, neck)
 
 
 def _drawn(pattern: PatternResult) -> tuple[ref[Any], ...]:
@@ -215,6 +216,11 @@ class Least(NamedTuple):
 def _least(smallest: Smallest, ask: Slicing, merge: Merging) -> Least:
     """What is bridged and widened; nothing where slits stay."""
     return Least(smallest.neck, ask.min_member or 0.0) if merge != "none" else Least(0.0, 0.0)
+
+
+def least_neck(smallest: Smallest, merge: Merging, fillet: float) -> float:
+    """Metres; openings with round corners that are left narrower are bridged, but for tips. 0 for none."""
+    return LEFT * smallest.neck if fillet and merge != "none" else 0.0
 
 
 class Rounded(NamedTuple):

@@ -12,6 +12,7 @@ from dsfab.pipeline.finishing import (
     Finished,
     Smallest,
     finished_cells,
+    least_neck,
     merges_slits,
     smallest_widths,
     taken_rehearsal,
@@ -51,7 +52,8 @@ def slicing_step(
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         merge = merges_slits(preset, pattern)
         done = finished_cells(preset, cells, ask, smallest, merge, AGAIN, rehearsal)
-        cells, pinches = kept_to_least_widths(preset, done.cells, surface, log, merge, rehearsal), done.pinches
+        settled, neck = pattern.settled(preset), least_neck(smallest, merge, preset.pattern.fillet)
+        cells = kept_to_least_widths(settled, done.cells, surface, log, merge, neck, rehearsal)
         better = improved(cells, surface, ask.tolerance) if ask.improve else None
         cells = better.sheet if better else cells
         sheet = cells.kept()
@@ -63,14 +65,14 @@ def slicing_step(
         lost = lost_load(surface, sheet, carried, [case.load for case in statics.cases.values()])
         if ask.loose == "drop" and carried is not sheet:
             sheet, built = carried, tuple(p for p in listed if p.held)
-    _note_slicing(preset, sheet, listed, statics.load, pinches, lost, log)
+    _note_slicing(preset, sheet, listed, statics.load, done.pinches, lost, log)
     _note_loads(preset, surface, sheet, statics, log)
     _note_finishing(preset, done, smallest, drawn.stubs, log)
     if done.filled + done.merged >= PLATE:
         _note_plate(preset.pattern, surface, drawn, done.cells, log)
     if better:
         log.note("slicing", better.told)
-    return SlicingResult(cells, sheet, built, pinches)
+    return SlicingResult(cells, sheet, built, done.pinches)
 
 
 def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: int, log: Log) -> None:

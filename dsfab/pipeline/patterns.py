@@ -30,7 +30,7 @@ from dsfab.pipeline.kept import kept_regions
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.share_correction import SHARE_TOLERANCE, corrected
 from dsfab.pipeline.tidying import tidy_of
-from dsfab.pipeline.workshop_widths import closed_share, rehearsed_closed_share
+from dsfab.pipeline.workshop_widths import closed_share, drawn_member, rehearsed_closed_share
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import PolygonMesh, cut_polygons
@@ -148,7 +148,7 @@ def pattern_step(
         if not (wanted := ask.width.solid_fraction):
             return made()
         finished = bool(ask.fillet or even or ask.tidied)
-        if not (finished or ask.workshop):
+        if not (finished or ask.for_workshop):
             result, total = made(), share.nearest(wanted)
         else:
             more = added_share if finished else closed_share
@@ -184,15 +184,20 @@ def sketched_step(
 def member_widths(preset: Preset, surface: Surface) -> Widths:
     """The rule of [pattern.width], with the bounds that it has where none are said."""
     ask = preset.pattern
-    bounded = ask.method == "stripes" and ask.width.rule == "graded"
+    bounded = ask.method == "stripes" and ask.width.rule in ("graded", "stressed")
     return ask.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Metres that evenly spaced members of graded width are no thinner than, unless it is said otherwise."""
+    """Metres that evenly spaced members whose widths differ are no thinner than, unless it is said otherwise.
+
+    Of graded width: as wide as the sheet is thick. Of stressed width: as wide as a workshop makes. Else slicing would
+    lay strips beside each of them, which takes long, and what these add would come off those that work most.
+    """
     ask = preset.pattern
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
-    return min(preset.statics.thickness, SLIMMEST * (ask.width.solid_fraction or PLAIN_SHARE) / density)
+    least = drawn_member(preset, surface) if ask.width.rule == "stressed" else preset.statics.thickness
+    return min(least, SLIMMEST * (ask.width.solid_fraction or PLAIN_SHARE) / density)
 
 
 def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:

@@ -19,6 +19,8 @@ WIDE_CUT, OF_SIZE = 3e-3, 1 / 500
 LESS = 0.95
 """Members that are asked to be narrower than that are as wide as this share of what is asked: on flat triangles widths
 are right to some percent."""
+MORE = 1.05
+"""So many times as wide members are drawn where they would be narrower than is usual, for the same reason."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -35,11 +37,12 @@ def least_widths(preset: Preset, size: float) -> WorkshopWidths:
     Members are kept to no more than is usual, in every design: where [slicing] asks for more, only members between
     openings with round corners are widened.
     """
-    if not preset.pattern.workshop:
+    if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     ask, thickness = preset.slicing, preset.statics.thickness
     gap = usual_gap(thickness, size) if ask.min_gap is None else ask.min_gap
-    usual = min(THIN_MEMBER * thickness, LESS * _asked(preset.pattern.width))
+    asked = preset.pattern.width
+    usual = min(THIN_MEMBER * thickness, LESS * _asked(asked)) if asked.min_width else 0.0
     return WorkshopWidths(gap, usual if ask.min_member is None else min(ask.min_member, usual))
 
 
@@ -60,6 +63,7 @@ def kept_to_least_widths(
     surface: Surface,
     log: Log,
     merge: Merging = "none",
+    neck: float = 0.0,
     rehearsal: Rehearsal | None = None,
 ) -> Sheet:
     """The cells, cut from a surface, without what is too narrow, as far as material can do that; how many places that
@@ -68,14 +72,15 @@ def kept_to_least_widths(
     Strips end where they must and leave needles, edges of a micrometre, on which quadrature and sparse solvers lose
     their digits: cells are flipped and collapsed within the faces of the surface, which moves no edge of the material.
 
-    merge : which slits that this leaves are filled.    rehearsal : what it has done to these cells is not done again.
+    merge, neck : which slits that this leaves are filled, and what is bridged, see `with_least_widths`.
+    rehearsal   : what it has done to these cells is not done again.
     """
     if not any(least := least_widths(preset, surface.size)):
         return cells
     if rehearsal and rehearsal.finished is cells:
         done = rehearsal.with_least_widths(*least)
     else:
-        done = with_least_widths(cells, *least, merge)
+        done = with_least_widths(cells, *least, merge, neck)
     if told := _told(least, done):
         log.note("slicing", told)
     return improved(done.cells, surface).sheet if done.bridged or done.widened else done.cells
@@ -100,7 +105,12 @@ def closed_share(
 
 def rehearsed_closed_share(preset: Preset, surface: Surface) -> float:
     """The same for the sheet that `added_share` and `bridged_share` have made last; 0 without `pattern.workshop`."""
-    return cured_share(surface, *_usual_widths(preset, surface)) if preset.pattern.workshop else 0.0
+    return cured_share(surface, *_usual_widths(preset, surface)) if preset.pattern.for_workshop else 0.0
+
+
+def drawn_member(preset: Preset, surface: Surface) -> float:
+    """Metres that members are drawn with at least, so that few have to be widened; 0 without `pattern.workshop`."""
+    return MORE * _usual_widths(preset, surface).member
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
@@ -113,6 +123,7 @@ def _told(least: WorkshopWidths, done: LeastWidths) -> str:
     told = [f"openings narrower than {length(least.gap)} were closed at {_places(closed)}"] * bool(closed)
     told += [f"members narrower than {length(least.member)} were widened at {_places(widened)}"] * bool(widened)
     told += [f"{done.merged} openings that this left narrower than the members beside were filled"] * bool(done.merged)
+    told += [f"bridges were built at {_places(done.necks)} that this left narrow"] * bool(done.necks)
     return ", ".join(told) and ", ".join(told) + " (slicing.min_gap, min_member)"
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.slicing.narrow_places import LOCAL, members_under, narrow_gaps, usual_width
-from dsfab.slicing.necks import bridged_at
+from dsfab.slicing.necks import bridged_at, bridged_gaps
 from dsfab.slicing.openings import Merging, Openings, filled_slits
 from dsfab.slicing.sheet import Sheet
 from dsfab.slicing.strips import Strip, with_strips
@@ -35,22 +35,26 @@ ON_WALL = 1e-6
 
 class LeastWidths(NamedTuple):
     """All cells; how many openings were filled, how many bridges were built, strips laid beside members, and slits
-    between wider members filled that this left."""
+    between wider members filled that this left, and bridges in necks that it left."""
 
     cells: Sheet
     filled: int
     bridged: int
     widened: int
     merged: int = 0
+    necks: int = 0
 
 
-def with_least_widths(cells: Sheet, gap: float, member: float, merge: Merging = "none") -> LeastWidths:
+def with_least_widths(
+    cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
+) -> LeastWidths:
     """The cells without openings under `gap` and members under `member`, metres, as far as material can do that.
 
     Members that are no narrower than most, see `LOCAL`, stay as they are, and so does what is narrow between
     two edges of the surface. 0 asks for nothing.
 
     merge : openings whose tips are filled may be narrower than the members beside them: which of these are filled.
+    neck  : metres; openings that wider members leave narrower than that are bridged, too. Ends of filled tips are.
     """
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
@@ -61,9 +65,23 @@ def with_least_widths(cells: Sheet, gap: float, member: float, merge: Merging = 
         bridged, widened = bridged + bridges, widened + strips
         if not strips:
             break
-    cells, specks = _without_specks(cells, gap) if bridged or widened else (cells, 0)
-    cells, merged = filled_slits(cells, merge) if merge != "none" and (bridged or widened) else (cells, 0)
-    return LeastWidths(cells, filled + specks, bridged, widened, merged)
+    if not (bridged or widened):
+        return LeastWidths(cells, filled, 0, 0)
+    cells, specks = _without_specks(cells, gap)
+    cells, merged = filled_slits(cells, merge) if merge != "none" else (cells, 0)
+    cells, necks = _without_necks(cells, neck)
+    return LeastWidths(cells, filled + specks, bridged, widened, merged, necks)
+
+
+def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
+    """The cells with bridges, `neck` metres broad, wherever openings are narrower, but for their tips; and how many."""
+    total = 0
+    for _ in range(TURNS if neck else 0):
+        cells, count = bridged_gaps(cells, cells, neck, neck)
+        if not count:
+            break
+        total += count
+    return cells, total
 
 
 def _without_specks(cells: Sheet, gap: float) -> tuple[Sheet, int]:

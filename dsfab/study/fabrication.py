@@ -72,7 +72,7 @@ def fabrication(design: Design) -> FabricationMeasures:
     A limit is met or not on the sheet and the solid as they are built: it passes or fails.
     """
     cells = design.slicing.cells
-    least = least_widths(design.preset, design.surface.size)
+    least = least_widths(design.settled, design.surface.size)
     found = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
     wall, box = thinnest_wall(design.solid), np.ptp(design.solid.box, axis=0)
     ask = design.preset.fabrication
@@ -94,9 +94,10 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Why a design is not to be shipped unless somebody accepts it, a clause each: loads that nothing carries, a sheet
-    that was thinned to a film; with `pattern.workshop` members and openings under a millimetre that fail their limit.
+    that was thinned to a film; where it is kept to what a workshop makes, members and openings under a millimetre that
+    fail their limit.
 
-    made : what was measured on it, where that is known.
+    made : what was measured on it; None leaves out what has to be measured.
     """
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
@@ -108,15 +109,20 @@ def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[s
         thin = length(repairs.thinnest * design.preset.statics.thickness)
         place = ", ".join(f"{x + 0.0:.3g}" for x in repairs.thinnest_at)
         why.append(f"the sheet was thinned to a film of {thin} at ({place}) m")
-    for check in (made or fabrication(design)).failed if design.preset.pattern.workshop else ():
+    for check in made.failed if made and design.settled.pattern.for_workshop else ():
         if check.name in ("min_member", "min_gap") and check.value[0] < TOO_FINE:
             place = ", ".join(f"{x + 0.0:.3g}" for x in check.place)
             why.append(f"{check.what} of {length(check.value[0])} at ({place}) m cannot be made")
     return tuple(why)
 
 
-def require_fit(design: Design, made: FabricationMeasures | None = None) -> None:
-    """Raise PatternError for what `refusals` finds, unless the preset accepts it (`fabrication.accept`)."""
+def require_fit(design: Design, made: FabricationMeasures | None = None, measure: bool = True) -> None:
+    """Raise PatternError for what `refusals` finds, unless the preset accepts it (`fabrication.accept`).
+
+    measure : whether what has to be measured is, unless it is known.
+    """
+    if made is None and measure and design.settled.pattern.for_workshop:
+        made = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, made)):
         raise PatternError(f"{'; '.join(why)}. To have it as it is: --accept, or fabrication.accept = true")
 

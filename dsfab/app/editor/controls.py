@@ -112,4 +112,7 @@ def _kept(reach: float) -> list[Control]:
 
 
 _FILLET = "Radius of the corners of openings; seen in what is built."
-_TIDY = "Take off stripes that end in the air, to the member that they cross last; fill slits. Seen in what is built."
+_TIDY = (
+    "Take off stripes that end in the air, to the member that they cross last; fill slits. Seen in what is built. "
+    "A dash: on for evenly spaced stripes of both families."
+)

@@ -75,7 +75,10 @@ def _workshop(surface: Surface) -> list[Control]:
     ]
 
 
-_NO_SLITS = "Closes openings and widens members that are narrower than a workshop makes, by the sheet's thickness."
+_NO_SLITS = (
+    "Closes openings and widens members that are narrower than a workshop makes, by the sheet's thickness. "
+    "A dash: on for evenly spaced stripes, but where widths follow the stress."
+)
 _BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
 
 

@@ -61,16 +61,14 @@ def save(
     """
     with whole_or_nothing(Path(folder)) as here:
         with _picture(design, here / "preview.png", progress) if picture else nullcontext():
-            # only of a workshop's widths is what is measured refused; else it is done while OCCT checks
-            made = _fabrication(design, progress) if design.preset.pattern.workshop else None
-            require_fit(design, made)
+            require_fit(design, measure=False)  # that is done while OCCT checks
             measured, spent = dict[str, Any](), 0.0
 
             def numbers() -> None:
                 nonlocal spent
                 _write_numbers(design, here, Path(folder), preset)
                 begin = time.perf_counter()
-                measured.update(_measured(design, made, progress, here / "fabrication.png" if marked else None))
+                measured.update(_measured(design, progress, here / "fabrication.png" if marked else None))
                 spent = time.perf_counter() - begin
 
             start, preset = time.perf_counter(), with_mesh(design.settled, here, Path(folder))
@@ -82,19 +80,14 @@ def save(
     return Saved(told, (*files.reports, *files.notes), "; ".join(files.refused))
 
 
-def _fabrication(design: Design, progress: Progress) -> FabricationMeasures:
-    progress("fabrication", "measuring members, gaps and walls")
-    return fabrication(design)
-
-
-def _measured(
-    design: Design, made: FabricationMeasures | None, progress: Progress, marks: Path | None
-) -> dict[str, Any]:
+def _measured(design: Design, progress: Progress, marks: Path | None) -> dict[str, Any]:
     """What `design.json` says about fabrication and pattern, and of a search about its rivals; `marks` is drawn.
 
-    made : of the design, where that is known.
+    Raises PatternError as `require_fit`.
     """
-    made = made or _fabrication(design, progress)
+    progress("fabrication", "measuring members, gaps and walls")
+    made = fabrication(design)
+    require_fit(design, made)
     measured = {"fabrication": fabrication_facts(made), "pattern": quality_facts(design.quality())}
     if is_searched(design.preset):
         progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")

@@ -65,7 +65,11 @@ export class Controls {
     box.addEventListener('change', () => this.state.set({ [control.key]: box.checked }));
     const element = make('div', { className: 'row', title: control.hint });
     element.append(make('label', { htmlFor: id, textContent: control.label }), box);
-    return { control, element, inputs: [box], refresh: (value) => (box.checked = value) };
+    const refresh = (value) => {
+      box.checked = value;
+      box.indeterminate = (value ?? null) === null; // nothing is said: what is usual for the method
+    };
+    return { control, element, inputs: [box], refresh };
   }
 
   number(control) {

@@ -77,7 +77,7 @@ function wide(pattern, told, { facts, arrays }, sampler) {
 /** Metres that no member is thinner than; 0 where there is no limit. */
 function thinnest(width, { least }) {
   if (width.min_width !== 'auto') return width.min_width;
-  return width.rule === 'graded' ? Math.min(least, width.max_width || least) : 0;
+  return ['graded', 'stressed'].includes(width.rule) ? Math.min(least, width.max_width || least) : 0;
 }
 
 /** What widths are multiplied with: solved for where a share is wanted, from where the slider was before. */
