@@ -27,6 +27,7 @@ from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import header
+from dsfab.sparse import one_blas_thread
 from dsfab.surface import edge_table, pieces
 from dsfab.units import MM_PER_M
 
@@ -66,6 +67,11 @@ def member_plan(part: Part) -> SmoothPlan:
 def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
     """The file of a part before it is checked; raises ExportError where it cannot be made, or nobody asked for so
     large a one."""
+    with one_blas_thread():  # thousands of small systems
+        return _draft(part, plan)
+
+
+def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.of(plan.surface, plan.curved)
@@ -163,7 +169,7 @@ class _FittedChains:
         if new:
             chains = sampled_chains(replace(net, chains=new), self.lifting)
             self.chains |= chains
-            self.curves |= fitted_chains(chains, dict.fromkeys(chains, self.tolerance))
+            self.curves |= fitted_chains(chains, self.tolerance, self.lifting.away)
             self.points |= {k: chain.points for k, chain in new.items()}
         return ({k: self.chains[k] for k in net.chains}, {k: self.curves[k] for k in net.chains})
 
@@ -175,7 +181,7 @@ def _model(net: ChainNet, fitted: _FittedChains, plan: SmoothPlan) -> NetModel:
     nodes = dict[int, Floats]()
     for k, chain in net.chains.items():
         nodes |= {int(chain.points[0]): chains[k].Q[0], int(chain.points[-1]): chains[k].Q[-1]}
-    return net_model(net, quads, nodes)
+    return net_model(net, quads, nodes, fitted.lifting.away)
 
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:

@@ -5,11 +5,17 @@
 left |   |     | right       borders are the curves exactly. Cells of one region meet in isolines that they share.
      o---o-----o
        bottom
+
+Between curves that bend in both directions such a surface strays from the sheet in its middle: by 3.9 mm on a sphere of
+1 m where a region is 200 x 800 mm. A spline that is 0 along the border takes it back.
 """
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.export.network.inner import InnerSpline
 
 PLACES = np.linspace(0, 1, 5)
 """Where a patch is asked whether it is folded, in both directions."""
@@ -30,13 +36,38 @@ def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
     return P
 
 
+def pulled(grids: Sequence[Floats], away: Callable[[Floats], Floats]) -> list[Floats]:
+    """Patches of regions (ku, kv, 4, 4, d), their insides moved by what `away` says of points (k, d) of theirs; their
+    borders stay, and cells meet as before."""
+    both = [
+        (InnerSpline.of(_way(P[:, 0, :, 0], P[:, -1, :, -1])), InnerSpline.of(_way(P[0, :, 0], P[-1, :, -1])))
+        for P in grids
+    ]
+    at = [
+        np.einsum("xka,ylb,klabi->xyi", u.hats, v.hats, P, optimize=True) for P, (u, v) in zip(grids, both, strict=True)
+    ]
+    ways = away(np.concatenate([points.reshape(-1, points.shape[2]) for points in at]))
+    ends = np.cumsum([points.shape[0] * points.shape[1] for points in at])
+    found = list[Floats]()
+    for P, (u, v), points, some in zip(grids, both, at, np.split(ways, ends[:-1]), strict=True):
+        way = some.reshape(points.shape)
+        found.append(P + np.einsum("kax,lby,xyi->klabi", u.poles, v.poles, way, optimize=True))
+    return found
+
+
 def _shares(one: Floats, other: Floats) -> Floats:
-    """(k, 4) how far each pole of the spans of opposite sides is along them, as the mean of both."""
+    """(k, 4) how far each pole of the spans of opposite sides is along them."""
+    way = _way(one, other)
+    return np.asarray(way[:-1, None] + np.diff(way)[:, None] * np.arange(4) / 3)
+
+
+def _way(one: Floats, other: Floats) -> Floats:
+    """(k + 1,) how far the ends of the spans of opposite sides are along them, as the mean of both."""
     way = np.zeros(len(one) + 1)
     for side in (one, other):
         long = np.cumsum(np.linalg.norm(side[:, -1, :3] - side[:, 0, :3], axis=1))
         way[1:] += long / long[-1] / 2
-    return np.asarray(way[:-1, None] + np.diff(way)[:, None] * np.arange(4) / 3)
+    return way
 
 
 def least_jacobian(P: Floats) -> float:
