@@ -1,6 +1,6 @@
 """The text of a part by members, which nobody has checked."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,11 +125,14 @@ def _solid(
     """The model of a piece, and its faces without four sides."""
     curves = _FittedChains(lifting, FLAT * plan.limits.distance)
     model = _model(net, curves, plan)
+    new = list(model.trimmed)
     for _ in range(PASSES):
-        sound = without_crossings(net, curves.curves, model.trimmed)
+        sound = without_crossings(net, curves.curves, new)
         if sound is net:
             break
-        net, model = sound, _model(sound, curves, plan)
+        before, known, net = net, set(model.trimmed), sound
+        model = _model(net, curves, plan)
+        new = _changed(before, known, net, model)
     net, model = _divided(net, model, lifting, curves, plan)
     return model, [
         trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * plan.limits.thickness)
@@ -147,12 +150,18 @@ def _divided(
         if whole is net:
             break
         found = _model(whole, curves, plan)
-        crossed = [region for region in found.trimmed if crossing_chains(whole, curves.curves, region)]
+        new = _changed(net, regions, whole, found)
+        crossed = [region for region in new if crossing_chains(whole, curves.curves, region)]
         wrong = {whole.parent.get(region, region) for region in crossed} & regions
         if not wrong:
             return whole, found
         regions -= wrong
     return net, model
+
+
+def _changed(before: ChainNet, known: Collection[int], net: ChainNet, model: NetModel) -> list[int]:
+    """The trimmed regions of a net whose outlines are not those that regions known before had."""
+    return [k for k in model.trimmed if k not in known or net.loops[k] != before.loops.get(k)]
 
 
 class _FittedChains:

@@ -1,7 +1,7 @@
 """Splines that are 0 at both ends, by which curves and patches are moved between their ends or borders."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -28,6 +28,10 @@ class InnerSpline:
     @classmethod
     def of(cls, breaks: Floats) -> "InnerSpline":
         """breaks : from 0 to 1."""
+        return _inner_spline(breaks.tobytes())
+
+    @classmethod
+    def _made(cls, breaks: Floats) -> "InnerSpline":
         count, knots = len(breaks) - 1, np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
         places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
         inside = (np.diff(breaks)[:, None] * NODES + breaks[:-1, None]).ravel()
@@ -45,6 +49,12 @@ class InnerSpline:
         share = (self.places - self.breaks[span]) / np.diff(self.breaks)[span]
         found[np.arange(count + 1), span] = bernstein(share)
         return found
+
+
+@lru_cache(maxsize=1024)
+def _inner_spline(breaks: bytes) -> InnerSpline:
+    """Most curves have one of a few lists of breaks, and a patch is made more than once."""
+    return InnerSpline._made(np.frombuffer(breaks))
 
 
 def _rows(x: Floats, knots: Floats) -> Floats:

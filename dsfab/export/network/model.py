@@ -62,7 +62,7 @@ class _Assembly:
         sides = [self._sides(quad) for quad in quads.quads]
         others = list(quads.others)
         for quad, four, P in zip(quads.quads, sides, self._patches(sides, away), strict=True):
-            if min(least_jacobian(P[..., some]) for some in (slice(3), slice(3, 6))) < FOLDED:
+            if least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
                 others.append(quad.region)
             else:
                 self._add(P, four)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, cross
 from dsfab.export.network.inner import InnerSpline
 
 PLACES = np.linspace(0, 1, 5)
@@ -43,15 +43,16 @@ def pulled(grids: Sequence[Floats], away: Callable[[Floats], Floats]) -> list[Fl
         (InnerSpline.of(_way(P[:, 0, :, 0], P[:, -1, :, -1])), InnerSpline.of(_way(P[0, :, 0], P[-1, :, -1])))
         for P in grids
     ]
-    at = [
-        np.einsum("xka,ylb,klabi->xyi", u.hats, v.hats, P, optimize=True) for P, (u, v) in zip(grids, both, strict=True)
-    ]
+    at = list[Floats]()
+    for P, (u, v) in zip(grids, both, strict=True):
+        along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
+        at.append(np.tensordot(v.hats, along, axes=([1, 2], [1, 2])))
     ways = away(np.concatenate([points.reshape(-1, points.shape[2]) for points in at]))
     ends = np.cumsum([points.shape[0] * points.shape[1] for points in at])
     found = list[Floats]()
     for P, (u, v), points, some in zip(grids, both, at, np.split(ways, ends[:-1]), strict=True):
-        way = some.reshape(points.shape)
-        found.append(P + np.einsum("kax,lby,xyi->klabi", u.poles, v.poles, way, optimize=True))
+        along = np.tensordot(u.poles, some.reshape(points.shape), axes=([2], [1]))
+        found.append(P + np.tensordot(v.poles, along, axes=([2], [2])).transpose(2, 0, 3, 1, 4))
     return found
 
 
@@ -79,7 +80,7 @@ def least_jacobian(P: Floats) -> float:
     C = np.stack([y**2, 2 * PLACES * y, PLACES**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
     dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
-    N = np.cross(du, dv)
+    N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
     mean = N.mean(axis=(1, 2))
     along = np.einsum("kxyi,ki->kxy", N, mean)
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
