@@ -11,14 +11,13 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.delivery.files import curved_sheet
-from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, use_check
 from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, fitted_chains
 from dsfab.export.network.dividing import _narrow, divided
-from dsfab.export.network.draft import member_draft
+from dsfab.export.network.draft import ManyFacesError, member_draft
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
@@ -378,7 +377,7 @@ def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(draft, "UNASKED", 10)
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
     assert member_draft(part, SmoothPlan(part)).faces > 10
-    with pytest.raises(ExportError, match="more than 10, which take too long to be tried unasked"):
+    with pytest.raises(ManyFacesError, match="more than 10, which take too long to be tried unasked"):
         member_draft(replace(part, hurry=1), SmoothPlan(part))
 
 

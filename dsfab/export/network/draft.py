@@ -48,6 +48,10 @@ UNASKED = 6000
 """Faces of a file that nobody asked for by name: making it and having OCCT read it takes 20 seconds."""
 
 
+class ManyFacesError(ExportError):
+    """A file with more faces than are made unasked; asked for by name, it is made."""
+
+
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
     """What nobody has checked: the text, its solids, faces, trimmed ones among them, and the widest gap, mm."""
@@ -65,8 +69,8 @@ def member_plan(part: Part) -> SmoothPlan:
 
 
 def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
-    """The file of a part before it is checked; raises ExportError where it cannot be made, or nobody asked for so
-    large a one."""
+    """The file of a part before it is checked; raises ExportError where it cannot be made, and ManyFacesError
+    where nobody asked for so large a one."""
     with one_blas_thread():  # thousands of small systems
         return _draft(part, plan)
 
@@ -95,7 +99,7 @@ def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
 def _require_few(part: Part, faces: int) -> None:
     """Raise ExportError where nobody asked for so many faces, or more."""
     if part.hurry and faces > UNASKED:
-        raise ExportError(
+        raise ManyFacesError(
             f"by members it would have {faces} faces, more than {UNASKED}, which take too long to be tried unasked; "
             "ask for step = 'members'"
         )
