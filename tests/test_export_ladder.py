@@ -13,6 +13,7 @@ from dsfab.delivery.files import curved_sheet
 from dsfab.errors import ExportError
 from dsfab.export import STEP_FACES, StepOptions, ladder, readback, sampled_use, simplify, step, step_estimates, write
 from dsfab.export.budget import BudgetError
+from dsfab.export.network.build import NotByMembersError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import build, plan
@@ -219,3 +220,16 @@ def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, h
     write(solid, tmp_path / "a.step", step=StepOptions("compact", curved=curved), note=said.append)
     assert said[0].startswith("STEP is smooth")
     assert said[0].endswith("; cutting it in CAD may fail: write step = 'faceted' to cut it there")
+
+
+def test_who_cuts_in_cad_is_told_the_way_that_helps(slow_vault):
+    """Members refused for their number of faces alone are made where they are asked for by name."""
+    solid, curved = slow_vault
+    part = replace(part_of(solid, "a", 10), step="members")
+    striped = replace(part, curved=lambda: replace(curved(), striped=lambda: None))
+    few, vain = NotByMembersError("too many faces", if_asked=True), NotByMembersError("invalid")
+    assert ladder.way_to_cut(striped, []) == ladder.way_to_cut(striped, [few]) == "write step = 'members'"
+    assert ladder.way_to_cut(striped, [few, vain]) == "write step = 'faceted'"
+    assert ladder.way_to_cut(part, []) == "write step = 'faceted'"
+    assert ladder.way_to_cut(striped, [BudgetError(part, 11)]) == "raise step_faces and write step = 'members'"
+    assert ladder.way_to_cut(striped, [BudgetError(part, 9)]) == "raise step_mb and write step = 'members'"

@@ -11,24 +11,24 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.delivery.files import curved_sheet
-from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, use_check
 from dsfab.export.network.crossings import without_crossings
-from dsfab.export.network.curves import ChainCurve, SampledChain, bernstein
+from dsfab.export.network.curves import ChainCurve, SampledChain, fitted_chains
 from dsfab.export.network.dividing import _narrow, divided
-from dsfab.export.network.draft import member_draft
+from dsfab.export.network.draft import ManyFacesError, member_draft
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
-from dsfab.export.network.patches import coons, least_jacobian
+from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quad_net
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
 from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
+from dsfab.export.splines import bernstein
 from dsfab.slicing import Sheet
 from dsfab.surface import SHAPES, Surface
 from dsfab.surface.neighbours import on_boundary
@@ -125,6 +125,46 @@ def _side(rng, a, b, count):
     P[1:, 0], P[:, 3] = joints[1:-1], joints[1:]
     P[0, 0] = a
     return P
+
+
+def on_sphere(angles):
+    """(k, 6) points of two spheres with radii of 1010 and 990 over longitudes and latitudes (k, 2)."""
+    a, b = angles.T
+    n = np.stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)], axis=1)
+    return np.concatenate([1010 * n, 990 * n], axis=1)
+
+
+def to_sphere(Q):
+    """(k, 6) from points to these spheres."""
+    n = Q[:, :3] / np.linalg.norm(Q[:, :3], axis=1)[:, None]
+    return np.concatenate([1010 * n, 990 * n], axis=1) - Q
+
+
+def test_chains_lie_on_the_skins_where_a_line_is_near_enough():
+    """80 mm of a parallel of a sphere of 1 m: a line below by .8 mm is within 2 mm, and becomes a cubic on it."""
+    chain = SampledChain(on_sphere(np.stack([np.linspace(0, 0.08, 50), np.full(50, 0.1)], axis=1)), True)
+    x = np.linspace(0, 1, 41)
+    below, on = (fitted_chains({7: chain}, 2.0, away)[7](x) for away in (np.zeros_like, to_sphere))
+    assert np.abs(to_sphere(below)).max() > 0.7
+    assert np.abs(to_sphere(on)).max() < 0.01
+    np.testing.assert_allclose(on[[0, -1]], chain.Q[[0, -1]], atol=1e-9)
+
+
+def test_patches_lie_on_the_skins_between_their_borders():
+    """A region of 900 x 400 mm on a sphere of 1 m, two spans by one: its Coons patches stray by 1.7 mm."""
+    x = np.linspace(0, 1, 200)
+    ends = [((0, 0), (0.9, 0)), ((0.9, 0), (0.9, 0.4)), ((0, 0.4), (0.9, 0.4)), ((0, 0), (0, 0.4))]
+    lines = [SampledChain(on_sphere(a + x[:, None] * np.subtract(b, a)), True) for a, b in ends]
+    curves = fitted_chains(dict(enumerate(lines)), 0.1, to_sphere)
+    coarse = coons(*(curves[k].spans for k in range(4)))
+    (fine,) = pulled([coarse], to_sphere)
+    B = bernstein(x[::20])
+    off = [np.abs(to_sphere(np.einsum("xa,yb,klabi->klxyi", B, B, P).reshape(-1, 6))).max() for P in (coarse, fine)]
+    assert off[0] > 1.5
+    assert off[1] < 0.1
+    for border in (np.s_[:, 0, :, 0], np.s_[:, -1, :, -1], np.s_[0, :, 0], np.s_[-1, :, -1]):
+        np.testing.assert_array_equal(fine[border], coarse[border])
+    np.testing.assert_allclose(fine[1, 0, 0], fine[0, 0, -1], atol=1e-9)
 
 
 def test_folded_patches_are_told_from_good_ones():
@@ -337,7 +377,7 @@ def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(draft, "UNASKED", 10)
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
     assert member_draft(part, SmoothPlan(part)).faces > 10
-    with pytest.raises(ExportError, match="more than 10, which take too long to be tried unasked"):
+    with pytest.raises(ManyFacesError, match="more than 10, which take too long to be tried unasked"):
         member_draft(replace(part, hurry=1), SmoothPlan(part))
 
 

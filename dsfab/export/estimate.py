@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from dsfab.errors import ExportError
 from dsfab.export import ladder, tessellated
-from dsfab.export.budget import COSTS, START, BudgetError, way_of, within
+from dsfab.export.budget import COSTS, START, BudgetError, way_of, within, writing
 from dsfab.export.folds_text import planar_file
 from dsfab.export.network.draft import member_draft, member_plan
 from dsfab.export.part import Part
@@ -65,7 +65,7 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
 
 
 def _refusal(error: BudgetError) -> Estimate:
-    return _costs(error.way, error.faces, error.size, refused=f"{error.much}, {error.limit}")
+    return _costs(error.part, error.way, error.faces, error.size, refused=f"{error.much}, {error.limit}")
 
 
 def _estimate(part: Part) -> Estimate:
@@ -79,13 +79,13 @@ def _estimate(part: Part) -> Estimate:
         return _refusal(error)
     except ExportError as error:
         return Estimate(way, refused=str(error))
-    return _costs(way, faces, size, note)
+    return _costs(part, way, faces, size, note)
 
 
-def _costs(way: str, faces: int, size: float, note: str = "", refused: str = "") -> Estimate:
+def _costs(part: Part, way: str, faces: int, size: float, note: str = "", refused: str = "") -> Estimate:
     cost = COSTS[way]
-    start = START if way != "tessellated" else 0.0
-    times = (start + cost.write * faces, cost.open * faces)
+    seconds = writing(part, way, faces) - (START if way == "tessellated" else 0.0)
+    times = (seconds, cost.open * faces)
     return Estimate(way, faces, size, cost.memory * faces, *times, note, refused)
 
 

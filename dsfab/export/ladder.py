@@ -181,9 +181,19 @@ def _cut_told(part: Part, refused: Sequence[ExportError]) -> str:
     use = smooth_use(part)
     if use.tried and not use.fault:
         return "a half-space cut valid"
-    other = "faceted" if any(map(_by_members, refused)) or not _striped(part) else "members"
     said = f"cutting it in CAD fails ({use.fault})" if use.fault else "cutting it in CAD may fail"
-    return f"{said}: write step = '{other}' to cut it there"
+    return f"{said}: {way_to_cut(part, refused)} to cut it there"
+
+
+def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
+    """What to ask for instead of a smooth file, where some ways were refused: members, unless these cannot be made."""
+    by_members = [one for one in refused if _by_members(one)]
+    over = [one for one in by_members if isinstance(one, BudgetError)]
+    if over:
+        key = "step_faces" if over[-1].by_faces else "step_mb"
+        return f"raise {key} and write step = 'members'"
+    vain = any(isinstance(one, NotByMembersError) and not one.if_asked for one in by_members)
+    return "write step = 'faceted'" if vain or not _striped(part) else "write step = 'members'"
 
 
 def _not_by_members(refused: Sequence[ExportError]) -> str:

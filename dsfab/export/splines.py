@@ -34,6 +34,12 @@ def straight(a: Floats, b: Floats) -> Spline:
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 
+def bernstein(x: Floats) -> Floats:
+    """(k, 4) the cubic Bernstein polynomials at x (k,) in [0, 1]."""
+    y = 1 - x
+    return np.stack([y**3, 3 * x * y**2, 3 * x**2 * y, x**3], axis=1)
+
+
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
     """The first of the four cubic hats that are not zero at each x (k,), and the four values (k, 4)."""
     first, values, _ = hats(x, knots)

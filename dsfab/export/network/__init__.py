@@ -5,6 +5,7 @@ graph       : the sheet's regions, and the chains of edges between them.
 fillets     : round corners of openings taken into the members beside them.
 joining     : chains of an outline that are one.
 curves      : the chains as cubics, one for both skins.
+inner       : splines that bring curves and patches back onto the skins between their ends.
 quads       : which regions have four sides, and how many spans these need.
 patches     : their patches; trimmed : the surfaces of all other regions.
 model       : edges, walls and faces of one solid; text : their entities.

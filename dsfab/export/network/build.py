@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 from dsfab.errors import ExportError
 from dsfab.export.budget import BudgetError, within
 from dsfab.export.network import use_check
-from dsfab.export.network.draft import MemberDraft, member_draft, member_plan
+from dsfab.export.network.draft import ManyFacesError, MemberDraft, member_draft, member_plan
 from dsfab.export.part import Part
 from dsfab.export.program import ProgramError
 from dsfab.export.sampled_use import MOST_FACES, box_fault, said_of_use, sampled_use
@@ -54,7 +54,11 @@ class MemberFile:
 
 
 class NotByMembersError(ExportError):
-    """Why a solid is not written by members."""
+    """Why a solid is not written by members.    if_asked : whether it is where that is asked for by name."""
+
+    def __init__(self, reason: str, if_asked: bool = False) -> None:
+        super().__init__(reason)
+        self.if_asked = if_asked
 
 
 _MADE: WeakKeyDictionary[Part, MemberFile] = WeakKeyDictionary()
@@ -69,7 +73,7 @@ def member_file(part: Part) -> MemberFile:
         except BudgetError:
             raise
         except ExportError as error:
-            raise NotByMembersError(str(error)) from error
+            raise NotByMembersError(str(error), isinstance(error, ManyFacesError)) from error
     return _MADE[part]
 
 

@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.export.network.curves import ChainCurve, bernstein
+from dsfab.export.network.curves import ChainCurve
 from dsfab.export.network.graph import VOID, ChainNet, Loop
 from dsfab.export.network.trimmed import axes_of, middle_normal
+from dsfab.export.splines import bernstein
 
 SEGMENTS = 600
 """About as many are a region's outline, and `FINEST` at most are each cubic of it, short ones at its ends: chains that

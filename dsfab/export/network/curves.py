@@ -1,7 +1,7 @@
 """Chains as cubics, one for both skins: poles have six coordinates, outer and inner."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,10 +9,11 @@ from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats
 from dsfab.export.network.graph import VOID, ChainNet
+from dsfab.export.network.inner import InnerSpline
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.smooth.edges import spread
 from dsfab.export.smooth.fits import splines_through
-from dsfab.export.splines import Spline
+from dsfab.export.splines import Spline, bernstein
 
 BETWEEN = 2
 """Samples of each edge of the mesh along a chain, on the smooth skins."""
@@ -95,17 +96,22 @@ class ChainCurve:
         return ChainCurve(1 - self.breaks[::-1], self.spans[::-1, ::-1], self.off)
 
 
-def bernstein(x: Floats) -> Floats:
-    """(k, 4) the cubic Bernstein polynomials at x (k,) in [0, 1]."""
-    y = 1 - x
-    return np.stack([y**3, 3 * x * y**2, 3 * x**2 * y, x**3], axis=1)
+def fitted_chains(
+    chains: Mapping[int, SampledChain], tolerance: float, away: Callable[[Floats], Floats]
+) -> dict[int, ChainCurve]:
+    """The curves of chains within a tolerance, millimetres, by number; all are fitted at once.
 
-
-def fitted_chains(chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> dict[int, ChainCurve]:
-    """The curves of chains within tolerances, millimetres, by number; all are fitted at once."""
+    What `away` says of points (k, 6) of theirs brings them onto the skins between their ends: beside their samples they
+    may be by the tolerance, but a face whose edges are off it strays.
+    """
     samples = [spread(chain.Q) for chain in chains.values()]
-    fits = splines_through(samples, [tolerances[k] for k in chains], parts=2)
-    return {k: ChainCurve.of(*fit) for k, fit in zip(chains, fits, strict=True)}
+    fits = splines_through(samples, [tolerance] * len(samples), parts=2)
+    curves = [ChainCurve.of(*fit) for fit in fits]
+    inner = [InnerSpline.of(curve.breaks) for curve in curves]
+    ways = away(np.concatenate([curve(spline.places) for curve, spline in zip(curves, inner, strict=True)]))
+    each = np.split(ways, np.cumsum([len(spline.places) for spline in inner])[:-1])
+    moved = [curve.spans + spline.poles @ way for curve, spline, way in zip(curves, inner, each, strict=True)]
+    return {k: replace(curve, spans=spans) for k, curve, spans in zip(chains, curves, moved, strict=True)}
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting) -> dict[int, SampledChain]:

@@ -1,6 +1,6 @@
 """The text of a part by members, which nobody has checked."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import header
+from dsfab.sparse import one_blas_thread
 from dsfab.surface import edge_table, pieces
 from dsfab.units import MM_PER_M
 
@@ -47,6 +48,10 @@ UNASKED = 6000
 """Faces of a file that nobody asked for by name: making it and having OCCT read it takes 20 seconds."""
 
 
+class ManyFacesError(ExportError):
+    """A file with more faces than are made unasked; asked for by name, it is made."""
+
+
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
     """What nobody has checked: the text, its solids, faces, trimmed ones among them, and the widest gap, mm."""
@@ -64,8 +69,13 @@ def member_plan(part: Part) -> SmoothPlan:
 
 
 def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
-    """The file of a part before it is checked; raises ExportError where it cannot be made, or nobody asked for so
-    large a one."""
+    """The file of a part before it is checked; raises ExportError where it cannot be made, and ManyFacesError
+    where nobody asked for so large a one."""
+    with one_blas_thread():  # thousands of small systems
+        return _draft(part, plan)
+
+
+def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.of(plan.surface, plan.curved)
@@ -89,7 +99,7 @@ def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
 def _require_few(part: Part, faces: int) -> None:
     """Raise ExportError where nobody asked for so many faces, or more."""
     if part.hurry and faces > UNASKED:
-        raise ExportError(
+        raise ManyFacesError(
             f"by members it would have {faces} faces, more than {UNASKED}, which take too long to be tried unasked; "
             "ask for step = 'members'"
         )
@@ -119,11 +129,14 @@ def _solid(
     """The model of a piece, and its faces without four sides."""
     curves = _FittedChains(lifting, FLAT * plan.limits.distance)
     model = _model(net, curves, plan)
+    new = list(model.trimmed)
     for _ in range(PASSES):
-        sound = without_crossings(net, curves.curves, model.trimmed)
+        sound = without_crossings(net, curves.curves, new)
         if sound is net:
             break
-        net, model = sound, _model(sound, curves, plan)
+        before, known, net = net, set(model.trimmed), sound
+        model = _model(net, curves, plan)
+        new = _changed(before, known, net, model)
     net, model = _divided(net, model, lifting, curves, plan)
     return model, [
         trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * plan.limits.thickness)
@@ -141,12 +154,18 @@ def _divided(
         if whole is net:
             break
         found = _model(whole, curves, plan)
-        crossed = [region for region in found.trimmed if crossing_chains(whole, curves.curves, region)]
+        new = _changed(net, regions, whole, found)
+        crossed = [region for region in new if crossing_chains(whole, curves.curves, region)]
         wrong = {whole.parent.get(region, region) for region in crossed} & regions
         if not wrong:
             return whole, found
         regions -= wrong
     return net, model
+
+
+def _changed(before: ChainNet, known: Collection[int], net: ChainNet, model: NetModel) -> list[int]:
+    """The trimmed regions of a net whose outlines are not those that regions known before had."""
+    return [k for k in model.trimmed if k not in known or net.loops[k] != before.loops.get(k)]
 
 
 class _FittedChains:
@@ -163,7 +182,7 @@ class _FittedChains:
         if new:
             chains = sampled_chains(replace(net, chains=new), self.lifting)
             self.chains |= chains
-            self.curves |= fitted_chains(chains, dict.fromkeys(chains, self.tolerance))
+            self.curves |= fitted_chains(chains, self.tolerance, self.lifting.away)
             self.points |= {k: chain.points for k, chain in new.items()}
         return ({k: self.chains[k] for k in net.chains}, {k: self.curves[k] for k in net.chains})
 
@@ -175,7 +194,7 @@ def _model(net: ChainNet, fitted: _FittedChains, plan: SmoothPlan) -> NetModel:
     nodes = dict[int, Floats]()
     for k, chain in net.chains.items():
         nodes |= {int(chain.points[0]): chains[k].Q[0], int(chain.points[-1]): chains[k].Q[-1]}
-    return net_model(net, quads, nodes)
+    return net_model(net, quads, nodes, fitted.lifting.away)
 
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:

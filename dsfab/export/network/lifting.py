@@ -5,6 +5,7 @@ adds to a point reproduces every quadratic, spheres and cylinders to the third o
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import igl
 import numpy as np
@@ -41,10 +42,18 @@ class Lifting:
         middle = middle + self.skins.shift * D
         return np.concatenate([middle + D, middle - D], axis=1)
 
+    def away(self, Q: Floats) -> Floats:
+        """(k, 6) from points (k, 6) beside the skins to these, across, over the places nearest to the middles."""
+        there = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
+        across = there[:, :3] - there[:, 3:]
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        ways = [np.einsum("ki,ki->k", (there - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
+        return np.concatenate(ways, axis=1)
+
     def weights_at(self, points: Floats) -> csr_array:
         """(k, n) barycentric weights of the places of the mesh nearest to points (k, 3), millimetres."""
         V, F = self.skins.points, self.skins.surface.F
-        _, simplex, place = igl.point_mesh_squared_distance(np.ascontiguousarray(points), V, F)
+        _, simplex, place = self._tree.squared_distance(V, F, np.ascontiguousarray(points))
         corners = F[np.asarray(simplex)]
         a, b, c = (V[corners[:, i]] for i in range(3))
         across = np.cross(b - a, c - a)
@@ -55,3 +64,10 @@ class Lifting:
         share /= share.sum(axis=1, keepdims=True)
         rows = np.arange(0, 3 * len(points) + 1, 3)
         return csr_array((share.ravel(), corners.ravel(), rows), shape=(len(points), len(V)))
+
+    @cached_property
+    def _tree(self) -> igl.AABB:
+        """Of the triangles: each look at places near points would make one."""
+        tree = igl.AABB()
+        tree.init(self.skins.points, self.skins.surface.F)
+        return tree

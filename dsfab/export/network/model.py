@@ -1,6 +1,6 @@
 """Vertices, edges and faces of a solid by members, each once; text knows how they are written."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.export.network.curves import ChainCurve
 from dsfab.export.network.graph import VOID, ChainNet, Loop
-from dsfab.export.network.patches import coons, least_jacobian
+from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import Quad, QuadNet
 
 FOLDED = 0.1
@@ -44,20 +44,28 @@ class NetModel:
     trimmed: dict[int, list[Loop]] = field(default_factory=dict)
 
 
-def net_model(net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats]) -> NetModel:
-    """The model of a net; nodes : (6,) by their numbers."""
-    return _Assembly(net, quads, nodes).model
+def net_model(net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats], away: Callable[[Floats], Floats]) -> NetModel:
+    """The model of a net; nodes : (6,) by their numbers.    away : the ways (k, 6) to both skins from points there."""
+    return _Assembly(net, quads, nodes, away).model
+
+
+_Sides = tuple[Loop, Loop, Loop, Loop]
 
 
 class _Assembly:
-    def __init__(self, net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats]) -> None:
+    def __init__(
+        self, net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats], away: Callable[[Floats], Floats]
+    ) -> None:
         self.net, self.curves, self.model = net, quads.curves, NetModel()
         self.vertex = {node: self._vertex(point) for node, point in nodes.items()}
         self.chain = {k: self._edges(k, curve) for k, curve in quads.curves.items()}
+        sides = [self._sides(quad) for quad in quads.quads]
         others = list(quads.others)
-        for quad in quads.quads:
-            if not self._quad(quad):
+        for quad, four, P in zip(quads.quads, sides, self._patches(sides, away), strict=True):
+            if least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
                 others.append(quad.region)
+            else:
+                self._add(P, four)
         for region in others:
             self.model.trimmed[region] = [self._steps(loop) for loop in net.loops[region]]
 
@@ -84,19 +92,23 @@ class _Assembly:
         """(k, 4, 6) of edges as they are run through."""
         return np.stack([self.model.edges[e].poles[:: 1 if ahead else -1] for e, ahead in steps])
 
-    def _quad(self, quad: Quad) -> bool:
-        """Add the patches of a region, if none is folded."""
+    def _sides(self, quad: Quad) -> _Sides:
+        """Bottom, right, top and left of a region, opposite ones run through the same way."""
         bottom, right, top, left = (self._steps(side) for side in quad.sides)
-        top, left = _turned(top), _turned(left)
-        P = coons(*(self._poles(side) for side in (bottom, right, top, left)))
-        if min(least_jacobian(P[..., some]) for some in (slice(3), slice(3, 6))) < FOLDED:
-            return False
+        return bottom, right, _turned(top), _turned(left)
+
+    def _patches(self, sides: list[_Sides], away: Callable[[Floats], Floats]) -> list[Floats]:
+        """(ku, kv, 4, 4, 6) poles of the patches of regions."""
+        return pulled([coons(*map(self._poles, four)) for four in sides], away) if sides else []
+
+    def _add(self, P: Floats, sides: _Sides) -> None:
+        """Add the patches of a region."""
+        bottom, right, top, left = sides
         along, up = self._inner(P, bottom, right, top, left)
         for i in range(P.shape[0]):
             for j in range(P.shape[1]):
                 loop = [along[i][j], up[i + 1][j], *_turned([along[i][j + 1]]), *_turned([up[i][j]])]
                 self.model.patches.append(NetPatch(loop, P[i, j]))
-        return True
 
     def _inner(self, P: Floats, bottom: Loop, right: Loop, top: Loop, left: Loop) -> tuple[list[Loop], list[Loop]]:
         """The edges of all cells: along [i][j] below cell (i, j), and up [i][j] on its left."""

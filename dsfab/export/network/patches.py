@@ -5,11 +5,17 @@
 left |   |     | right       borders are the curves exactly. Cells of one region meet in isolines that they share.
      o---o-----o
        bottom
+
+Between curves that bend in both directions such a surface strays from the sheet in its middle: by 3.9 mm on a sphere of
+1 m where a region is 200 x 800 mm. A spline that is 0 along the border takes it back.
 """
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, cross
+from dsfab.export.network.inner import InnerSpline
 
 PLACES = np.linspace(0, 1, 5)
 """Where a patch is asked whether it is folded, in both directions."""
@@ -30,13 +36,39 @@ def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
     return P
 
 
+def pulled(grids: Sequence[Floats], away: Callable[[Floats], Floats]) -> list[Floats]:
+    """Patches of regions (ku, kv, 4, 4, d), their insides moved by what `away` says of points (k, d) of theirs; their
+    borders stay, and cells meet as before."""
+    both = [
+        (InnerSpline.of(_way(P[:, 0, :, 0], P[:, -1, :, -1])), InnerSpline.of(_way(P[0, :, 0], P[-1, :, -1])))
+        for P in grids
+    ]
+    at = list[Floats]()
+    for P, (u, v) in zip(grids, both, strict=True):
+        along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
+        at.append(np.tensordot(v.hats, along, axes=([1, 2], [1, 2])))
+    ways = away(np.concatenate([points.reshape(-1, points.shape[2]) for points in at]))
+    ends = np.cumsum([points.shape[0] * points.shape[1] for points in at])
+    found = list[Floats]()
+    for P, (u, v), points, some in zip(grids, both, at, np.split(ways, ends[:-1]), strict=True):
+        along = np.tensordot(u.poles, some.reshape(points.shape), axes=([2], [1]))
+        found.append(P + np.tensordot(v.poles, along, axes=([2], [2])).transpose(2, 0, 3, 1, 4))
+    return found
+
+
 def _shares(one: Floats, other: Floats) -> Floats:
-    """(k, 4) how far each pole of the spans of opposite sides is along them, as the mean of both."""
+    """(k, 4) how far each pole of the spans of opposite sides is along them."""
+    way = _way(one, other)
+    return np.asarray(way[:-1, None] + np.diff(way)[:, None] * np.arange(4) / 3)
+
+
+def _way(one: Floats, other: Floats) -> Floats:
+    """(k + 1,) how far the ends of the spans of opposite sides are along them, as the mean of both."""
     way = np.zeros(len(one) + 1)
     for side in (one, other):
         long = np.cumsum(np.linalg.norm(side[:, -1, :3] - side[:, 0, :3], axis=1))
         way[1:] += long / long[-1] / 2
-    return np.asarray(way[:-1, None] + np.diff(way)[:, None] * np.arange(4) / 3)
+    return way
 
 
 def least_jacobian(P: Floats) -> float:
@@ -48,7 +80,7 @@ def least_jacobian(P: Floats) -> float:
     C = np.stack([y**2, 2 * PLACES * y, PLACES**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
     dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
-    N = np.cross(du, dv)
+    N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
     mean = N.mean(axis=(1, 2))
     along = np.einsum("kxyi,ki->kxy", N, mean)
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())

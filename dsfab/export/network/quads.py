@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, cross
 from dsfab.export.network.curves import ChainCurve, SampledChain
 from dsfab.export.network.graph import ChainNet, Loop
 
@@ -100,12 +100,11 @@ def _corners(angle: Floats) -> Ints | None:
 
 def _angles(loop: Loop, chains: Mapping[int, SampledChain], reach: float) -> Floats:
     """(k,) interior angles in degrees where each chain of a loop begins."""
-    found = []
-    for before, after in zip([loop[-1], *loop[:-1]], loop, strict=True):
-        out, normal = chains[after[0]].direction(after[1], reach)
-        back, _ = chains[before[0]].direction(not before[1], reach)
-        found.append(np.degrees(np.arctan2(np.cross(out, back) @ normal, out @ back)) % 360)
-    return np.array(found)
+    ahead = [chains[k].direction(way, reach) for k, way in loop]
+    behind = [chains[k].direction(not way, reach) for k, way in [loop[-1], *loop[:-1]]]
+    out, normal, back = (np.stack(rows) for rows in (*zip(*ahead, strict=True), [way for way, _ in behind]))
+    sine = np.einsum("ki,ki->k", cross(out, back), normal)
+    return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ki,ki->k", out, back))) % 360)
 
 
 def _shared_breaks(quads: list[Quad], curves: Mapping[int, ChainCurve]) -> dict[int, ChainCurve]:

@@ -7,9 +7,9 @@ from scipy.special import comb
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export.network.curves import bernstein
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.model import NetModel
+from dsfab.export.splines import bernstein
 
 DEGREES = (3, 4, 5, 6, 7, 8, 9)
 """Tried in this order until the gap is narrow enough."""
