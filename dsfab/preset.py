@@ -507,7 +507,7 @@ class Export(Section):
     """STEP: planar (flat or folded), of lines and splines, faceted, or tessellated (for viewers);
     members: curved, of four-sided patches that CAD programs cut and measure as they should, else smooth, else faceted.
     smooth or compact: curved, of few skins, the smallest file; cutting it in CAD often fails.
-    auto: planar where it can, else by members up to 6000 faces, else smooth where it is soon made and OCCT cuts it,
+    auto: planar where it can, else by members up to 7000 faces, else smooth where it is soon made and OCCT cuts it,
     else faceted where step_faces allows, else smooth.
     quick: the same without members, cuts, and the last, which may take minutes and come to nothing."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0

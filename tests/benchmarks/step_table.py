@@ -115,7 +115,7 @@ def row(name: str, step: str, seconds: float) -> str:
         try:
             made.write(path, note=said.append)
         except DsfabError as error:
-            return f"none: {str(error)[:160]}"
+            return f"none: {str(error)[:600]}"
         took = sum(os.times()[:4]) - sum(begin[:4])
         found = used(path, seconds)
         checked = check_file(path, made, solid=False)
