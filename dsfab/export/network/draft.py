@@ -45,7 +45,7 @@ PASSES = 3
 """Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
 
 UNASKED = 7000
-"""Faces of a file that nobody asked for by name: making it and having OCCT read it takes 26 seconds of the processor."""
+"""Faces of a file that nobody asked for by name: making it and having OCCT read it takes 26 CPU seconds."""
 
 
 class ManyFacesError(ExportError):
