@@ -61,7 +61,7 @@ def test_what_a_workshop_makes_is_checked_where_it_is_kept_to(plate):
         ({"slicing.min_gap": 0.004, "slicing.min_member": 0.004}, (0.004, 0.004)),
         ({"slicing.min_member": 0.5}, (0.003, 0.005)),  # kept between round corners alone
     ):
-        assert least_widths(overridden(plate.preset, changes), plate.surface.size) == pytest.approx(least)
+        assert least_widths(overridden(plate.preset, changes), plate.surface) == pytest.approx(least)
     assert usual_gap(0.0008, 0.1) == pytest.approx(0.0002)
     assert usual_gap(0.0001, 0.5) == pytest.approx(0.001)
 
@@ -86,7 +86,7 @@ def test_slits_are_closed_without_needles_on_the_same_material():
     assert sheet.areas.min() > 1e-8  # 4e-10 as strips leave them
     raw = overridden(design.preset, {"slicing.min_gap": 0.0, "slicing.min_member": 0.0})
     cells = Design.of(raw, design).until("slicing").slicing.cells
-    least = least_widths(design.preset, design.surface.size)
+    least = least_widths(design.preset, design.surface)
     assert sheet.area == pytest.approx(with_least_widths(cells, *least).cells.kept().surface.area, rel=1e-12)
 
 
@@ -112,7 +112,7 @@ def test_what_closing_openings_adds_is_in_the_share(tidy):
 def test_evenly_spaced_stripes_keep_to_what_a_workshop_makes_unless_told(plate, changes, kept):
     preset = overridden(plate.preset, changes)
     assert preset.pattern.for_workshop == kept
-    assert any(least_widths(preset, 5.0)) == kept
+    assert any(least_widths(preset, plate.surface)) == kept
 
 
 def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
@@ -122,7 +122,7 @@ def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
     stressed = {"pattern.method": "stripes", "pattern.width": width, "pattern.workshop": True}
     given = load_preset("cantilever", stressed)
     for changes, least in (
-        ({}, 1.05 * 0.005),
+        ({}, 0.005 / 0.95),
         ({"statics.thickness": 0.2}, 0.25 * 0.1 / 2),  # half of the material in two families, 10 cm apart
         ({"pattern.workshop": False}, 0.0),
         ({"pattern.width.min_width": 0.0}, 0.0),
@@ -131,7 +131,7 @@ def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
         preset = overridden(given, changes)
         assert member_widths(preset, plate).min_width == pytest.approx(least)
     unlimited = overridden(given, {"pattern.width.min_width": 0.0})
-    assert least_widths(unlimited, 2.0).member == 0
+    assert least_widths(unlimited, plate).member == 0
 
 
 @pytest.mark.slow

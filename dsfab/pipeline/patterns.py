@@ -30,7 +30,7 @@ from dsfab.pipeline.kept import kept_regions
 from dsfab.pipeline.log import Log
 from dsfab.pipeline.share_correction import SHARE_TOLERANCE, corrected
 from dsfab.pipeline.tidying import tidy_of
-from dsfab.pipeline.workshop_widths import closed_share, drawn_member, rehearsed_closed_share
+from dsfab.pipeline.workshop_widths import closed_share, drawn_member, rehearsed_closed_share, slimmest
 from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import PolygonMesh, cut_polygons
@@ -51,12 +51,6 @@ much from place to place those that close are over what is asked by themselves, 
 
 FAR = 2.5
 """Which openings close is known for widths that are about right, not for some that are so many times as large."""
-
-SLIMMEST = 0.5
-"""Members of graded width are as wide as the sheet is thick, or as this share of what equally wide ones would be."""
-
-PLAIN_SHARE = 0.5
-"""The share of material that stripes are about, where none is asked."""
 
 SKETCHED_TOLERANCE = 4e-3
 """How closely a sketch keeps what is asked: counts are off by as much."""
@@ -194,10 +188,9 @@ def least_width(preset: Preset, surface: Surface) -> float:
     Of graded width: as wide as the sheet is thick. Of stressed width: as wide as a workshop makes. Else slicing would
     lay strips beside each of them, which takes long, and what these add would come off those that work most.
     """
-    ask = preset.pattern
-    density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
-    least = drawn_member(preset, surface) if ask.width.rule == "stressed" else preset.statics.thickness
-    return min(least, SLIMMEST * (ask.width.solid_fraction or PLAIN_SHARE) / density)
+    stressed = preset.pattern.width.rule == "stressed"
+    least = drawn_member(preset, surface) if stressed else preset.statics.thickness
+    return min(least, slimmest(preset.pattern, surface))
 
 
 def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:

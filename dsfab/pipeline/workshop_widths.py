@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from dsfab.pipeline.finishing import Rehearsal, cured_share, merges_slits, smallest_widths, unrounded_cells
 from dsfab.pipeline.log import Log
-from dsfab.preset import Preset, Slicing, Width
+from dsfab.preset import Pattern, Preset, Slicing
 from dsfab.results import PatternResult
 from dsfab.slicing import LeastWidths, Merging, PolygonMesh, Sheet, cut_polygons, sheet_of, with_least_widths
 from dsfab.slicing.improve import improved
@@ -19,8 +19,10 @@ WIDE_CUT, OF_SIZE = 3e-3, 1 / 500
 LESS = 0.95
 """Members that are asked to be narrower than that are as wide as this share of what is asked: on flat triangles widths
 are right to some percent."""
-MORE = 1.05
-"""So many times as wide members are drawn where they would be narrower than is usual, for the same reason."""
+SLIMMEST = 0.5
+"""Where widths differ, members may be this share of what equally wide ones would be, however thick the sheet is."""
+PLAIN_SHARE = 0.5
+"""The share of material that stripes are about, where none is asked."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -30,9 +32,8 @@ class WorkshopWidths(NamedTuple):
     member: float
 
 
-def least_widths(preset: Preset, size: float) -> WorkshopWidths:
-    """Those of a preset, for a surface with this diagonal of its box, metres: what [slicing] says, or what is usual;
-    none without `pattern.workshop`.
+def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
+    """Those of a preset on a surface: what [slicing] says, or what is usual; none without `pattern.workshop`.
 
     Members are kept to no more than is usual, in every design: where [slicing] asks for more, only members between
     openings with round corners are widened.
@@ -40,9 +41,9 @@ def least_widths(preset: Preset, size: float) -> WorkshopWidths:
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     ask, thickness = preset.slicing, preset.statics.thickness
-    gap = usual_gap(thickness, size) if ask.min_gap is None else ask.min_gap
-    asked = preset.pattern.width
-    usual = min(THIN_MEMBER * thickness, LESS * _asked(asked)) if asked.min_width else 0.0
+    gap = usual_gap(thickness, surface.size) if ask.min_gap is None else ask.min_gap
+    unlimited = preset.pattern.width.min_width == 0
+    usual = 0.0 if unlimited else min(THIN_MEMBER * thickness, LESS * _asked(preset.pattern, surface))
     return WorkshopWidths(gap, usual if ask.min_member is None else min(ask.min_member, usual))
 
 
@@ -51,10 +52,19 @@ def usual_gap(thickness: float, size: float) -> float:
     return max(NARROW_GAP * thickness, min(WIDE_CUT, OF_SIZE * size))
 
 
-def _asked(width: Width) -> float:
-    """Metres that members are asked to have somewhere; infinite where nothing is."""
+def _asked(ask: Pattern, surface: Surface) -> float:
+    """Metres that members are asked to have somewhere, or may have; infinite where nothing is said."""
+    width = ask.width
     given = width.member if width.rule == "constant" else 0.0
-    return min((x for x in (given, width.asked_least, width.max_width) if x), default=float("inf"))
+    differ = ask.method == "stripes" and width.rule in ("graded", "stressed") and not width.asked_least
+    slim = slimmest(ask, surface) if differ else 0.0
+    return min((x for x in (given, width.asked_least, width.max_width, slim) if x), default=float("inf"))
+
+
+def slimmest(ask: Pattern, surface: Surface) -> float:
+    """Metres that evenly spaced members whose widths differ may have, however thick the sheet is."""
+    density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
+    return SLIMMEST * (ask.width.solid_fraction or PLAIN_SHARE) / density
 
 
 def kept_to_least_widths(
@@ -75,7 +85,7 @@ def kept_to_least_widths(
     merge, neck : which slits that this leaves are filled, and what is bridged, see `with_least_widths`.
     rehearsal   : what it has done to these cells is not done again.
     """
-    if not any(least := least_widths(preset, surface.size)):
+    if not any(least := least_widths(preset, surface)):
         return cells
     if rehearsal and rehearsal.finished is cells:
         done = rehearsal.with_least_widths(*least)
@@ -110,12 +120,12 @@ def rehearsed_closed_share(preset: Preset, surface: Surface) -> float:
 
 def drawn_member(preset: Preset, surface: Surface) -> float:
     """Metres that members are drawn with at least, so that few have to be widened; 0 without `pattern.workshop`."""
-    return MORE * _usual_widths(preset, surface).member
+    return _usual_widths(preset, surface).member / LESS
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Those of a preset by the defaults of [slicing]: no stage depends on a later section."""
-    return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface.size)
+    return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
 def _told(least: WorkshopWidths, done: LeastWidths) -> str:

@@ -72,7 +72,7 @@ def fabrication(design: Design) -> FabricationMeasures:
     A limit is met or not on the sheet and the solid as they are built: it passes or fails.
     """
     cells = design.slicing.cells
-    least = least_widths(design.settled, design.surface.size)
+    least = least_widths(design.settled, design.surface)
     found = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
     wall, box = thinnest_wall(design.solid), np.ptp(design.solid.box, axis=0)
     ask = design.preset.fabrication

@@ -35,7 +35,7 @@ def figures(made: Design, progress: Telling | None = None) -> dict[str, Any]:
         "place": None if narrow is None else narrow.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "min_member": preset.fabrication.min_member or least_widths(made.settled, made.surface.size).member,
+        "min_member": preset.fabrication.min_member or least_widths(made.settled, made.surface).member,
         "pattern": _pattern(made),
         "compliance": made.statics.equilibrium.compliance,
         "notes": [*_tidied(made), *(f"{note.stage}: {note.text}" for note in log.notes)],
