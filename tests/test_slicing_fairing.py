@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dsfab.slicing import Sheet, cut, divided_walls, faired_walls, resolve_pinches
@@ -94,6 +94,7 @@ def test_without_walls_or_with_straight_ones_nothing_is_done():
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(2, 9), st.floats(-0.4, 0.4), st.integers(0, 99), st.sampled_from([0.0, 0.05, 0.2]))
+@example(8.0, 0.0, 84, 0.2)  # a vertex that was left out made the next cell too slim
 def test_laws_hold_for_curved_stripes_on_a_ball(frequency, level, seed, snap):
     ball = sphere(2)
     turned = ball.V @ np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]

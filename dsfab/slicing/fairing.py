@@ -9,6 +9,7 @@ along the mesh edges that they lie on, or within their faces, until the walls ar
         \\/    \\/
 """
 
+import itertools
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -177,7 +178,7 @@ def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    for attempt in range(ROUNDS + 1):
+    for attempt in itertools.count():  # what is left out may make the next cell slim: until none is
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, SLIMMEST)
         if not bad.any():
