@@ -15,15 +15,17 @@ from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, use_check
 from dsfab.export.network.crossings import without_crossings
-from dsfab.export.network.curves import ChainCurve, SampledChain, fitted_chains
+from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins
 from dsfab.export.network.dividing import _narrow, divided
 from dsfab.export.network.draft import ManyFacesError, member_draft
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
+from dsfab.export.network.lines import ChainLine, NetLines
 from dsfab.export.network.patches import coons, least_jacobian, pulled
-from dsfab.export.network.quads import quad_net
+from dsfab.export.network.quads import quads_of
+from dsfab.export.network.stations import Stations, paired
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
 from dsfab.export.smooth.plan import SmoothPlan
@@ -90,13 +92,16 @@ def lifting_of(surface: Surface) -> Lifting:
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.05, 0.95), st.integers(0, 10**6))
-def test_a_break_leaves_a_curve_as_it_is(x, seed):
+def test_parts_of_a_curve_are_the_curve_and_ends_move_it_by_their_share(x, seed):
     curve = ChainCurve(np.array([0.0, 1.0]), np.random.default_rng(seed).normal(size=(1, 4, 6)))
-    two = curve.with_break(x)
     at = np.linspace(0, 1, 21)
-    assert two.breaks.tolist() == [0.0, x, 1.0]
-    np.testing.assert_allclose(two(at), curve(at), atol=1e-12)
-    np.testing.assert_allclose(curve.reversed()(1 - at), curve(at), atol=1e-12)
+    np.testing.assert_allclose(curve.between(0.0, x)(at), curve(x * at), atol=1e-12)
+    np.testing.assert_allclose(curve.between(1.0, x)(at), curve(1 + (x - 1) * at), atol=1e-12)
+    ends = np.arange(6.0), -np.arange(6.0)
+    moved = curve.with_ends(*ends)
+    np.testing.assert_array_equal(moved.spans[0, [0, -1]], ends)
+    ways = [end - pole for end, pole in zip(ends, curve.spans[0, [0, -1]], strict=True)]
+    np.testing.assert_allclose(moved(at) - curve(at), np.outer(1 - at, ways[0]) + np.outer(at, ways[1]), atol=1e-12)
 
 
 @settings(max_examples=30, deadline=None)
@@ -142,21 +147,20 @@ def to_sphere(Q):
 
 def test_chains_lie_on_the_skins_where_a_line_is_near_enough():
     """80 mm of a parallel of a sphere of 1 m: a line below by .8 mm is within 2 mm, and becomes a cubic on it."""
-    chain = SampledChain(on_sphere(np.stack([np.linspace(0, 0.08, 50), np.full(50, 0.1)], axis=1)), True)
+    chain = on_sphere(np.stack([np.linspace(0, 0.08, 50), np.full(50, 0.1)], axis=1))
     x = np.linspace(0, 1, 41)
-    below, on = (fitted_chains({7: chain}, 2.0, away)[7](x) for away in (np.zeros_like, to_sphere))
+    below, on = (on_skins(curves_through([chain], 2.0), away)[0](x) for away in (np.zeros_like, to_sphere))
     assert np.abs(to_sphere(below)).max() > 0.7
     assert np.abs(to_sphere(on)).max() < 0.01
-    np.testing.assert_allclose(on[[0, -1]], chain.Q[[0, -1]], atol=1e-9)
+    np.testing.assert_allclose(on[[0, -1]], chain[[0, -1]], atol=1e-9)
 
 
 def test_patches_lie_on_the_skins_between_their_borders():
     """A region of 900 x 400 mm on a sphere of 1 m, two spans by one: its Coons patches stray by 1.7 mm."""
     x = np.linspace(0, 1, 200)
     ends = [((0, 0), (0.9, 0)), ((0.9, 0), (0.9, 0.4)), ((0, 0.4), (0.9, 0.4)), ((0, 0), (0, 0.4))]
-    lines = [SampledChain(on_sphere(a + x[:, None] * np.subtract(b, a)), True) for a, b in ends]
-    curves = fitted_chains(dict(enumerate(lines)), 0.1, to_sphere)
-    coarse = coons(*(curves[k].spans for k in range(4)))
+    curves = on_skins(curves_through([on_sphere(a + x[:, None] * np.subtract(b, a)) for a, b in ends], 0.1), to_sphere)
+    coarse = coons(*(curve.spans for curve in curves))
     (fine,) = pulled([coarse], to_sphere)
     B = bernstein(x[::20])
     off = [np.abs(to_sphere(np.einsum("xa,yb,klabi->klxyi", B, B, P).reshape(-1, 6))).max() for P in (coarse, fine)]
@@ -260,21 +264,54 @@ def test_outlines_are_joined_but_where_they_begin_to_be_round():
     assert joined_outlines(net, P).loops == net.loops
 
 
-def test_a_side_takes_its_breaks_from_the_opposite_one():
-    """Arcs of .1 at both ends of a bottom of length 1, and a top of one span."""
+def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
+    """Arcs of .1 at both ends of a bottom of length 1, and a top of one span: parts of three lines, or of one."""
     ends = {0: ([0, 0], [0.1, 0]), 1: ([0.1, 0], [0.9, 0]), 2: ([0.9, 0], [1, 0]), 4: ([1, 1], [0, 1])}
     ends |= {3: ([1, 0], [1, 1]), 5: ([0, 1], [0, 0])}
-    lines = {k: np.array([[*a, 1, *a, 0], [*b, 1, *b, 0]], dtype=float) for k, (a, b) in ends.items()}
-    curves = {
-        k: ChainCurve(np.array([0.0, 1]), (q[0] + np.arange(4)[:, None] / 3 * (q[1] - q[0]))[None])
-        for k, q in lines.items()
+    chains = {
+        k: SampledChain(np.array([[*a, 1, *a, 0], [*b, 1, *b, 0]], dtype=float), True) for k, (a, b) in ends.items()
     }
     net, _ = rectangle_net(arc=False)
-    chains = {k: SampledChain(q, True) for k, q in lines.items()}
-    found = quad_net(net, chains, curves, 0.01)
-    assert [quad.region for quad in found.quads] == [0]
-    np.testing.assert_allclose(found.curves[4].breaks, [0, 0.1, 0.9, 1])
-    assert all(len(found.curves[k].spans) == 1 for k in (0, 1, 2, 3, 5))
+    (quad,), others = quads_of(net, chains, 0.01)
+    assert others == [1]
+    curves = {k: curves_through([chain.Q], 0.1)[0] for k, chain in chains.items()}
+    apart = NetLines(net, [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()])
+    stations = Stations(apart, chains)
+    assert stations.cells(quad) == 3
+    bottom, right, top, left = stations.grid(quad)
+    assert bottom == [(0, 0, 1), (1, 0, 1), (2, 0, 1)]
+    assert len(right) == len(left) == 1
+    np.testing.assert_allclose([(a, b) for _, a, b in top], [(1, 0.9), (0.9, 0.1), (0.1, 0)])
+    np.testing.assert_allclose(sorted(stations.stops[apart.place[4][0]]), [0, 0.1, 0.9, 1])
+    bow = curves_through([np.concatenate([chains[0].Q, chains[2].Q])], 0.1)[0]
+    long = ChainLine([(k, True) for k in range(3)], bow, np.array([0, 0.1, 0.9, 1]))
+    one = NetLines(net, [long, *apart.lines[3:]])
+    assert Stations(one, chains).cells(quad) == 1
+    assert one.along((1, False)) == (0, 0.9, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "pairs"),
+    [
+        ([0.5], [0.55], [(0.5, 0.55)]),
+        ([0.25, 0.5], [0.5], [(0.25, 0.25), (0.5, 0.5)]),
+        ([0.4], [0.7], [(0.4, 0.4), (0.7, 0.7)]),
+        ([0.5, 0.75], [0.52], [(0.5, 0.52), (0.75, 0.76)]),
+    ],
+)
+def test_stations_near_each_other_are_pairs_and_others_get_one(one, two, pairs):
+    np.testing.assert_allclose(np.stack(paired(np.array(one), np.array(two)), axis=1), pairs)
+
+
+def test_chains_on_a_side_of_a_region_are_one_line_on_which_a_third_ends():
+    """Half of a strip, and beside it both quarters: three patches and six walls, each edge used twice."""
+    given = cylinder_strip()
+    angle, x = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2), given.centroids[:, 0]
+    part, _, _ = draft_of(given, striped(given, label=((angle > 0.5) * (1 + (x > 0.5))).astype(np.int64)))
+    made = member_draft(part, SmoothPlan(part))
+    edges, used = made.text.count("=EDGE_CURVE("), made.text.count("=ORIENTED_EDGE(")
+    assert (made.trimmed, used) == (0, 2 * edges)
+    assert made.faces == 2 * 3 + 6
 
 
 @pytest.mark.parametrize(("middle", "stays"), [(-0.5, False), (-0.001, True), (0.5, True)])

@@ -6,7 +6,9 @@ fillets     : round corners of openings taken into the members beside them.
 joining     : chains of an outline that are one.
 curves      : the chains as cubics, one for both skins.
 inner       : splines that bring curves and patches back onto the skins between their ends.
-quads       : which regions have four sides, and how many spans these need.
+quads       : which regions have four sides.
+line_fits   : chains in a row that become one curve; lines : these, divided where others end on them.
+stations    : where opposite sides of a region are divided.
 patches     : their patches; trimmed : the surfaces of all other regions.
 model       : edges, walls and faces of one solid; text : their entities.
 build       : the file of a part, and what OCCT says of its use (`use_check`, a program of its own).

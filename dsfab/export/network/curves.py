@@ -1,6 +1,6 @@
 """Chains as cubics, one for both skins: poles have six coordinates, outer and inner."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +17,11 @@ from dsfab.export.splines import Spline, bernstein
 
 BETWEEN = 2
 """Samples of each edge of the mesh along a chain, on the smooth skins."""
+
+READ = np.array([0.05, 0.35, 0.65, 0.95])
+"""Where a cubic is read to know its poles."""
+
+TO_POLES = np.linalg.inv(bernstein(READ))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +72,9 @@ class ChainCurve:
     def of(cls, spline: Spline, off: float) -> "ChainCurve":
         """A line, a parabola or a cubic."""
         breaks = np.unique(spline.knots)
-        x = (0.05 + 0.3 * np.arange(4))[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
+        x = READ[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         at = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
-        spans = np.asarray(np.linalg.solve(bernstein(np.array([0.05, 0.35, 0.65, 0.95])), at), dtype=np.float64)
+        spans = np.asarray(np.linalg.solve(bernstein(READ), at), dtype=np.float64)
         spans[0, 0], spans[-1, -1] = spline.poles[0], spline.poles[-1]
         spans[1:, 0] = spans[:-1, 3]
         return cls(breaks, spans, off)
@@ -80,38 +85,61 @@ class ChainCurve:
         share = (x - self.breaks[span]) / np.diff(self.breaks)[span]
         return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
 
-    def with_break(self, x: float) -> "ChainCurve":
-        """The same curve with one more break [de Casteljau]."""
-        k = int(np.clip(np.searchsorted(self.breaks, x) - 1, 0, len(self.spans) - 1))
-        t = (x - self.breaks[k]) / (self.breaks[k + 1] - self.breaks[k])
-        rows = [self.spans[k]]
-        for _ in range(3):
-            rows.append((1 - t) * rows[-1][:-1] + t * rows[-1][1:])
-        two = np.stack([[row[0] for row in rows], [row[-1] for row in rows[::-1]]])
-        spans = np.concatenate([self.spans[:k], two, self.spans[k + 1 :]])
-        return ChainCurve(np.insert(self.breaks, k + 1, x), spans, self.off)
+    def parts(self, a: Floats, b: Floats) -> Floats:
+        """(k, 4, 6) poles of what is between parameters a and b (k,), which have no break between them; backwards
+        where b is less."""
+        middle = (a + b) / 2
+        span = np.clip(np.searchsorted(self.breaks, middle, side="right") - 1, 0, len(self.spans) - 1)
+        first, long = self.breaks[span], np.diff(self.breaks)[span]
+        return parts_of(self.spans[span], (a - first) / long, (b - first) / long)
+
+    def between(self, a: float, b: float) -> "ChainCurve":
+        """The same curve from a parameter to another; backwards where that is less."""
+        low, high = min(a, b), max(a, b)
+        stops = np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
+        found = ChainCurve((stops - low) / (high - low), self.parts(stops[:-1], stops[1:]), self.off)
+        return found if a < b else found.reversed()
+
+    def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
+        """Moved so that it has other ends (6,): what is between follows by a share."""
+        x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
+        ways = start - self.spans[0, 0], end - self.spans[-1, -1]
+        spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
+        spans[0, 0], spans[-1, -1] = start, end
+        return replace(self, spans=spans)
 
     def reversed(self) -> "ChainCurve":
         """Run through the other way."""
         return ChainCurve(1 - self.breaks[::-1], self.spans[::-1, ::-1], self.off)
 
 
-def fitted_chains(
-    chains: Mapping[int, SampledChain], tolerance: float, away: Callable[[Floats], Floats]
-) -> dict[int, ChainCurve]:
-    """The curves of chains within a tolerance, millimetres, by number; all are fitted at once.
+def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
+    """(k, 4, d) poles of parts of cubics with poles (k, 4, d), from shares `start` to `end` (k,) of each."""
+    inside = start[:, None] + (end - start)[:, None] * READ
+    rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
+    return np.asarray(TO_POLES @ rows @ poles)
 
-    What `away` says of points (k, 6) of theirs brings them onto the skins between their ends: beside their samples they
-    may be by the tolerance, but a face whose edges are off it strays.
+
+def curves_through(lines: Sequence[Floats], tolerance: float) -> list[ChainCurve]:
+    """The curves within a tolerance of polylines (k, 6), millimetres; all are fitted at once."""
+    fits = splines_through([spread(line) for line in lines], [tolerance] * len(lines), parts=2)
+    return [ChainCurve.of(*fit) for fit in fits]
+
+
+def on_skins(curves: Sequence[ChainCurve], away: Callable[[Floats], Floats]) -> list[ChainCurve]:
+    """Curves that what `away` says of points (k, 6) of theirs has brought onto the skins between their ends.
+
+    Beside their samples they may be by a tolerance, but a face whose edges are off it strays.
     """
-    samples = [spread(chain.Q) for chain in chains.values()]
-    fits = splines_through(samples, [tolerance] * len(samples), parts=2)
-    curves = [ChainCurve.of(*fit) for fit in fits]
+    if not curves:
+        return []
     inner = [InnerSpline.of(curve.breaks) for curve in curves]
     ways = away(np.concatenate([curve(spline.places) for curve, spline in zip(curves, inner, strict=True)]))
     each = np.split(ways, np.cumsum([len(spline.places) for spline in inner])[:-1])
-    moved = [curve.spans + spline.poles @ way for curve, spline, way in zip(curves, inner, each, strict=True)]
-    return {k: replace(curve, spans=spans) for k, curve, spans in zip(chains, curves, moved, strict=True)}
+    return [
+        replace(curve, spans=curve.spans + spline.poles @ way)
+        for curve, spline, way in zip(curves, inner, each, strict=True)
+    ]
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting) -> dict[int, SampledChain]:

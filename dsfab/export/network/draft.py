@@ -9,14 +9,16 @@ from scipy.sparse import csr_array
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.network.crossings import crossing_chains, without_crossings
-from dsfab.export.network.curves import ChainCurve, SampledChain, fitted_chains, sampled_chains
+from dsfab.export.network.curves import SampledChain, sampled_chains
 from dsfab.export.network.dividing import divided
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
+from dsfab.export.network.line_fits import LineFits
+from dsfab.export.network.lines import NetLines
 from dsfab.export.network.model import NetModel, net_model
-from dsfab.export.network.quads import REACH, quad_net
+from dsfab.export.network.quads import REACH, quads_of
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
 from dsfab.export.network.trimmed import TrimmedFace, trimmed_face
@@ -46,6 +48,10 @@ PASSES = 3
 
 UNASKED = 7000
 """Faces of a file that nobody asked for by name: making it and having OCCT read it takes 26 CPU seconds."""
+
+FEWER_WALLS = 3 / 4
+"""Walls for each chain of an outline, at least: a fifteenth of those of `hypar.obj` and of a cylinder are one with
+others."""
 
 
 class ManyFacesError(ExportError):
@@ -83,7 +89,8 @@ def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
     count = 0
     for sheet in _sheets(plan.curved.striped()):
         net = _net(sheet, lifting, plan)
-        _require_few(part, 2 * len(net.loops) + sum(chain.right == VOID for chain in net.chains.values()))
+        walls = sum(chain.right == VOID for chain in net.chains.values())
+        _require_few(part, 2 * len(net.loops) + int(FEWER_WALLS * walls))
         model, surfaces = _solid(net, sheet, lifting, plan)
         added = NetText(new, model, plan.limits.thickness).faces(surfaces)
         faces += added
@@ -100,8 +107,8 @@ def _require_few(part: Part, faces: int) -> None:
     """Raise ExportError where nobody asked for so many faces, or more."""
     if part.hurry and faces > UNASKED:
         raise ManyFacesError(
-            f"by members it would have {faces} faces, more than {UNASKED}, which take too long to be tried unasked; "
-            "ask for step = 'members'"
+            f"by members it would have at least {faces} faces, more than {UNASKED}, which take too long to be tried "
+            "unasked; ask for step = 'members'"
         )
 
 
@@ -114,7 +121,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
-    """The net of a piece; it has at least a wall for each chain of its outline, and two faces for each region."""
+    """The net of a piece; it has about a wall for each chain of its outline, and at least two faces for each region."""
     t = plan.limits.thickness
     net = net_of(sheet, plan.surface.V, t / MM_PER_M)
     net = without_fillets(net, lifting)
@@ -127,35 +134,58 @@ def _solid(
     net: ChainNet, sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan
 ) -> tuple[NetModel, list[TrimmedFace]]:
     """The model of a piece, and its faces without four sides."""
-    curves = _FittedChains(lifting, FLAT * plan.limits.distance)
-    model = _model(net, curves, plan)
+    fits = _Fits(lifting, plan)
+    lines, model = fits.model(net)
     new = list(model.trimmed)
     for _ in range(PASSES):
-        sound = without_crossings(net, curves.curves, new)
+        sound = without_crossings(net, lines.curves(new), new)
         if sound is net:
             break
         before, known, net = net, set(model.trimmed), sound
-        model = _model(net, curves, plan)
+        lines, model = fits.model(net)
         new = _changed(before, known, net, model)
-    net, model = _divided(net, model, lifting, curves, plan)
-    return model, [
-        trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * plan.limits.thickness)
-        for region, loops in model.trimmed.items()
-    ]
+    net, model = _divided(net, model, fits, plan)
+    faces = _trimmed_faces(net, model, sheet, fits, plan)
+    bad = {region for region in model.compact if not _close(faces.get(region), plan)}
+    if bad:
+        fits.patched |= bad
+        _, model = fits.model(net)
+        faces = _trimmed_faces(net, model, sheet, fits, plan)
+    return model, list(faces.values())
 
 
-def _divided(
-    net: ChainNet, model: NetModel, lifting: Lifting, curves: "_FittedChains", plan: SmoothPlan
-) -> tuple[ChainNet, NetModel]:
+def _trimmed_faces(
+    net: ChainNet, model: NetModel, sheet: StripedSheet, fits: "_Fits", plan: SmoothPlan
+) -> dict[int, TrimmedFace]:
+    """By region; none of one that no surface is near to, but has four sides."""
+    found = dict[int, TrimmedFace]()
+    for region, loops in model.trimmed.items():
+        inside = _inside(net, sheet, fits.lifting, region)
+        try:
+            found[region] = trimmed_face(model, loops, inside, NARROW * plan.limits.thickness)
+        except ExportError:
+            if region not in model.compact:
+                raise
+    return found
+
+
+def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
+    """Whether a trimmed face is as near to its edges and to the sheet as patches would be."""
+    near = FLAT * plan.limits.distance
+    return face is not None and face.gap <= NARROW * plan.limits.thickness and face.off <= near
+
+
+def _divided(net: ChainNet, model: NetModel, fits: "_Fits", plan: SmoothPlan) -> tuple[ChainNet, NetModel]:
     """A net and its model with members that are cut off from their ends, unless an outline then crosses itself."""
     regions = set(model.trimmed)
     for _ in range(PASSES):
-        whole = divided(net, sorted(regions), lifting, NARROW * plan.limits.thickness)
+        whole = divided(net, sorted(regions), fits.lifting, NARROW * plan.limits.thickness)
         if whole is net:
             break
-        found = _model(whole, curves, plan)
+        lines, found = fits.model(whole)
         new = _changed(net, regions, whole, found)
-        crossed = [region for region in new if crossing_chains(whole, curves.curves, region)]
+        curves = lines.curves(new)
+        crossed = [region for region in new if crossing_chains(whole, curves, region)]
         wrong = {whole.parent.get(region, region) for region in crossed} & regions
         if not wrong:
             return whole, found
@@ -168,33 +198,25 @@ def _changed(before: ChainNet, known: Collection[int], net: ChainNet, model: Net
     return [k for k in model.trimmed if k not in known or net.loops[k] != before.loops.get(k)]
 
 
-class _FittedChains:
-    """The chains of nets within a tolerance, millimetres; those with the points that they had are not fitted anew."""
+class _Fits:
+    """The lines of nets, and their models; chains with the points that they had are not sampled anew."""
 
-    def __init__(self, lifting: Lifting, tolerance: float) -> None:
-        self.lifting, self.tolerance = lifting, tolerance
-        self.points = dict[int, Ints]()
-        self.chains, self.curves = dict[int, SampledChain](), dict[int, ChainCurve]()
+    def __init__(self, lifting: Lifting, plan: SmoothPlan) -> None:
+        self.lifting, self.reach = lifting, REACH * plan.limits.thickness
+        self.fits = LineFits(FLAT * plan.limits.distance, lifting.away)
+        self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
+        self.patched = set[int]()
 
-    def of(self, net: ChainNet) -> tuple[dict[int, SampledChain], dict[int, ChainCurve]]:
-        """By number."""
+    def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
+        """Of a net."""
         new = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
         if new:
-            chains = sampled_chains(replace(net, chains=new), self.lifting)
-            self.chains |= chains
-            self.curves |= fitted_chains(chains, self.tolerance, self.lifting.away)
+            self.chains |= sampled_chains(replace(net, chains=new), self.lifting)
             self.points |= {k: chain.points for k, chain in new.items()}
-        return ({k: self.chains[k] for k in net.chains}, {k: self.curves[k] for k in net.chains})
-
-
-def _model(net: ChainNet, fitted: _FittedChains, plan: SmoothPlan) -> NetModel:
-    """The model of a net."""
-    chains, curves = fitted.of(net)
-    quads = quad_net(net, chains, curves, REACH * plan.limits.thickness)
-    nodes = dict[int, Floats]()
-    for k, chain in net.chains.items():
-        nodes |= {int(chain.points[0]): chains[k].Q[0], int(chain.points[-1]): chains[k].Q[-1]}
-    return net_model(net, quads, nodes, fitted.lifting.away)
+        chains = {k: self.chains[k] for k in net.chains}
+        quads, others = quads_of(net, chains, self.reach)
+        lines = self.fits.lines(net, chains, quads, self.reach)
+        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched)
 
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:

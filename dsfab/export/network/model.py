@@ -1,34 +1,51 @@
 """Vertices, edges and faces of a solid by members, each once; text knows how they are written."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.network.curves import ChainCurve
-from dsfab.export.network.graph import VOID, ChainNet, Loop
+from dsfab.export.network.curves import SampledChain
+from dsfab.export.network.graph import Loop
+from dsfab.export.network.joining import mean_width
+from dsfab.export.network.lines import NetLines, Part
 from dsfab.export.network.patches import coons, least_jacobian, pulled
-from dsfab.export.network.quads import Quad, QuadNet
+from dsfab.export.network.quads import Quad
+from dsfab.export.network.stations import Grid, Stations
 
 FOLDED = 0.1
 """Least relative Jacobian of a patch: one that is less is trimmed instead."""
 
+MOST_CELLS = 2
+"""Patches that a compact region is divided into; one that needs more, a crossing with round corners, is trimmed."""
+
+COMPACT = 10.0
+"""Outline of a compact region over its mean width, at most: 8 of a square, 9 of two, 10.7 of three in a row."""
+
 
 @dataclass(frozen=True, eq=False)
 class NetEdge:
-    """Two cubics, one on each skin. start, end : vertices.    poles : (4, 6), outer and inner, millimetres.
-    wall : whether a wall stands on it, the material on its left."""
+    """Two cubics, one on each skin. start, end : vertices.    poles : (4, 6), outer and inner, millimetres."""
 
     start: int
     end: int
     poles: Floats
-    wall: bool
+
+
+@dataclass(frozen=True, eq=False)
+class NetWall:
+    """A ruled face between the skins. steps : edges in a row, the material on their left.    poles : (4, 6) of all."""
+
+    steps: Loop
+    poles: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """A four-sided face on each skin. loop : edges, counter-clockwise from outside.    poles : (4, 4, 6)."""
+    """A four-sided face on each skin. loop : edges, counter-clockwise from outside, one or several along each side of
+    the surface.    poles : (4, 4, 6)."""
 
     loop: Loop
     poles: Floats
@@ -36,81 +53,131 @@ class NetPatch:
 
 @dataclass(eq=False)
 class NetModel:
-    """vertices : points (6,) on both skins, millimetres.    trimmed : loops of edges of regions without patches."""
+    """vertices : points (6,) on both skins, millimetres.    trimmed : loops of edges of regions without patches.
+    compact : those of them that have four sides, and could be divided into patches."""
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)
+    walls: list[NetWall] = field(default_factory=list)
     patches: list[NetPatch] = field(default_factory=list)
     trimmed: dict[int, list[Loop]] = field(default_factory=dict)
+    compact: frozenset[int] = frozenset()
 
 
-def net_model(net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats], away: Callable[[Floats], Floats]) -> NetModel:
-    """The model of a net; nodes : (6,) by their numbers.    away : the ways (k, 6) to both skins from points there."""
-    return _Assembly(net, quads, nodes, away).model
+def net_model(
+    lines: NetLines,
+    chains: Mapping[int, SampledChain],
+    quads: Iterable[Quad],
+    others: Iterable[int],
+    away: Callable[[Floats], Floats],
+    patched: Collection[int] = (),
+) -> NetModel:
+    """The model of a net of quads and other regions.
 
-
-_Sides = tuple[Loop, Loop, Loop, Loop]
+    away : the ways (k, 6) to both skins from points there.    patched : quads that are divided into patches, whatever
+    their number.
+    """
+    stations, some = Stations(lines, chains), list(quads)
+    compact = frozenset(
+        quad.region
+        for quad in some
+        if quad.region not in patched and stations.cells(quad) > MOST_CELLS and _compact(quad, chains)
+    )
+    rest = [quad for quad in some if quad.region not in compact]
+    return _Assembly(stations, rest, [*others, *sorted(compact)], away, NetModel(compact=compact)).model
 
 
 class _Assembly:
     def __init__(
-        self, net: ChainNet, quads: QuadNet, nodes: Mapping[int, Floats], away: Callable[[Floats], Floats]
+        self,
+        stations: Stations,
+        quads: list[Quad],
+        others: list[int],
+        away: Callable[[Floats], Floats],
+        model: NetModel,
     ) -> None:
-        self.net, self.curves, self.model = net, quads.curves, NetModel()
-        self.vertex = {node: self._vertex(point) for node, point in nodes.items()}
-        self.chain = {k: self._edges(k, curve) for k, curve in quads.curves.items()}
-        sides = [self._sides(quad) for quad in quads.quads]
-        others = list(quads.others)
-        for quad, four, P in zip(quads.quads, sides, self._patches(sides, away), strict=True):
+        self.lines = lines = stations.lines
+        self.model = model
+        grids = [stations.grid(quad) for quad in quads]
+        self.node = dict[int, int]()
+        self.place = list[dict[float, int]]()
+        self.edges = list[list[int]]()
+        stops = [sorted(some) for some in stations.stops]
+        poles = lines.parts([(i, a, b) for i, some in enumerate(stops) for a, b in pairwise(some)])
+        each = np.split(poles, np.cumsum([len(some) - 1 for some in stops])[:-1])
+        for i, (some, P) in enumerate(zip(stops, each, strict=True)):
+            self._line(i, some, P)
+        self._walls()
+        for quad, grid, P in zip(quads, grids, self._patches(grids, away), strict=True):
             if least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
                 others.append(quad.region)
             else:
-                self._add(P, four)
+                self._add(P, grid)
         for region in others:
-            self.model.trimmed[region] = [self._steps(loop) for loop in net.loops[region]]
+            self.model.trimmed[region] = [
+                [e for step in loop for e in self._steps(lines.along(step))] for loop in lines.net.loops[region]
+            ]
 
     def _vertex(self, point: Floats) -> int:
         self.model.vertices.append(point)
         return len(self.model.vertices) - 1
 
-    def _edge(self, start: int, end: int, poles: Floats, wall: bool = False) -> int:
-        self.model.edges.append(NetEdge(start, end, poles, wall))
+    def _edge(self, start: int, end: int, poles: Floats) -> int:
+        self.model.edges.append(NetEdge(start, end, poles))
         return len(self.model.edges) - 1
 
-    def _edges(self, k: int, curve: ChainCurve) -> list[int]:
-        """The edges of a chain."""
-        points = self.net.chains[k].points
-        at = [self.vertex[int(points[0])], *(self._vertex(p) for p in curve.spans[1:, 0]), self.vertex[int(points[-1])]]
-        wall = self.net.chains[k].right == VOID
-        return [self._edge(at[i], at[i + 1], poles, wall) for i, poles in enumerate(curve.spans)]
+    def _line(self, i: int, stops: list[float], poles: Floats) -> None:
+        """The vertices and the edges (k, 4, 6) of a line that is divided at some parameters."""
+        nodes = dict(zip(self.lines.lines[i].at.tolist(), self.lines.nodes(i), strict=True))
+        points = [*poles[:, 0], poles[-1, -1]]
+        vertices = list[int]()
+        for x, point in zip(stops, points, strict=True):
+            if x not in nodes:
+                vertices.append(self._vertex(point))
+                continue
+            if nodes[x] not in self.node:
+                self.node[nodes[x]] = self._vertex(point)
+            vertices.append(self.node[nodes[x]])
+        self.place.append({x: n for n, x in enumerate(stops)})
+        self.edges.append([self._edge(a, b, P) for (a, b), P in zip(pairwise(vertices), poles, strict=True)])
 
-    def _steps(self, loop: Loop) -> Loop:
-        """The edges of a loop of chains."""
-        return [(e, ahead) for k, ahead in loop for e in self.chain[k][:: 1 if ahead else -1]]
+    def _steps(self, part: Part) -> Loop:
+        """The edges of a part of a line."""
+        i, a, b = part
+        first, last = self.place[i][min(a, b)], self.place[i][max(a, b)]
+        some = self.edges[i][first:last]
+        return [(e, True) for e in some] if a < b else [(e, False) for e in some[::-1]]
 
-    def _poles(self, steps: Loop) -> Floats:
-        """(k, 4, 6) of edges as they are run through."""
-        return np.stack([self.model.edges[e].poles[:: 1 if ahead else -1] for e, ahead in steps])
+    def _walls(self) -> None:
+        """One for each cubic of an outline."""
+        parts = list[Part]()
+        for i, line in enumerate(self.lines.lines):
+            for a, b in line.outlines(self.lines.net):
+                inside = [x for x in line.curve.breaks.tolist() if min(a, b) < x < max(a, b)]
+                parts += [(i, x, y) for x, y in pairwise([a, *(inside if a < b else inside[::-1]), b])]
+        for part, P in zip(parts, self.lines.parts(parts), strict=True):
+            self.model.walls.append(NetWall(self._steps(part), P))
 
-    def _sides(self, quad: Quad) -> _Sides:
-        """Bottom, right, top and left of a region, opposite ones run through the same way."""
-        bottom, right, top, left = (self._steps(side) for side in quad.sides)
-        return bottom, right, _turned(top), _turned(left)
-
-    def _patches(self, sides: list[_Sides], away: Callable[[Floats], Floats]) -> list[Floats]:
+    def _patches(self, grids: list[Grid], away: Callable[[Floats], Floats]) -> list[Floats]:
         """(ku, kv, 4, 4, 6) poles of the patches of regions."""
-        return pulled([coons(*map(self._poles, four)) for four in sides], away) if sides else []
+        if not grids:
+            return []
+        poles = self.lines.parts([part for four in grids for side in four for part in side])
+        sides = iter(np.split(poles, np.cumsum([len(side) for four in grids for side in four])[:-1]))
+        return pulled([coons(next(sides), next(sides), next(sides), next(sides)) for _ in grids], away)
 
-    def _add(self, P: Floats, sides: _Sides) -> None:
+    def _add(self, P: Floats, grid: Grid) -> None:
         """Add the patches of a region."""
-        bottom, right, top, left = sides
+        bottom, right, top, left = ([self._steps(part) for part in side] for side in grid)
         along, up = self._inner(P, bottom, right, top, left)
         for i in range(P.shape[0]):
             for j in range(P.shape[1]):
-                loop = [along[i][j], up[i + 1][j], *_turned([along[i][j + 1]]), *_turned([up[i][j]])]
+                loop = [*along[i][j], *up[i + 1][j], *_turned(along[i][j + 1]), *_turned(up[i][j])]
                 self.model.patches.append(NetPatch(loop, P[i, j]))
 
-    def _inner(self, P: Floats, bottom: Loop, right: Loop, top: Loop, left: Loop) -> tuple[list[Loop], list[Loop]]:
+    def _inner(
+        self, P: Floats, bottom: list[Loop], right: list[Loop], top: list[Loop], left: list[Loop]
+    ) -> tuple[list[list[Loop]], list[list[Loop]]]:
         """The edges of all cells: along [i][j] below cell (i, j), and up [i][j] on its left."""
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
@@ -120,21 +187,32 @@ class _Assembly:
         for i in range(1, ku):
             for j in range(1, kv):
                 vertex[i, j] = self._vertex(P[i, j, 0, 0])
-        along = [[bottom[i], *((-1, True) for _ in range(kv - 1)), top[i]] for i in range(ku)]
-        up = [left, *([(-1, True)] * kv for _ in range(ku - 1)), right]
+        along: list[list[Loop]] = [[bottom[i], *([] for _ in range(kv - 1)), top[i]] for i in range(ku)]
+        up: list[list[Loop]] = [left, *([] for _ in range(ku - 1)), right]
         for i in range(ku):
             for j in range(1, kv):
-                along[i][j] = self._edge(int(vertex[i, j]), int(vertex[i + 1, j]), P[i, j, :, 0]), True
+                along[i][j] = [(self._edge(int(vertex[i, j]), int(vertex[i + 1, j]), P[i, j, :, 0]), True)]
         for i in range(1, ku):
-            up[i] = [(self._edge(int(vertex[i, j]), int(vertex[i, j + 1]), P[i, j, 0]), True) for j in range(kv)]
+            up[i] = [[(self._edge(int(vertex[i, j]), int(vertex[i, j + 1]), P[i, j, 0]), True)] for j in range(kv)]
         return along, up
 
-    def _stations(self, steps: Loop) -> list[int]:
-        """The vertices along some edges."""
-        ends = [(self.model.edges[e].start, self.model.edges[e].end)[:: 1 if ahead else -1] for e, ahead in steps]
-        return [ends[0][0], *(end for _, end in ends)]
+    def _stations(self, side: list[Loop]) -> list[int]:
+        """The vertices where parts of a side begin and end."""
+        return [*(self._end(steps[0], 0) for steps in side), self._end(side[-1][-1], 1)]
+
+    def _end(self, step: tuple[int, bool], last: int) -> int:
+        """The vertex where a step begins (0) or ends (1)."""
+        edge = self.model.edges[step[0]]
+        return edge.end if step[1] == bool(last) else edge.start
 
 
 def _turned(loop: Loop) -> Loop:
     """The same edges, run through the other way."""
     return [(e, not ahead) for e, ahead in loop[::-1]]
+
+
+def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
+    """Whether a region is about as long as wide."""
+    steps = [step for side in quad.sides for step in side]
+    line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
+    return sum(float(chains[k].way[-1]) for k, _ in steps) <= COMPACT * mean_width(line)

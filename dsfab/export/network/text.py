@@ -11,13 +11,16 @@ from dsfab.export.network.trimmed import TrimmedFace
 from dsfab.export.plate_text import Entities, references
 from dsfab.export.smooth.text import ROUNDING
 
+FINER = 1 / 10
+"""Share of the usual rounding: an edge that is a part of a patch's side has other poles than this."""
+
 
 class NetText:
     """Writes a model after what `new` holds already; thickness in millimetres."""
 
     def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
         self.new, self.model = new, model
-        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
+        self.digits = int(np.clip(np.ceil(-np.log10(FINER * ROUNDING * thickness)), 2, 6))
         self.vertices = [
             [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
         ]
@@ -42,12 +45,18 @@ class NetText:
                 rows = [list(self._points(row)) for row in poles]
                 surface = self._surface(rows, (poles.shape[0] - 1, poles.shape[1] - 1))
                 found.append(self._skin(face.loops, surface, s))
-        for edge, (outer, inner), (above, below) in zip(self.model.edges, self.poles, self.edges, strict=True):
-            if edge.wall:
-                one, two = (self._post(posts, v) for v in (edge.start, edge.end))
-                wall = self._surface([list(row) for row in zip(inner, outer, strict=True)], (3, 1))
-                wire = self.new.wire([(below, True), (two, True), (above, False), (one, False)])
-                found.append(self.new.face([wire], wall))
+        for wall in self.model.walls:
+            (first, way), (last, ahead) = wall.steps[0], wall.steps[-1]
+            start, end = self.model.edges[first], self.model.edges[last]
+            one, two = (
+                self._post(posts, v) for v in (start.start if way else start.end, end.end if ahead else end.start)
+            )
+            outer, inner = (list(self._points(wall.poles[:, s : s + 3])) for s in (0, 3))
+            surface = self._surface([list(row) for row in zip(inner, outer, strict=True)], (3, 1))
+            below = [(self.edges[e][1], way) for e, way in wall.steps]
+            above = [(self.edges[e][0], not way) for e, way in wall.steps[::-1]]
+            wire = self.new.wire([*below, (two, True), *above, (one, False)])
+            found.append(self.new.face([wire], surface))
         return found
 
     def _skin(self, loops: list[Loop], surface: int, s: int) -> int:

@@ -30,12 +30,13 @@ SEEN = 0.35
 @dataclass(frozen=True, eq=False)
 class TrimmedFace:
     """A region's faces: loops of edges, the outer one first; poles (p + 1, p + 1, 3) of both surfaces, millimetres;
-    gap : widest between them and the edges."""
+    gap : widest between them and the edges.    off : largest distance from points inside, along the mean normal."""
 
     loops: list[Loop]
     outer: Floats
     inner: Floats
     gap: float
+    off: float
 
 
 def trimmed_face(model: NetModel, loops: list[Loop], points: Floats, wanted: float) -> TrimmedFace:
@@ -51,8 +52,8 @@ def trimmed_face(model: NetModel, loops: list[Loop], points: Floats, wanted: flo
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
     surfaces = [_surface(points[:, s : s + 3], edges[:, s : s + 3], axes, wanted) for s in (0, 3)]
-    (outer, one), (inner, two) = surfaces
-    return TrimmedFace([loops[i] for i in order], outer, inner, max(one, two))
+    (outer, *one), (inner, *two) = surfaces
+    return TrimmedFace([loops[i] for i in order], outer, inner, *np.maximum(one, two).tolist())
 
 
 def _samples(model: NetModel, loop: Loop) -> Floats:
@@ -86,8 +87,9 @@ def _area(P: Floats) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def _surface(points: Floats, edges: Floats, axes: Floats, wanted: float) -> tuple[Floats, float]:
-    """Poles of the surface nearest to points inside and, more so, on the edges, and its gap to the latter."""
+def _surface(points: Floats, edges: Floats, axes: Floats, wanted: float) -> tuple[Floats, float, float]:
+    """Poles of the surface nearest to points inside and, more so, on the edges; how far the latter and the former are
+    off."""
     origin = edges.mean(axis=0)
     inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
     low, high = around[:, :2].min(axis=0) - 1, around[:, :2].max(axis=0) + 1
@@ -101,12 +103,13 @@ def _surface(points: Floats, edges: Floats, axes: Floats, wanted: float) -> tupl
         rows = np.concatenate([weight[:, None] * A, stiff])
         right = np.concatenate([weight * both[:, 2], np.zeros(len(stiff))])
         z = np.linalg.lstsq(rows, right, rcond=None)[0]
-        gap = float(np.abs(A[len(inside) :] @ z - around[:, 2]).max())
+        away = np.abs(A @ z - both[:, 2])
+        gap, off = float(away[len(inside) :].max()), float(away[: len(inside)].max(initial=0.0))
         if gap <= wanted:
             break
     x, y = (np.linspace(low[i], high[i], degree + 1) for i in (0, 1))
     local = np.stack(np.broadcast_arrays(x[:, None], y[None], z.reshape(degree + 1, -1)), axis=2)
-    return np.asarray(origin + local @ axes), gap
+    return np.asarray(origin + local @ axes), gap, off
 
 
 def _powers(x: Floats, degree: int) -> Floats:

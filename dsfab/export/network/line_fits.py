@@ -1,0 +1,158 @@
+"""Which chains in a row become one line, and the curves of lines.
+
+Chains on one side of a region are wanted to be one, and those of an outline that goes on straight: it has one wall
+then. They are one where a curve with fewer spans than theirs is within the tolerance of both.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from dsfab.arrays import Floats, Ints
+from dsfab.export.network.curves import SampledChain, curves_through, on_skins
+from dsfab.export.network.graph import VOID, ChainNet, Loop
+from dsfab.export.network.lines import ChainLine, End, NetLines, end_of, ends_of, node_of, with_ends_on_lines
+from dsfab.export.network.quads import Quad
+
+APART = 0.1
+"""Share of a span by which the ends of chains in a line are away from its breaks, at least."""
+
+SMOOTH = 10.0
+"""Degrees that an outline may turn where two of its chains are one line, if no region needs that."""
+
+
+class LineFits:
+    """The lines of nets within a tolerance, millimetres; those whose chains have the points that they had are not
+    fitted anew.
+
+    away : the ways (k, 6) to both skins from points near them.
+    """
+
+    def __init__(self, tolerance: float, away: Callable[[Floats], Floats]) -> None:
+        self.tolerance, self.away = tolerance, away
+        self.known = dict[tuple[tuple[int, bool], ...], tuple[list[Ints], ChainLine]]()
+        self.pulled = dict[int, tuple[ChainLine, ChainLine]]()
+
+    def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
+        """The lines of a net, each with as few spans as its chains have at most."""
+        turns = _Turns(chains, reach)
+        links = _links(net, quads, turns)
+        todo, found = _rows(net.chains, links), list[ChainLine]()
+        while todo:
+            lines = self._fits(net, chains, todo)
+            todo = []
+            for line, good in zip(lines, self._good(net, chains, lines), strict=True):
+                if good:
+                    found.append(line)
+                else:
+                    todo += _halves(line.steps, turns)
+        return with_ends_on_lines(NetLines(net, self._on_skins(found)))
+
+    def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[Loop]) -> list[ChainLine]:
+        """Lines through rows of chains."""
+        points = {tuple(row): [net.chains[k].points for k, _ in row] for row in rows}
+        new = [row for row, now in points.items() if not _same(self.known.get(row), now)]
+        samples = [_samples(row, chains) for row in new]
+        for row, (_, at), curve in zip(
+            new, samples, curves_through([Q for Q, _ in samples], self.tolerance), strict=True
+        ):
+            self.known[row] = points[row], ChainLine(list(row), curve, at)
+        return [self.known[row][1] for row in points]
+
+    def _good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
+        """Whether each is one chain, or near enough to all of its chains with fewer spans than these have alone."""
+        maybe = [line for line in lines if len(line.curve.spans) > 1 and self._near(net, line)]
+        alone = iter(self._fits(net, chains, [[step] for line in maybe for step in line.steps]))
+        fewer = {
+            id(line): len(line.curve.spans) < sum(len(next(alone).curve.spans) for _ in line.steps) for line in maybe
+        }
+        return [
+            len(line.steps) == 1 or fewer.get(id(line), len(line.curve.spans) == 1 and self._near(net, line))
+            for line in lines
+        ]
+
+    def _near(self, net: ChainNet, line: ChainLine) -> bool:
+        """Whether a line of several chains is within the tolerance, and none of them ends close to a break of it."""
+        nodes, breaks = line.at[1:-1], line.curve.breaks
+        if not len(nodes) or line.curve.off > self.tolerance or len(set(ends_of(net, line))) == 1:
+            return False
+        return len(breaks) == 2 or bool(np.abs(breaks[:, None] - nodes).min() >= APART * np.diff(breaks).min())
+
+    def _on_skins(self, lines: list[ChainLine]) -> list[ChainLine]:
+        new = [line for line in lines if id(line) not in self.pulled]
+        curves = on_skins([line.curve for line in new], self.away)
+        for line, curve in zip(new, curves, strict=True):
+            self.pulled[id(line)] = line, replace(line, curve=curve)
+        return [self.pulled[id(line)][1] for line in lines]
+
+
+def _same(known: tuple[list[Ints], ChainLine] | None, points: list[Ints]) -> bool:
+    return known is not None and all(a is b for a, b in zip(known[0], points, strict=True))
+
+
+def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]) -> tuple[Floats, Floats]:
+    """(k, 6) points of chains in a row, and the shares of its length where they end."""
+    parts = [chains[k].Q[:: 1 if ahead else -1] for k, ahead in row]
+    long = [np.linalg.norm(np.diff(part, axis=0), axis=1).sum() for part in parts]
+    at = np.concatenate([[0.0], np.cumsum(long)])
+    return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]]), at / at[-1]
+
+
+class _Turns:
+    """By how many degrees one is turned who goes from one end of a chain into another chain."""
+
+    def __init__(self, chains: Mapping[int, SampledChain], reach: float) -> None:
+        self.chains, self.reach = chains, reach
+
+    def __call__(self, one: End, two: End) -> float:
+        ways = [self.chains[k].direction(end == 0, self.reach)[0] for k, end in (one, two)]
+        a, b = (way / np.linalg.norm(way) for way in ways)
+        return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
+
+
+def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns) -> dict[End, End]:
+    """Ends of chains that are one line: between those on a side of a region, and where only the outline goes on."""
+    wanted = list[tuple[int, float, End, End]]()
+    for quad in quads:
+        for side in quad.sides:
+            for before, after in pairwise(side):
+                one, two = end_of(before), end_of((after[0], not after[1]))
+                wanted.append((0, turn(one, two), one, two))
+    starts = {int(c.points[0]): k for k, c in net.chains.items() if c.right == VOID}
+    for k, chain in net.chains.items():
+        j = starts.get(int(chain.points[-1])) if chain.right == VOID else None
+        if j is not None and j != k and (degrees := turn((k, -1), (j, 0))) < SMOOTH:
+            wanted.append((1, degrees, (k, -1), (j, 0)))
+    found, used = dict[End, End](), set[int]()
+    for _, _, one, two in sorted(wanted):
+        node = node_of(net, one)
+        if node not in used and one not in found and two not in found:
+            found |= {one: two, two: one}
+            used.add(node)
+    return found
+
+
+def _rows(chains: Iterable[int], links: Mapping[End, End]) -> list[Loop]:
+    """The chains in rows; each is in one."""
+    found, known = list[Loop](), set[int]()
+    for first in chains:
+        if first in known:
+            continue
+        step = (first, True)
+        while (before := links.get(end_of((step[0], not step[1])))) and before[0] != first:
+            step = before[0], before[1] == -1
+        row = [step]
+        while (after := links.get(end_of(row[-1]))) and after[0] != row[0][0]:
+            row.append((after[0], after[1] == 0))
+        known |= {k for k, _ in row}
+        found.append(row)
+    return found
+
+
+def _halves(row: Loop, turn: _Turns) -> list[Loop]:
+    """A row divided where it turns most."""
+    turns = [turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]
+    i = int(np.argmax(turns)) + 1
+    return [row[:i], row[i:]]

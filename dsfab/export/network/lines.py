@@ -1,0 +1,151 @@
+"""Chains in a row as one curve, where others end beside them: a region's side is then one curve, and one patch.
+
+      |                    Seen from below, nothing happens where the third chain ends: both chains are parts of one
+------T-------             line, a curve fitted to both. T lies on it, and the third chain is moved to end there.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csc_array, lil_array
+from scipy.sparse.linalg import spsolve
+
+from dsfab.arrays import Floats, Ints
+from dsfab.export.network.curves import ChainCurve, parts_of
+from dsfab.export.network.graph import VOID, ChainNet, Loop
+
+Part = tuple[int, float, float]
+"""Of a line: its number, and from which parameter to which it is run through."""
+
+End = tuple[int, int]
+"""A chain's first (0) or last (-1) point."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChainLine:
+    """steps : chains in order.    curve : of all of them.    at : (k + 1,) its parameters where they end."""
+
+    steps: Loop
+    curve: ChainCurve
+    at: Floats
+
+    def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
+        """Where void is on one side: parameters, the material on the left of the way from the first to the second."""
+        found = list[tuple[float, float]]()
+        for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
+            if net.chains[k].right != VOID:
+                continue
+            if ahead:
+                start, found = (found[-1][0], found[:-1]) if found and found[-1][1] == a else (a, found)
+                found.append((start, b))
+            else:
+                end, found = (found[-1][1], found[:-1]) if found and found[-1][0] == a else (a, found)
+                found.append((b, end))
+        return found
+
+
+class NetLines:
+    """The lines of a net; `place` says of each chain in which line it is, and between which parameters."""
+
+    def __init__(self, net: ChainNet, lines: list[ChainLine]) -> None:
+        self.net, self.lines = net, lines
+        self.place = dict[int, Part]()
+        for i, line in enumerate(lines):
+            for (k, ahead), (a, b) in zip(line.steps, pairwise(line.at.tolist()), strict=True):
+                self.place[k] = (i, a, b) if ahead else (i, b, a)
+
+    def along(self, step: tuple[int, bool]) -> Part:
+        """The line of a step of a loop, and the parameters from which to which it runs."""
+        i, a, b = self.place[step[0]]
+        return (i, a, b) if step[1] else (i, b, a)
+
+    def nodes(self, i: int) -> list[int]:
+        """The nodes of a line, in order."""
+        steps = self.lines[i].steps
+        return [
+            *(node_of(self.net, (k, 0 if ahead else -1)) for k, ahead in steps),
+            node_of(self.net, end_of(steps[-1])),
+        ]
+
+    def parts(self, some: Sequence[Part]) -> Floats:
+        """(k, 4, 6) poles of parts of lines that have no break inside, backwards where they run so."""
+        if not some:
+            return np.zeros((0, 4, 6))
+        i, a, b = (np.array(column) for column in zip(*some, strict=True))
+        spans, line, first, last = self._spans
+        span = np.searchsorted(first + 2 * line, (a + b) / 2 + 2 * i, side="right") - 1
+        long = last[span] - first[span]
+        return parts_of(spans[span], (a - first[span]) / long, (b - first[span]) / long)
+
+    @cached_property
+    def _spans(self) -> tuple[Floats, Ints, Floats, Floats]:
+        """Poles (k, 4, 6) of the cubics of all lines, the lines they are of, and between which breaks they are."""
+        curves = [line.curve for line in self.lines]
+        line = np.repeat(np.arange(len(curves)), [len(curve.spans) for curve in curves])
+        first, last = (np.concatenate([curve.breaks[some] for curve in curves]) for some in (np.s_[:-1], np.s_[1:]))
+        return np.concatenate([curve.spans for curve in curves]), line, first, last
+
+    def curve(self, k: int) -> ChainCurve:
+        """Of a chain."""
+        i, a, b = self.place[k]
+        return self.lines[i].curve.between(a, b)
+
+    def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
+        """Of the chains around regions, by number."""
+        around = {k for region in regions for loop in self.net.loops[region] for k, _ in loop}
+        return {k: self.curve(k) for k in around}
+
+
+def with_ends_on_lines(lines: NetLines) -> NetLines:
+    """The lines with their ends moved onto others that these are on."""
+    at = _points_on(lines)
+    moved = list[ChainLine]()
+    for line in lines.lines:
+        ends = zip(ends_of(lines.net, line), line.curve.spans[[0, -1], [0, -1]], strict=True)
+        start, end = (at.get(node, pole) for node, pole in ends)
+        moved.append(replace(line, curve=line.curve.with_ends(start, end)))
+    return NetLines(lines.net, moved)
+
+
+def _points_on(lines: NetLines) -> dict[int, Floats]:
+    """Points (6,) of the nodes that lie on lines, between the ends of these.
+
+    A line that ends on another moves where that goes, and this one where those go that it ends on itself: such points
+    are linear in each other.
+    """
+    net, on = lines.net, list[tuple[int, int, float]]()
+    for i, line in enumerate(lines.lines):
+        on += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
+    if not on:
+        return {}
+    number = {node: r for r, (node, _, _) in enumerate(on)}
+    right, A = np.zeros((len(on), 6)), lil_array((len(on), len(on)))
+    A.setdiag(1.0)
+    for r, (_, i, x) in enumerate(on):
+        curve, ends = lines.lines[i].curve, ends_of(net, lines.lines[i])
+        right[r] = curve(np.array([x]))[0]
+        for node, share, pole in zip(ends, (1 - x, x), curve.spans[[0, -1], [0, -1]], strict=True):
+            if node in number:
+                A[r, number[node]] -= share
+                right[r] -= share * pole
+    points = np.asarray(spsolve(csc_array(A), right)).reshape(len(on), 6)
+    return {node: points[r] for node, r in number.items()}
+
+
+def ends_of(net: ChainNet, line: ChainLine) -> tuple[int, int]:
+    """The nodes where a line ends."""
+    (first, ahead), last = line.steps[0], line.steps[-1]
+    return node_of(net, (first, 0 if ahead else -1)), node_of(net, end_of(last))
+
+
+def node_of(net: ChainNet, end: End) -> int:
+    """The node at an end of a chain."""
+    return int(net.chains[end[0]].points[end[1]])
+
+
+def end_of(step: tuple[int, bool]) -> End:
+    """The end of a chain where a step arrives."""
+    return step[0], -1 if step[1] else 0
