@@ -22,7 +22,7 @@ from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
-from dsfab.export.network.lines import ChainLine, NetLines
+from dsfab.export.network.lines import ChainLine, NetLines, with_ends_on_lines
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
@@ -301,6 +301,26 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
 )
 def test_stations_near_each_other_are_pairs_and_others_get_one(one, two, pairs):
     np.testing.assert_allclose(np.stack(paired(np.array(one), np.array(two)), axis=1), pairs)
+
+
+def test_lines_end_on_others_that_end_on_others():
+    """The second line begins beside the first at .4 of it, the third beside the second at .5 of that."""
+    places = {0: (0, 0), 1: (1, 0), 2: (0.4, 0.03), 3: (0.4, 1), 4: (0.43, 0.5), 5: (1, 0.5)}
+    ways, rows = [(0, 2), (2, 1), (2, 4), (4, 3), (4, 5)], ((0, 1), (2, 3), (4,))
+    chains = {k: Chain(np.array(ends), 0, 1) for k, ends in enumerate(ways)}
+    net = ChainNet(csr_array(eye_array(6)), chains, {}, frozenset(), np.zeros(0, dtype=np.int64))
+    lines = list[ChainLine]()
+    for row, at in zip(rows, ([0, 0.4, 1], [0, 0.5, 1], [0, 1]), strict=True):
+        first, last = (
+            np.array([*places[ways[k][i]], 1, *places[ways[k][i]], 0]) for k, i in ((row[0], 0), (row[-1], 1))
+        )
+        curve = ChainCurve(np.array([0.0, 1]), (first + np.arange(4)[:, None] / 3 * (last - first))[None])
+        lines.append(ChainLine([(k, True) for k in row], curve, np.array(at, dtype=float)))
+    one, two, three = (line.curve for line in with_ends_on_lines(NetLines(net, lines)).lines)
+    np.testing.assert_allclose(two.spans[0, 0], one(np.array([0.4]))[0], atol=1e-12)
+    np.testing.assert_allclose(three.spans[0, 0], two(np.array([0.5]))[0], atol=1e-12)
+    np.testing.assert_allclose(three.spans[0, 0, :2], [0.4, 0.5], atol=1e-12)
+    np.testing.assert_array_equal(three.spans[0, -1], lines[2].curve.spans[0, -1])
 
 
 def test_chains_on_a_side_of_a_region_are_one_line_on_which_a_third_ends():
