@@ -22,7 +22,7 @@ from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.vertical import likely_up
 from dsfab.slicing.features import features, kept_cells
 from dsfab.surface import Boundary, Snow, Surface, files, mend, read_surface, upright
-from dsfab.surface.shapes import barrel_vault, dome, plate, sphere, torus
+from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
 from tests.meshes import mesh_file
@@ -61,6 +61,18 @@ def test_turning_is_a_turn_and_puts_the_axis_up(up):
 @pytest.mark.parametrize("way", BACK)
 def test_the_vertical_axis_of_roofs_is_found(shape, way):
     assert likely_up(Surface(upright(shape.V, way), shape.F)) == BACK[way]
+
+
+@pytest.mark.parametrize(
+    "shape", [tower(width=3, height=4, edge=0.5), cylinder(1.5, 3.0, edge=0.5)], ids=["tower", "tube"]
+)
+def test_what_ends_in_level_rings_stands_on_one(shape):
+    assert likely_up(shape) == "z"
+
+
+def test_a_bowl_is_no_dome_on_its_side():
+    bowl = dome(rise=6.0, edge=0.8)
+    assert likely_up(Surface(bowl.V * [1, 1, -1], bowl.F[:, ::-1])) == "z"
 
 
 @pytest.mark.parametrize(
