@@ -175,13 +175,17 @@ def test_with_a_design_a_wrong_unit_is_named(design, tmp_path, capsys):
     assert "solid" in next(f.reason for f in checked.findings if f.name == "compliance")
 
 
-def test_the_preset_beside_the_file_is_found(design, tmp_path, capsys):
+def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_path, capsys, monkeypatch):
     from dsfab.preset_file import preset_toml
+    from dsfab.study.file_check import reading
 
+    times, read = [], reading.raw_mesh
+    monkeypatch.setattr(reading, "raw_mesh", lambda *given: times.append(given) or read(*given))
     path = write(design.solid, tmp_path / "strip.3mf")
     (tmp_path / "preset.toml").write_text(preset_toml(preset()))
     assert main(["check", str(path), "--no-solid", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
+    assert len(times) == 1
     assert found["passed"]
     assert found["preset"] == str(tmp_path / "preset.toml")
     assert found["findings"]["compliance"] == {"verdict": "unknown", "reason": "not asked for; not run"}
