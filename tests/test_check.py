@@ -107,6 +107,7 @@ def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
         ("shape.dwg", b"x", "has the suffix '.dwg'"),
         ("text.3mf", b"no zip at all", "cannot be read as 3MF"),
         ("text.step", b"no step at all", "export it again"),
+        ("half.step", b"ISO-10303-21;\nHEADER;", "cannot be read as STEP (OCCT does not read it); export it again"),
         ("text.stl", b"solid nothing\nendsolid", "no faces"),
     ],
 )

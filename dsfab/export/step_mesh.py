@@ -102,7 +102,10 @@ def _triangles(face: Any) -> tuple[Any, Any]:
 
 if __name__ == "__main__":
     folder = Path(sys.argv[2])
-    shape = read(Path(sys.argv[1]))
+    try:
+        shape = read(Path(sys.argv[1]))
+    except ValueError as error:
+        sys.exit(str(error))  # its sentence is told, without Python's words
     keep(shape, folder / "shape.bin")
     V, F, found = tessellated(shape, *map(float, sys.argv[3:]))
     np.savez(folder / "mesh.npz", V=V, F=F)
